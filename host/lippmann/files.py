@@ -208,12 +208,17 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
         raise input_error(str(folder), f"cannot be made ({error.strerror})", remedy) from None
 
 
+def private_path() -> Path:
+    """Return where this user's own folder is; see `private_folder`."""
+    return Path(tempfile.gettempdir()) / f"lippmann-{os.getuid()}"
+
+
 def private_folder() -> Path:
     """Return this user's own folder for sockets and scratch files, which no other user may enter; made when missing.
 
     InputError when another user was there first.
     """
-    folder = Path(tempfile.gettempdir()) / f"lippmann-{os.getuid()}"
+    folder = private_path()
     with contextlib.suppress(FileExistsError):
         folder.mkdir(mode=0o700)
     found = folder.lstat()

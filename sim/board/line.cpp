@@ -6,11 +6,16 @@
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <pty.h>
+#include <sys/random.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <system_error>
 
 namespace {
@@ -24,9 +29,34 @@ void never_wait(int file) {
   checked(fcntl(file, F_SETFL, checked(fcntl(file, F_GETFL), "fcntl") | O_NONBLOCK), "fcntl");
 }
 
+// Hosts that wait while another one leaves.
+constexpr int kBacklog = 16;
+// Longest time to send the token, s.
+constexpr int kTokenSeconds = 5;
+
+// As small as a serial port's buffers: a slow host is felt soon.
+void narrow(int socket) {
+  const int buffer = 1 << 14;
+  checked(setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer), "setsockopt");
+  checked(setsockopt(socket, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer), "setsockopt");
+}
+
+std::string random_token() {
+  unsigned char bytes[16];
+  checked(getrandom(bytes, sizeof bytes, 0) == sizeof bytes ? 0 : -1, "getrandom");
+  std::string token;
+  for (const unsigned char byte : bytes) {
+    char digits[3];
+    std::snprintf(digits, sizeof digits, "%02x", byte);
+    token += digits;
+  }
+  return token;
+}
+
 }  // namespace
 
-Line::Line(const std::string& kind, int port) : pty_(kind == "pty") {
+Line::Line(const std::string& kind, int port, const std::string& place, int idle_s)
+    : pty_(kind == "pty"), idle_s_(idle_s) {
   checked(pipe(bell_), "pipe");
   never_wait(bell_[0]);
   never_wait(bell_[1]);
@@ -37,24 +67,54 @@ Line::Line(const std::string& kind, int port) : pty_(kind == "pty") {
     checked(openpty(&host_, &far_end_, name, &raw, nullptr), "openpty");
     never_wait(host_);
     url_ = name;
+  } else if (kind == "unix") {
+    listen_at(place);
   } else {
-    listener_ = checked(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
-    const int yes = 1, buffer = 1 << 14;  // as small as a serial port's: a slow host is felt soon
-    checked(setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), "setsockopt");
-    checked(setsockopt(listener_, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer), "setsockopt");
-    checked(setsockopt(listener_, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer), "setsockopt");
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    auto* place = reinterpret_cast<sockaddr*>(&address);
-    socklen_t length = sizeof address;
-    checked(bind(listener_, place, length), "bind");
-    checked(listen(listener_, 1), "listen");
-    checked(getsockname(listener_, place, &length), "getsockname");
-    url_ = "socket://127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+    listen_on(port, place);
   }
   thread_ = std::thread(&Line::serve, this);
+}
+
+void Line::listen_at(const std::string& path) {
+  listener_ = checked(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
+  narrow(listener_);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.empty() || path.size() >= sizeof address.sun_path)
+    throw std::system_error(ENAMETOOLONG, std::generic_category(), path);
+  std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
+  const mode_t before = umask(0177);
+  const int bound = bind(listener_, reinterpret_cast<sockaddr*>(&address), sizeof address);
+  umask(before);
+  checked(bound, "bind");
+  file_ = path;
+  checked(listen(listener_, kBacklog), "listen");
+  url_ = "unix://" + path;
+}
+
+void Line::listen_on(int port, const std::string& folder) {
+  listener_ = checked(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
+  const int yes = 1;
+  checked(setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), "setsockopt");
+  narrow(listener_);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  auto* place = reinterpret_cast<sockaddr*>(&address);
+  socklen_t length = sizeof address;
+  checked(bind(listener_, place, length), "bind");
+  checked(listen(listener_, kBacklog), "listen");
+  checked(getsockname(listener_, place, &length), "getsockname");
+  const std::string number = std::to_string(ntohs(address.sin_port));
+  url_ = "socket://127.0.0.1:" + number;
+  token_ = random_token() + "\n";
+  const std::string path = folder + "/tcp-" + number + ".token";
+  unlink(path.c_str());
+  const int file = checked(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600), path.c_str());
+  file_ = path;
+  const bool written = write(file, token_.data(), token_.size()) == static_cast<ssize_t>(token_.size());
+  if (close(file) != 0 || !written) throw std::system_error(errno, std::generic_category(), path);
 }
 
 Line::~Line() {
@@ -64,6 +124,7 @@ Line::~Line() {
   thread_.join();
   for (int file : {listener_, far_end_, host_, bell_[0], bell_[1]})
     if (file >= 0) close(file);
+  if (!file_.empty()) unlink(file_.c_str());
 }
 
 void Line::ring() {
@@ -80,7 +141,7 @@ void Line::serve() {
       if (!expects_) wait[2] = {listener_, POLLIN, 0};
       wait[1].fd = host_;
       if (from_host_.room() != 0) wait[1].events |= POLLIN;
-      if (to_host_.size() != 0) wait[1].events |= POLLOUT;
+      if (to_host_.size() != 0 && told_ >= token_.size()) wait[1].events |= POLLOUT;
     } else {
       wait[1] = {listener_, POLLIN, 0};
     }
@@ -92,19 +153,21 @@ void Line::serve() {
       while (read(bell_[0], bytes, sizeof bytes) > 0) continue;
       rung_ = false;
     }
+    if (host_ >= 0 && told_ < token_.size() && silent_for(kTokenSeconds)) {
+      hang_up();
+      continue;
+    }
     if (wait[2].revents && leaving()) {
       expects_ = true;
+    } else if (wait[2].revents && silent_for(idle_s_)) {
+      hang_up();
+      continue;
     } else if (wait[2].revents) {  // one host at a time: another one is disconnected at once
       const int other = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
       if (other >= 0) close(other);
     }
     if (host_ < 0 && wait[1].revents) {
-      host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
-      if (host_ >= 0) {
-        const int yes = 1;
-        setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-        while (to_host_.size() != 0) to_host_.drop();  // replies to the host before
-      }
+      accept_host();
     } else if (host_ >= 0 && wait[1].revents) {
       if ((wait[1].revents & (POLLIN | POLLHUP | POLLERR)) && !read_some()) hang_up();
       if (host_ >= 0 && (wait[1].revents & POLLOUT) && !write_some()) hang_up();
@@ -112,7 +175,29 @@ void Line::serve() {
   }
 }
 
+void Line::accept_host() {
+  host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+  if (host_ < 0) return;
+  const int yes = 1;
+  setsockopt(host_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);  // a Unix socket has no such delay
+  while (to_host_.size() != 0) to_host_.drop();                   // replies to the host before
+  heard_ = Clock::now();
+  told_ = 0;
+}
+
+// Takes the token's next bytes; a wrong one ends the connection. Nothing of it reaches the board.
+bool Line::read_token() {
+  char bytes[64];
+  const ssize_t count = read(host_, bytes, std::min(sizeof bytes, token_.size() - told_));
+  if (count == 0) return false;
+  if (count < 0) return errno == EAGAIN || errno == EINTR;
+  const bool right = std::memcmp(bytes, token_.data() + told_, static_cast<size_t>(count)) == 0;
+  told_ += static_cast<size_t>(count);
+  return right;
+}
+
 bool Line::read_some() {
+  if (told_ < token_.size()) return read_token();
   uint8_t bytes[4096];
   const size_t room = std::min(from_host_.room(), sizeof bytes);
   if (room == 0) return true;
@@ -120,6 +205,7 @@ bool Line::read_some() {
   if (count == 0) return pty_;
   if (count < 0) return errno == EAGAIN || errno == EINTR || (pty_ && errno == EIO);
   for (ssize_t k = 0; k < count; ++k) from_host_.put(bytes[k]);
+  heard_ = Clock::now();
   return true;
 }
 
@@ -130,6 +216,7 @@ bool Line::write_some() {
   const ssize_t written = pty_ ? write(host_, bytes, count) : send(host_, bytes, count, MSG_NOSIGNAL);
   if (written < 0) return errno == EAGAIN || errno == EINTR || (pty_ && errno == EIO);
   for (ssize_t k = 0; k < written; ++k) to_host_.drop();
+  heard_ = Clock::now();
   return true;
 }
 

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual board: the RTL under Verilator, on a pty or on TCP (loopback only).
+// The virtual board: the RTL under Verilator, on a Unix socket, on TCP (loopback only) or on a pty.
 //
-//   board --line pty|tcp [--port N] --identity HEX --ready FILE [--capture FOLDER] [--step N]
+//   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --identity HEX --ready FILE [--capture FOLDER] [--step N]
 //         [--host-step N] [--stalls SEED] [--trace FILE --trace-from CLOCK --trace-to CLOCK]
+//
+// --place is the Unix socket, or the folder of the file with the token that TCP asks for; a host that is silent for
+// --idle seconds makes room for another one.
 //
 // Built by lippmann.sim.virtual_board. With ByteLink, bytes are transferred as fast as the board
 // accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
@@ -45,8 +48,8 @@ std::atomic<bool> reset{false};
 std::atomic<bool> lose{false};
 
 struct Options {
-  std::string line = "tcp", ready, capture, trace;
-  int port = 0;
+  std::string line = "unix", place, ready, capture, trace;
+  int port = 0, idle = 60;
   uint32_t step = 0, host_step = 0, stalls = 0;
   uint64_t identity = 0;
   int64_t trace_from = 0, trace_to = INT64_MAX;
@@ -57,6 +60,7 @@ Options parse(int count, char** words) {
       {"line", required_argument, nullptr, 'l'},       {"port", required_argument, nullptr, 'p'},
       {"identity", required_argument, nullptr, 'i'},   {"ready", required_argument, nullptr, 'r'},
       {"capture", required_argument, nullptr, 'c'},    {"step", required_argument, nullptr, 's'},
+      {"place", required_argument, nullptr, 'a'},      {"idle", required_argument, nullptr, 'd'},
       {"host-step", required_argument, nullptr, 'h'},
       {"trace", required_argument, nullptr, 't'},      {"trace-from", required_argument, nullptr, 'f'},
       {"trace-to", required_argument, nullptr, 'e'},   {"stalls", required_argument, nullptr, 'x'},
@@ -66,6 +70,8 @@ Options parse(int count, char** words) {
     switch (key) {
       case 'l': options.line = optarg; break;
       case 'p': options.port = std::stoi(optarg); break;
+      case 'a': options.place = optarg; break;
+      case 'd': options.idle = std::stoi(optarg); break;
       case 'i': options.identity = std::stoull(optarg, nullptr, 16); break;
       case 'r': options.ready = optarg; break;
       case 'c': options.capture = optarg; break;
@@ -79,7 +85,8 @@ Options parse(int count, char** words) {
     }
   }
   if (options.host_step == 0) options.host_step = options.step;
-  if (options.line != "pty" && options.line != "tcp") throw std::invalid_argument("--line: pty or tcp");
+  if (options.line != "unix" && options.line != "pty" && options.line != "tcp")
+    throw std::invalid_argument("--line: unix, tcp or pty");
   if (!LIPPMANN_BYTE_LINK && (options.step == 0 || options.step > 0x2000))
     throw std::invalid_argument("--step: 1 to 8192 (a bit takes 8 clocks or more)");
 #ifndef LIPPMANN_TRACE
@@ -158,7 +165,7 @@ class Memory {
 
 class Board {
  public:
-  explicit Board(const Options& options) : options_(options), line_(options.line, options.port), uart_(options.host_step),
+  explicit Board(const Options& options) : options_(options), line_(options.line, options.port, options.place, options.idle), uart_(options.host_step),
       screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
     top_.identity_i = options.identity;
     top_.step_i = static_cast<uint16_t>(options.step);

@@ -109,7 +109,7 @@ def virtual(request, tmp_path):
 
 @pytest.fixture
 def quick(tmp_path):
-    """A board on a byte line over TCP."""
+    """A board on a byte line, on a Unix socket."""
     folder = tmp_path / "frames"
     folder.mkdir()
     with virtual_board.running(small(), capture=folder) as board:
@@ -731,7 +731,7 @@ def test_only_one_host_at_a_time(quick):
         assert board.read(0) == [0x4C495042]
 
 
-@pytest.mark.parametrize("port", ["tcp", "pty"])
+@pytest.mark.parametrize("port", ["unix", "tcp", "pty"])
 def test_a_board_ends_cleanly_and_says_what_it_did(tmp_path, port):
     ready = tmp_path / "ready.json"
     board = virtual_board.start(small(), port=port, ready=ready)
@@ -748,10 +748,9 @@ def test_a_board_ends_cleanly_and_says_what_it_did(tmp_path, port):
     assert done["broken_frames"] == 0
 
 
-def test_a_port_that_is_taken(quick):
-    number = int(quick.url.rsplit(":", 1)[1])
-    with pytest.raises(DeviceError, match="in use"):
-        virtual_board.start(small(), tcp_port=number)
+def test_a_port_that_is_taken():
+    with socket.create_server(("127.0.0.1", 0)) as busy, pytest.raises(DeviceError, match="in use"):
+        virtual_board.start(small(), tcp_port=busy.getsockname()[1])
 
 
 def test_frames_that_cannot_be_kept_end_the_board(tmp_path):

@@ -10,6 +10,7 @@ from importlib import import_module
 import click
 
 from lippmann import __version__, interrupts
+from lippmann.cli.output import printable
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, to_install
 from lippmann.files import is_full
 
@@ -137,7 +138,7 @@ def _fail(message: str, code: int, as_json: bool) -> int:
     if message.startswith("Usage:"):
         click.echo(message, err=True)
         return code
-    line = " ".join(message.split())
+    line = printable(" ".join(message.split()))
     click.echo(f"lippmann: {line}", err=True)
     try:
         if as_json:

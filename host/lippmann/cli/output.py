@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -13,9 +14,18 @@ import click
 Item = TypeVar("Item")
 
 
+#: What a terminal would obey instead of show: control characters, and those that turn the direction of writing.
+OBEYED = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]")
+
+
+def printable(text: str) -> str:
+    """Return a text for the terminal: what files and names bring that it would obey is shown escaped."""
+    return OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
 def log(message: str) -> None:
     """Write one line to stderr."""
-    click.echo(message, err=True)
+    click.echo(printable(message), err=True)
 
 
 def as_json() -> bool:
@@ -30,7 +40,7 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str]) -> None:
         finite = json.loads(json.dumps(result), parse_constant=lambda _: None)
         click.echo(json.dumps(finite))
     else:
-        click.echo(text if isinstance(text, str) else "\n".join(text))
+        click.echo(printable(text if isinstance(text, str) else "\n".join(text)))
 
 
 @contextmanager

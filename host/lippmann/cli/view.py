@@ -98,8 +98,7 @@ def _read_direct(eye: Point, path: str, display: Display) -> Direct:
 def _serve(page: bytes, tcp_port: int, result: dict[str, object]) -> None:
     """Serve until Ctrl-C or SIGTERM."""
     with page_server(page, tcp_port) as server:
-        url = f"http://{server.server_address[0]!s}:{server.server_address[1]}/"
-        emit({"url": url, **result}, f"{url} (Ctrl-C ends it)")
+        emit({"url": server.url, **result}, f"{server.url} (Ctrl-C ends it)")
         sys.stdout.flush()
         try:
             server.serve_forever(poll_interval=0.1)

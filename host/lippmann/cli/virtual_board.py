@@ -37,7 +37,9 @@ PATH = click.Path(path_type=Path, readable=False)
 @make_command("start")
 def start_command(
     display_path: str = DISPLAY,
-    line: virtual_board.Port = option("Kind of port.", "tcp"),
+    line: virtual_board.Port | None = option(
+        "Kind of port.  [default: a Unix socket of yours alone; tcp with --tcp-port]", None
+    ),
     tcp_port: int = option("TCP port on loopback; 0: a free one.", 0, click.IntRange(0, 65535), show_default=False),
     baud: int | None = option("Simulate a UART of this rate; default: a line without a rate.", None, click.IntRange(1)),
     fraction_bits: int | None = option(
@@ -65,12 +67,13 @@ def start_command(
 ) -> None:
     """Run a virtual board until Ctrl-C.
 
-    It is the board's RTL under Verilator, on TCP (loopback only) or on a pty.
+    It is the board's RTL under Verilator, on a Unix socket, on TCP (loopback only) or on a pty.
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
     """
-    if line == "pty" and tcp_port:
-        raise input_error("--tcp-port", "a pty has no port number", "leave it out, or use --line tcp")
+    if line in ("pty", "unix") and tcp_port:
+        kind = "a pty" if line == "pty" else "a Unix socket"
+        raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
     if trace_clocks[0] >= trace_clocks[1]:
         raise input_error(
             "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"

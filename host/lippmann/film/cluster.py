@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import logging
+import re
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -28,6 +29,9 @@ ANSWER_S = 10.0
 ALONE_S = 5.0
 #: Shots submitted for each thread of the workers: one is rendered, one waits.
 AHEAD = 2
+
+#: The command that starts a scheduler on this machine alone.
+SCHEDULER = "dask scheduler --host 127.0.0.1 --no-dashboard"
 
 #: A worker renders one frame at a time on all cores, whatever its number of threads.
 _rendering = threading.Lock()
@@ -73,7 +77,7 @@ def render_on_cluster(
             if threads:
                 alone = time.monotonic()
             elif time.monotonic() - alone > ALONE_S:
-                log(f"{address}: no worker is left; waiting for one (dask worker {address})")
+                log(f"{address}: no worker is left; waiting for one ({_worker(address)})")
                 alone = float("inf")
     except ModuleNotFoundError as error:
         raise MissingLibraryError(
@@ -90,6 +94,12 @@ def render_on_cluster(
         client.close()
 
 
+def _worker(address: str) -> str:
+    """Return the command that starts a worker: on loopback when the scheduler is there, and without a web page."""
+    loopback = re.search(r"//(127\.|localhost|\[::1\])", address)
+    return f"dask worker {address}{' --host 127.0.0.1' if loopback else ''} --no-dashboard"
+
+
 def _connected(address: str) -> Any:
     """Return a client of a cluster that has at least one worker."""
     try:
@@ -104,13 +114,13 @@ def _connected(address: str) -> Any:
         client = distributed.Client(address, timeout=ANSWER_S)
     except (OSError, ValueError, TypeError):
         raise input_error(
-            address, "no scheduler answers there", "start one (dask scheduler), or give its address, tcp://HOST:8786"
+            address, "no scheduler answers there", f"start one ({SCHEDULER}), or give its address, tcp://HOST:8786"
         ) from None
     try:
         client.wait_for_workers(1, timeout=ANSWER_S)
     except TimeoutError:
         client.close()
-        raise input_error(address, "no worker has joined the scheduler", f"start one: dask worker {address}") from None
+        raise input_error(address, "no worker has joined the scheduler", f"start one: {_worker(address)}") from None
     return client
 
 

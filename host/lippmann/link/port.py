@@ -18,6 +18,7 @@ from serial.tools import list_ports
 
 from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 from lippmann.link.packets import DELIMITER, Packet, PacketReader
+from lippmann.link.socket_port import SCHEMES, SocketPort, token_of
 
 #: Bits on the line for each byte: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
@@ -33,7 +34,7 @@ SEND_S = 2.0
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
-def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
+def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | SocketPort:
     """Open a port for this program alone: a URL of pyserial's `serial_for_url`. Its reads and writes do not block.
 
     Raises InputError for an invalid URL or baud rate; NoBoardError when the port does not exist, is busy, needs a
@@ -44,23 +45,20 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial:
     if baud <= 0:
         raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
     try:
-        port = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=0, exclusive=True)
-    except serial.SerialException as error:
+        if url.startswith(SCHEMES):
+            return SocketPort(url)
+        port: serial.Serial = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=0, exclusive=True)
+    except (serial.SerialException, OSError) as error:
         raise _refusal(url, error) from None
     except (ValueError, TypeError, NotImplementedError) as error:
         if "baud" in str(error):
             raise device_error(url, f"the port does not support {baud} baud", "choose another rate") from None
         raise input_error(url, f"is not a port ({error})", "give a device, or socket://HOST:PORT") from None
-    if url.startswith("socket://"):
-        # Send a short packet at once, before the one before it is acknowledged.
-        with socket.fromfd(port.fileno(), socket.AF_INET, socket.SOCK_STREAM) as same:
-            same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return port
 
 
-def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputError:
+def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
     """Return the error of a port that did not open: the cause and the remedy."""
-    # pyserial keeps a socket's own error only as the context of its exception.
     cause: BaseException | None = error
     while isinstance(cause, serial.SerialException) and cause.errno is None:
         cause = cause.__context__
@@ -70,6 +68,10 @@ def _refusal(url: str, error: serial.SerialException) -> NoBoardError | InputErr
         return no_board_error(url, "no such host", "check the name, or use 127.0.0.1")
     if isinstance(cause, TimeoutError):
         return no_board_error(url, "the host does not answer", "check its address and the network")
+    if url.startswith("unix://"):
+        other = getattr(cause, "errno", None) in (errno.EACCES, errno.EPERM)
+        what = "it belongs to another user" if other else "no board is there"
+        return no_board_error(url, what, "start a board of your own: lippmann board start")
     match getattr(cause, "errno", None):
         case errno.ENOENT if re.fullmatch(r"[\w.-]+:\d+", url):
             return input_error(url, "is not a port", f"did you mean socket://{url}?")
@@ -147,11 +149,7 @@ class Line:
     def close(self) -> None:
         """Close the port."""
         self._closed = True
-        # pyserial does not close a socket that its peer has closed.
-        connection = getattr(self._port, "_socket", None)
         self._port.close()
-        if connection is not None:
-            connection.close()
 
     @property
     def waiting(self) -> int:
@@ -219,7 +217,9 @@ class Line:
         self._waiting.extend(self.reader.feed(data))
 
     def _lost(self, error: Exception) -> NoBoardError:
-        if self.url.startswith("socket://") and not self.reader.counts.bytes:
+        if self.url.startswith(SCHEMES) and not self.reader.counts.bytes:
             what, remedy = "it closed the connection at once", "close the other program that uses the board"
+            if self.url.startswith("socket://") and not token_of(self.url):
+                remedy += ", or give the board's token: socket://HOST:PORT?token=..."
             return no_board_error(self.url, what, remedy)
         return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps what arrived")

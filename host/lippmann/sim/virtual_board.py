@@ -1,4 +1,4 @@
-"""The virtual board: the board's RTL under Verilator (sim/board), on a pty or on TCP.
+"""The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, on TCP or on a pty.
 
 It is compiled once for each panel, optics build and kind of line, and kept under build/sim/. A byte line transfers
 bytes as fast as the board accepts them; a bit line simulates the two wires of a UART (8N1), clock by clock.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import secrets
 import signal
 import socket
 import subprocess
@@ -23,7 +24,7 @@ import numpy as np
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
-from lippmann.files import scratch_folder
+from lippmann.files import private_folder, scratch_folder
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
@@ -32,7 +33,7 @@ from lippmann.sim.compilation import FAST, NETLIST, SHORT, UNCHECKED, kept, veri
 from lippmann.sim.harness import parameters
 from lippmann.sim.tools import build_folder, hardware, needed, rtl_sources
 
-Port = Literal["tcp", "pty"]
+Port = Literal["unix", "tcp", "pty"]
 #: Where its frames are: in block RAM, or in a chip of SDRAM with a controller of its own.
 Memory = Literal["block", "sdram"]
 
@@ -46,6 +47,8 @@ FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 MAX_SIDE_PX = 16383
 #: Fewest clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
 CLOCKS_OF_A_BIT = 8
+#: A program that is silent for so long makes room for another one that connects, s.
+IDLE_S = 60
 #: Longest time until a simulator is ready, and until it has ended, s.
 START_SECONDS, STOP_SECONDS = 20.0, 20.0
 
@@ -163,7 +166,7 @@ def check_panel(display: Display) -> None:
 def start(
     display: Display,
     *,
-    port: Port = "tcp",
+    port: Port | None = None,
     tcp_port: int = 0,
     baud: int | None = None,
     host_baud: int | None = None,
@@ -177,6 +180,7 @@ def start(
     scene: SceneBuild | None = None,
     memory: Memory = "block",
     program: Path | None = None,
+    idle_s: int = IDLE_S,
 ) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
@@ -186,7 +190,8 @@ def start(
     Parameters
     ----------
     port, tcp_port
-        A pty, or TCP on loopback with this port number (0: a free one).
+        A Unix socket that only this user may open, TCP on loopback with this port number (0: a free one) for programs
+        that know its token, or a pty; by default a Unix socket, and TCP with a port number.
     baud
         A bit line of this baud rate; None: a byte line.
     host_baud
@@ -207,8 +212,11 @@ def start(
         Where its frames are. An SDRAM takes panels of even width, at their clock for 60 frames a second.
     program
         A board's program, compiled for this display, line and clock; None: it is compiled at first use.
+    idle_s
+        A program that is silent for so long makes room for another one, s.
     """
     check_panel(display)
+    port = port or ("tcp" if tcp_port else "unix")
     if memory == "sdram" and display.panel.width_px % 2:
         what = f"the panel is {display.panel.width_px} pixels wide"
         raise input_error(f"display '{display.name}'", what, "a board with SDRAM needs an even number")
@@ -220,7 +228,19 @@ def start(
     with scratch_folder() as work:
         told = ready or work / "ready.json"
         told.unlink(missing_ok=True)
-        options = {"line": port, "port": tcp_port, "identity": display.identity, "ready": told, "step": step}
+        place = private_folder()
+        _remove_lines_of_the_dead(place)
+        if port == "unix":
+            place /= f"board-{secrets.token_hex(4)}.sock"
+        options = {
+            "line": port,
+            "port": tcp_port,
+            "place": place,
+            "idle": idle_s,
+            "identity": display.identity,
+            "ready": told,
+            "step": step,
+        }
         if host_baud is not None:
             options["host-step"] = step_of(host_baud, clock_hz)
         if capture is not None:
@@ -237,6 +257,19 @@ def start(
             process.kill()
             process.wait()
             raise
+
+
+def _remove_lines_of_the_dead(place: Path) -> None:
+    """Remove the sockets and tokens of boards that were killed: nobody listens there."""
+    for path in (*place.glob("board-*.sock"), *place.glob("tcp-*.token")):
+        unix = path.suffix == ".sock"
+        with socket.socket(socket.AF_UNIX if unix else socket.AF_INET) as asked:
+            try:
+                asked.connect(str(path) if unix else ("127.0.0.1", int(path.stem.removeprefix("tcp-"))))
+            except ConnectionRefusedError:
+                path.unlink(missing_ok=True)
+            except (OSError, ValueError):  # gone by now, or not ours
+                continue
 
 
 def _wait(process: subprocess.Popen[str], ready: Path) -> str:

@@ -2,37 +2,92 @@
 
 from __future__ import annotations
 
+import secrets
+import socket
+import threading
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from lippmann.errors import input_error
 
 LOOPBACK = "127.0.0.1"
+#: Names by which a browser on this machine calls it.
+HOSTS = (LOOPBACK, "localhost")
+#: Most requests at once, and the longest silence of one, s.
+MAX_REQUESTS, SILENCE_S = 8, 10.0
 
 
-def page_server(page: bytes, tcp_port: int = 0) -> ThreadingHTTPServer:
+class PageServer(ThreadingHTTPServer):
+    """A server of one page, at an address that only this user is told; `url` is that address."""
+
+    daemon_threads = True
+
+    def __init__(self, page: bytes, tcp_port: int) -> None:
+        self.page = page
+        self.path = f"/{secrets.token_urlsafe(16)}/"
+        self._free = threading.Semaphore(MAX_REQUESTS)
+        super().__init__((LOOPBACK, tcp_port), _Handler)
+        port = self.server_address[1]
+        self.url = f"http://{LOOPBACK}:{port}{self.path}"
+        self.hosts = [f"{host}:{port}" for host in HOSTS]
+        self.origins = [f"http://{host}" for host in self.hosts]
+
+    def process_request(self, request: socket.socket | tuple[bytes, socket.socket], client_address: object) -> None:
+        """Answer a request in a thread of its own; close it when there are too many."""
+        if not self._free.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        try:
+            super().process_request(request, client_address)
+        except BaseException:
+            self._free.release()
+            raise
+
+    def process_request_thread(
+        self, request: socket.socket | tuple[bytes, socket.socket], client_address: object
+    ) -> None:
+        """Answer a request."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Forget a browser that has gone."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    timeout = SILENCE_S
+    server: PageServer
+
+    def do_GET(self) -> None:
+        """Send the page; to a page of another site, which calls this machine by another name, nothing."""
+        origin = self.headers.get("Origin")
+        if self.headers.get("Host") not in self.server.hosts or origin not in (None, *self.server.origins):
+            self.send_error(HTTPStatus.FORBIDDEN)
+        elif not secrets.compare_digest(self.path.encode(), self.server.path.encode()):
+            self.send_error(HTTPStatus.NOT_FOUND)
+        else:
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(self.server.page)))
+            self.send_header("Referrer-Policy", "no-referrer")
+            self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+            self.send_header("X-Frame-Options", "DENY")
+            self.end_headers()
+            self.wfile.write(self.server.page)
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        """Do not log requests."""
+
+
+def page_server(page: bytes, tcp_port: int = 0) -> PageServer:
     """Return a server of the page, bound to loopback but not started; port 0 means any free port.
 
     InputError when the port is taken.
     """
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            """Send the page."""
-            if self.path != "/":
-                self.send_error(HTTPStatus.NOT_FOUND)
-                return
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(page)))
-            self.end_headers()
-            self.wfile.write(page)
-
-        def log_message(self, format: str, *arguments: object) -> None:
-            """Do not log requests."""
-
     try:
-        return ThreadingHTTPServer((LOOPBACK, tcp_port), Handler)
+        return PageServer(page, tcp_port)
     except OSError as error:
         raise input_error(
             f"--tcp-port {tcp_port}", f"cannot be opened ({error.strerror})", "choose another, or 0"

@@ -1,0 +1,62 @@
+"""What files and names bring to the terminal, and to other programs."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.cli import output, run
+from lippmann.film import cluster
+from lippmann.film.video import write_video
+
+NAMED = (
+    'name = "evil\\u001b]0;title\\u0007\\u009b31m\\u202etxt\\u007f"\ngap_mm = 3.3\n'
+    "[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
+    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
+)
+SHOWN = r"evil\x1b]0;title\x07\x9b31m\u202etxt\x7f"
+
+
+def test_control_characters_of_names_are_shown(tmp_path, capsys):
+    (tmp_path / "d.toml").write_text(NAMED)
+    assert run(["inspect", str(tmp_path / "d.toml")]) == 0
+    out = capsys.readouterr().out
+    assert SHOWN in out
+    assert not output.OBEYED.search(out)
+    odd = tmp_path / "no\x1b[2Jsuch.toml"
+    assert run(["inspect", str(odd)]) == 2
+    err = capsys.readouterr().err
+    assert r"no\x1b[2Jsuch.toml: no such file" in err
+    assert not output.OBEYED.search(err)
+
+
+def test_bytes_that_are_no_text_in_a_name(tmp_path):
+    """In a process of its own: its arguments are bytes."""
+    done = subprocess.run(
+        [sys.executable.encode(), b"-m", b"lippmann", b"inspect", b"\xff\x1b.toml"],
+        capture_output=True, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert b"\x1b" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_ordinary_text_stays():
+    text = "Größe µm 3 × 4\n\tαβ → 日本 – “x”"
+    assert output.printable(text) == text
+
+
+@pytest.mark.parametrize("name", ["a:b.mkv", "-x.mkv", "concat:a|b.mkv", "%03d.mkv", "http://x.mkv"])
+def test_names_of_videos_are_files(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    path = Path(name.replace("/", ""))
+    frames = [np.full((8, 8, 3), k, np.uint8) for k in range(3)]
+    assert write_video(path, frames, 8, 8, 10.0) == 3
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
+def test_workers_on_this_machine_stay_on_it():
+    assert cluster._worker("tcp://127.0.0.1:8786") == "dask worker tcp://127.0.0.1:8786 --host 127.0.0.1 --no-dashboard"
+    assert cluster._worker("tcp://far:8786") == "dask worker tcp://far:8786 --no-dashboard"

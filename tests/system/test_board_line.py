@@ -1,0 +1,145 @@
+"""Who may use a virtual board's line, and for how long."""
+
+import dataclasses
+import os
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from lippmann.board.board import Board
+from lippmann.display import load_display
+from lippmann.errors import NoBoardError
+from lippmann.files import private_path
+from lippmann.link import socket_port
+from lippmann.registers import BOARD_REGISTERS
+from lippmann.sim import virtual_board
+
+LENS = BOARD_REGISTERS["lens"].address
+#: Reads a file, or connects to a socket, as another user; prints what the system says.
+AS_ANOTHER = """
+import os, socket, sys
+os.setgid(65534), os.setuid(65534)
+try:
+    if sys.argv[1].endswith("token"):
+        open(sys.argv[1], "rb").read()
+    else:
+        socket.socket(socket.AF_UNIX).connect(sys.argv[1])
+    print("got in")
+except OSError as error:
+    print(error.strerror)
+"""
+
+
+def small():
+    display = load_display("scenes/displays/paper-square.toml")
+    panel = dataclasses.replace(display.panel, width_px=112, height_px=80)  # compiled for another file's tests
+    return dataclasses.replace(display, name="small square", panel=panel)
+
+
+@pytest.fixture(scope="module")
+def unix():
+    with virtual_board.running(small(), idle_s=1) as board:
+        yield board
+
+
+@pytest.fixture(scope="module")
+def tcp():
+    with virtual_board.running(small(), port="tcp") as board:
+        yield board
+
+
+def closed(line):
+    """Tell whether the board closes a connection soon."""
+    line.settimeout(3.0)
+    try:
+        return line.recv(1) == b""
+    except ConnectionResetError:
+        return True
+    except TimeoutError:
+        return False
+
+
+def of_another_user(path):
+    if os.getuid():
+        pytest.skip("to be another user needs root")
+    words = [sys.executable, "-c", AS_ANOTHER, path]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_a_unix_socket_is_the_users_own(unix):
+    path = Path(unix.url.removeprefix("unix://"))
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    with Board.open(unix.url) as board:
+        assert board.read(0) == [0x4C495042]
+    assert of_another_user(path) == "Permission denied"
+    with pytest.raises(NoBoardError, match=r"none\.sock: no board is there; start a board"):
+        Board.open(f"unix://{path.with_name('none.sock')}")
+
+
+def test_programs_that_come_and_go_wait_for_nothing(unix):
+    """A serial library's pause after each took 0.3 s."""
+    begun = time.monotonic()
+    for _ in range(30):
+        with Board.open(unix.url):
+            pass
+    assert time.monotonic() - begun < 6.0
+
+
+def test_a_silent_program_makes_room_for_another(unix):
+    with Board.open(unix.url) as first:
+        with pytest.raises(NoBoardError, match="closed the connection"):
+            Board.open(unix.url)
+        assert first.read(0) == [0x4C495042]
+        time.sleep(1.2)
+        assert first.read(0) == [0x4C495042]  # nobody else came
+        time.sleep(1.2)
+        with Board.open(unix.url) as second:
+            assert second.read(0) == [0x4C495042]
+            with pytest.raises(NoBoardError, match="lost"):
+                first.read(0)
+
+
+def test_tcp_asks_for_the_token(tcp, monkeypatch):
+    port = int(tcp.url.rsplit(":", 1)[1])
+    file = private_path() / f"tcp-{port}.token"
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    token = file.read_text().strip()
+    assert len(token) == 32
+    with Board.open(tcp.url) as board:
+        before = board.read(LENS)
+    monkeypatch.setattr(socket_port, "private_path", lambda: Path("/nowhere"))
+    for url in (tcp.url, f"{tcp.url}?token={token[:-1]}x", f"{tcp.url}?token="):
+        with pytest.raises(NoBoardError, match=r"closed the connection"):
+            Board.open(url)
+    with Board.open(f"{tcp.url}?token={token}") as board:
+        assert board.read(LENS) == before
+    assert of_another_user(file) == "Permission denied"
+
+
+def test_a_program_without_the_token_is_let_go(tcp):
+    """Whether it says nothing, or too little."""
+    for said in (b"", b"0"):
+        with socket.create_connection(("127.0.0.1", int(tcp.url.rsplit(":", 1)[1]))) as line:
+            line.sendall(said)
+            time.sleep(5.5)
+            assert closed(line)
+    with Board.open(tcp.url) as board:
+        assert board.read(0) == [0x4C495042]
+
+
+@pytest.mark.parametrize("port", ["unix", "tcp"])
+def test_the_next_start_removes_the_line_of_a_killed_board(port):
+    board = virtual_board.start(small(), port=port)
+    board.process.send_signal(signal.SIGKILL)
+    board.process.communicate()
+    number = board.url.rsplit(":", 1)[1]
+    left = private_path() / f"tcp-{number}.token" if port == "tcp" else Path(board.url.removeprefix("unix://"))
+    assert left.exists()
+    with virtual_board.running(small()):
+        assert not left.exists()
