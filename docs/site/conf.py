@@ -21,7 +21,7 @@ version = release = lippmann.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 source_suffix = {".md": "markdown"}
 root_doc = "README"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**.md", "scenes/README.md"]
+include_patterns = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "docs/**.md", "scenes/README.md"]
 # Sphinx searches every folder that is not excluded.
 exclude_patterns = [".*", "build", "out", "host", "rtl", "sim", "tests"]
 
@@ -49,7 +49,7 @@ PARTS = {
     "Python API": "docs/site/api",
     "Background": ("docs/models", "docs/measured"),
     "Reports": "docs/reports/",
-    "The project": ("scenes/README", "CONTRIBUTING", "CHANGELOG"),
+    "The project": ("scenes/README", "CONTRIBUTING", "SECURITY", "CHANGELOG"),
 }
 
 

@@ -385,7 +385,7 @@ def test_trace_reads_pixels_from_files(place, capfd):
         ([[-1.0, 1.0]], "outside the panel"),
         ([1.0, 2.0], r"shape \(2,\); give numbers of shape \(N, 2\)"),
         ([[1.0, 2.0, 3.0]], r"shape \(1, 3\)"),
-        ([["a", "b"]], "give numbers"),
+        ([["a", "b"]], "give real numbers"),
         (np.zeros((0, 2)), "holds no pixels"),
     ],
 )
