@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from types import ModuleType
 
 MOVED = {
@@ -28,7 +27,7 @@ MOVED = {
 }
 
 
-class _Moved(MetaPathFinder):
+class _Moved:  # without importlib.abc, which loads much before the first signal can be answered
     """Python asks it first: an old folder may have stayed, with nothing but compiled files in it."""
 
     def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> None:
