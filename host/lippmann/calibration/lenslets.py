@@ -18,8 +18,10 @@ from lippmann.optics.panel import PanelFrame
 INNER = 0.7
 #: Rounds in which outline and lenslets of the pixels are found.
 ROUNDS = 3
+#: Distance from the cell's middle, in steps of the lattice, up to which points move evenly.
+MIDDLE = 0.35
 #: Most standard deviations of a pixel from the others of its lenslet.
-SPREAD = 3.5
+SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
 WHOLE = 0.9
 #: Least share of the usual number of pixels that a lenslet must have.
@@ -63,9 +65,9 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
-        some = (abs(across) < 0.35).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
+        some = (abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
         off = panel_steps[some] - np.round(at[some])
-        moves = np.linalg.lstsq(across[some], off, rcond=None)[0]
+        moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
         own = (panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves)
         index = np.round(own).astype(np.int64)
         near = (abs(own - index) < NEAR).all(axis=1)

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.bundle import BOW, LENS, Problem, Solution, first_fit, solve
+from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, Problem, Solution, first_fit, solve
 from lippmann.calibration.decode import decode_position
+from lippmann.calibration.landing import Landing, landing_of
 from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
 from lippmann.calibration.numbering import Start, starts
@@ -78,7 +79,10 @@ def solve_views(
     _, start, x = min(tried, key=lambda one: one[0])
     progress("least squares", 0, 3)
     whole = Problem(nominal, landing, start.views, shape)
-    solution = solve(whole.thinned(most=8000), x)
+    solution = solve(whole.thinned(MOST_LENSLETS), x, robust_only=True)
+    # The rays again, through the array and the gap that were found.
+    whole = replace(whole, landing=again(solution, landing))
+    solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
     progress("least squares", 2, 3)
@@ -92,6 +96,17 @@ def solve_views(
     made = _result(nominal, replace_views(solution, start), solution, tuple(remarks))
     progress("least squares", 3, 3)
     return made
+
+
+def again(solution: Solution, landing: Landing) -> Landing:
+    """Return the landing of rays of the display that was found, unless it cannot be built."""
+    try:
+        built = display_of(solution.problem.display, solution)
+    except DoubtError:
+        return landing
+    views = range(len(solution.problem.views))
+    places = [[solution.value(f"place_{axis}_{k}") for axis in "xyz"] for k in views]
+    return landing_of(built, landing.steepest, float(np.mean([place[2] for place in places])))
 
 
 def replace_views(solution: Solution, start: Start) -> Problem:
