@@ -179,7 +179,7 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
         x = _minimised(problem, x, scatter, kept, True)
         scatter = [_scatter(problem.residuals(x, k)) for k in range(len(problem.views))]
     kept = [
-        (abs(problem.residuals(x, k)) < OUTLIER * np.repeat(scatter[k], 2)).all(axis=1)
+        np.asarray((abs(problem.residuals(x, k)) < OUTLIER * np.repeat(scatter[k], 2)).all(axis=1))
         for k in range(len(problem.views))
     ]
     if not robust_only:
@@ -204,7 +204,7 @@ def _scatter(residuals: Floats) -> tuple[float, float]:
 def _weighted(
     problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]], k: int
 ) -> Floats:
-    return (problem.residuals(x, k)[kept[k]] / np.repeat(scatter[k], 2)).ravel()
+    return np.asarray((problem.residuals(x, k)[kept[k]] / np.repeat(scatter[k], 2)).ravel())
 
 
 def _minimised(

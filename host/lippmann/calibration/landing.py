@@ -98,7 +98,7 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
         fits.append(numbers)
         errors.append(float(np.hypot(*(means + (design @ numbers).reshape(-1, 2)).T).max()))
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
-    return Landing(fits[0] - gaps[0] * per_gap, per_gap, aside, height, steepest, max(errors))
+    return Landing(fits[0] - gaps[0] * per_gap, per_gap, np.asarray(aside, np.float64), height, steepest, max(errors))
 
 
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:

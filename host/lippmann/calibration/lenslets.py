@@ -31,9 +31,11 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lenslets:
-    """Of the lenslets that one position sees: `index` (N, 2) int64, `photo_px` (N, 2) their middles in the photograph,
-    `panel_mm` (N, 2) the points of the panel seen through their centres, `pixels` (N,) the number of camera pixels.
-    """  # fmt: skip
+    """Of N lenslets that one position sees: what is seen through each, and where.
+
+    `index` (N, 2) int64 are their (i, j), `photo_px` (N, 2) their middles in the photograph, `panel_mm` (N, 2) the
+    points of the panel seen through their inner cells, `pixels` (N,) the numbers of camera pixels there.
+    """
 
     name: str
     shape: tuple[int, int]
@@ -139,7 +141,7 @@ def _averages(
     across = local[good] - middle[groups[good]]
     moved = points[good] - at[groups[good]]
     spread = np.linalg.lstsq(across.T @ across, across.T @ moved, rcond=None)[0]
-    return at, middle, spread
+    return at, middle, np.asarray(spread, np.float64)
 
 
 def regular_places(lenslets: Lenslets, display: Display) -> Floats:
