@@ -27,6 +27,9 @@ from lippmann.povray.text import block, matrix, number, vector
 SPARE_LENSLETS = 2
 #: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
 ARRAY_FACES = 6
+#: Share of a lenslet's width by which neighbours overlap. Solids that only touch are separate glasses to POV-Ray: a ray
+#: along the substrate is reflected at the wall between them. Much more makes steps between the domes.
+OVERLAP = 1e-5
 #: Radius of the stops' discs, mm.
 STOP_MM = 1e5
 
@@ -139,14 +142,15 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
 
 def _prism(array: Array, near: float, far: float) -> str:
     low, high = min(near, far), max(near, far)
-    half = 0.5 * array.pitches_mm[0]
+    half = 0.5 * array.pitches_mm[0] * (1.0 + OVERLAP)
     if array.grid == "square" and array.regular:
         return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
     turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
     radius = 2.0 * half / math.sqrt(3.0)
     corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
     if not array.regular:
-        corners = [*Lattice.of(array).corners, Lattice.of(array).corners[0]]
+        own = [(x * (1.0 + OVERLAP), y * (1.0 + OVERLAP)) for x, y in Lattice.of(array).corners]
+        corners = [*own, own[0]]
     # POV-Ray's prisms are along y; the matrix rotates it to z.
     points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
     sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(corners)}, {points}"
