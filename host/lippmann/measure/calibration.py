@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from lippmann.calibration.codes import PatternSet, write_patterns
-from lippmann.display import Array, Display, Panel, display_text
+from lippmann.display import Array, Display, Grid, Panel, PlanoSide, display_text
 from lippmann.engines import trace_to_panel
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -81,7 +81,8 @@ def random_case(seed: int, photo_px: int = 1000, positions: int = 3) -> Case:
     between = rng.uniform
     pixel = math.exp(between(math.log(0.04), math.log(0.2)))
     panel = Panel(WIDTH_PX, HEIGHT_PX, pixel)
-    grid, side = ("square", "hex")[seed % 2], ("panel", "viewer")[seed // 2 % 2]
+    grid: Grid = "hex" if seed % 2 else "square"
+    side: PlanoSide = "viewer" if seed // 2 % 2 else "panel"
     pitch, index = pixel * between(*LENSLET_PX), between(1.48, 1.6)
     focal = pitch * between(2.2, 4.0)
     array = Array(grid, pitch, focal * (index - 1.0), index, 0.0, side, rotation_deg=(0.0, 90.0)[seed // 4 % 2])
@@ -116,14 +117,24 @@ def _cameras(display: Display, rng: np.random.Generator, photo_px: int, position
         aim = width * between(-0.02, 0.02), width * between(-0.02, 0.02), 0.0
         away = math.dist(place, aim) * between(0.98, 1.02)
         cameras.append(Camera(place, aim, between(-10.0, 10.0), *size, pupil_mm=pupil, focus_mm=away))
-    lens = {
-        "focal_px": min(framed(camera, display).focal_px for camera in cameras),
-        "principal_px": (size[0] * between(0.48, 0.52), size[1] * between(0.48, 0.52)),
-        "k1": between(-0.15, 0.1),
-        "k2": between(-0.05, 0.05),
-        "vignetting": between(0.0, 0.4),
-    }
-    return tuple(replace(camera, **lens) for camera in cameras)
+    lens = replace(
+        cameras[0],
+        focal_px=min(framed(camera, display).focal_px for camera in cameras),
+        principal_px=(size[0] * between(0.48, 0.52), size[1] * between(0.48, 0.52)),
+        k1=between(-0.15, 0.1),
+        k2=between(-0.05, 0.05),
+        vignetting=between(0.0, 0.4),
+    )
+    return tuple(
+        replace(
+            lens,
+            position_mm=camera.position_mm,
+            look_at_mm=camera.look_at_mm,
+            roll_deg=camera.roll_deg,
+            focus_mm=camera.focus_mm,
+        )
+        for camera in cameras
+    )
 
 
 def _sensor(rng: np.random.Generator) -> Sensor:
