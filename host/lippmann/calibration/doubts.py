@@ -18,7 +18,9 @@ from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 
 #: Most shift of the camera between the first photograph and the last, pixels of the photograph.
-MOST_MOVED_PX = 0.5
+MOST_MOVED_PX = 0.4
+#: Blur of the marks before they are compared, pixels.
+BLUR_PX = 1.5
 #: Least amplitude of the phase pictures, as a share of the black to white range's; below, the photographs are blurred.
 SHARP = 0.25
 #: Most residual of a phase photograph to the cosine through all of them, as a share of the amplitude.
@@ -194,15 +196,16 @@ def check_marks(
     if len(rows) < 8 or len(columns) < 8:
         return 0.0
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    pair = [np.ascontiguousarray(light[part]) for light in (before, after)]
-    window = cv2.createHanningWindow((pair[0].shape[1], pair[0].shape[0]), cv2.CV_32F)
-    (right, down), _ = cv2.phaseCorrelate(*pair, window)
-    moved = float(np.hypot(right, down))
-    if moved > MOST_MOVED_PX:
-        what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
-        raise input_error(str(position.of(last)), what, "fix the camera on a tripod, and take the position again")
-    scale = float(np.mean(pair[1])) / max(1e-9, float(np.mean(pair[0])))
+    before, after = (cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), BLUR_PX) for one in (before, after))
+    scale = float(after.mean()) / max(1e-9, float(before.mean()))
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"
         raise input_error(str(position.of(last)), what, "fix the camera's exposure, and the room's light")
+    # The shift that explains the difference best, by the gradients.
+    down, right = np.gradient(before)
+    slopes = np.stack([right.ravel(), down.ravel()], axis=1)
+    moved = float(np.hypot(*np.linalg.lstsq(slopes, (before - after).ravel(), rcond=None)[0]))
+    if moved > MOST_MOVED_PX:
+        what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
+        raise input_error(str(position.of(last)), what, "fix the camera on a tripod, and take the position again")
     return moved

@@ -29,9 +29,11 @@ FIRST_RADIUS, GROWTH = 4.0, 1.5
 NEAR = 0.3
 #: Least share of points that are near lattice points; of random points about a third are.
 LEAST_NEAR = 0.55
+#: Share at which no other start is tried.
+SURELY_NEAR = 0.8
 #: Distance of the camera that the nominal lattice is enlarged for, in distances D; the search covers others.
 USUAL_DISTANCE_MM = 600.0
-MOST_POINTS = 200_000
+MOST_POINTS = 80_000
 SEED = 1909
 
 
@@ -74,8 +76,13 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
         points_mm = points_mm[rng.choice(len(points_mm), MOST_POINTS, replace=False)]
     nominal = steps_of(display) * (1.0 + display.aperture_distance_mm / USUAL_DISTANCE_MM)
     pitch = display.array.coarsest_mm
-    tried = [found for middle in _middles(points_mm) if (found := _followed(points_mm, middle, nominal, pitch))]
-    best = max(tried, key=lambda one: one[0], default=None)
+    best: tuple[float, SeenLattice] | None = None
+    for middle in _middles(points_mm):
+        found = _followed(points_mm, middle, nominal, pitch)
+        if found is not None and (best is None or found[0] > best[0]):
+            best = found
+        if best is not None and best[0] > SURELY_NEAR:
+            break
     if best is None or best[0] < LEAST_NEAR:
         share = 0.0 if best is None else best[0]
         what = (

@@ -8,18 +8,20 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.calibration.decode import Decoded
-from lippmann.calibration.lattice import SeenLattice
-from lippmann.calibration.outline import Outline, fit_outline, regular
+from lippmann.calibration.lattice import NEAR, SeenLattice
+from lippmann.calibration.outline import fit_outline, grouped, regular
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.optics.panel import PanelFrame
 
 #: Part of a cell whose pixels count: beyond, a camera pixel sees through two lenslets.
 INNER = 0.7
-#: A pixel whose point is this far from its lenslet's, in steps of the lattice, is wrong.
-WRONG = 0.4
+#: Rounds in which outline and lenslets of the pixels are found.
+ROUNDS = 3
 #: Most standard deviations of a pixel from the others of its lenslet.
 SPREAD = 3.5
+#: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
+WHOLE = 0.9
 #: Least share of the usual number of pixels that a lenslet must have.
 LEAST_SHARE = 0.35
 Floats = npt.NDArray[np.float64]
@@ -52,18 +54,31 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     """Average the pixels of each lenslet's inner cell."""
     frame, grid = PanelFrame.of(display), display.array.grid
     points = np.stack(frame.panel_from_pixel(*decoded.panel_px.astype(np.float64).T), axis=1)
+    panel_steps = seen.steps(points)
+    # In focus, all of a lenslet shows one point. Else points move over it, and with the outline, better known after
+    # each round, a point tells its lenslet: it is l + B (q - l) in steps of the lattice, seen at q in the photograph.
     index, near = seen.near(points)
-    outline = fit_outline(decoded.name, grid, decoded.photo_px[near], index[near], decoded.shape)
+    moves = np.zeros((2, 2))
+    for _ in range(ROUNDS):
+        outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
+        at = outline.steps(decoded.photo_px)
+        across = at - np.round(at)
+        some = (abs(across) < 0.35).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
+        off = panel_steps[some] - np.round(at[some])
+        moves = np.linalg.lstsq(across[some], off, rcond=None)[0]
+        own = (panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves)
+        index = np.round(own).astype(np.int64)
+        near = (abs(own - index) < NEAR).all(axis=1)
     home, local = outline.located(decoded.photo_px)
     # Pixels that see their own lenslet give its middle in the photograph.
-    own = near & (home == index).all(axis=1)
-    names, groups = _grouped(home)
-    counts = np.bincount(groups[own], minlength=len(names))
-    sums = _sums(decoded.photo_px[own].astype(np.float64), groups[own], len(names))
+    names, groups = grouped(home)
+    own_pixels = near & (home == index).all(axis=1)
+    counts = np.bincount(groups[own_pixels], minlength=len(names))
+    sums = _sums(decoded.photo_px[own_pixels].astype(np.float64), groups[own_pixels], len(names))
     photo = sums / np.maximum(counts, 1)[:, None]
     axes = np.array(outline.lattice.axes)
     inner = (abs(local @ axes.T) < 0.5 * INNER).all(axis=1)
-    good = inner & (abs(seen.steps(points) - home) < WRONG).all(axis=1)
+    good = inner & own_pixels
     spread = np.zeros((2, 2))
     for _ in range(2):
         at, middle, spread = _averages(points, local, good, groups, len(names))
@@ -73,11 +88,12 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
-    whole = np.median(counts[counts > 0]) if (counts > 0).any() else 0.0
-    kept = (number >= max(2.0, LEAST_SHARE * usual)) & (counts >= LEAST_SHARE * whole)
+    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts)
     if kept.sum() < 30:
         what = f"only {int(kept.sum())} lenslets are seen"
-        raise input_error(decoded.name, what, "come nearer, or use a camera with more pixels: 4 or more across a lenslet")
+        raise input_error(
+            decoded.name, what, "come nearer, or use a camera with more pixels: 4 or more across a lenslet"
+        )
     panel = at[kept] - middle[kept] @ spread
     return Lenslets(
         decoded.name, decoded.shape, names[kept], photo[kept], panel, number[kept], spread,
@@ -85,13 +101,27 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     )  # fmt: skip
 
 
-def _grouped(index: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the different (i, j) of pixels, (M, 2), and the number of each pixel's one, (N,)."""
-    low = index.min(axis=0)
-    rows = int(index[:, 1].max() - low[1]) + 1
-    flat = (index[:, 0] - low[0]) * rows + (index[:, 1] - low[1])
-    names, groups = np.unique(flat, return_inverse=True)
-    return np.stack([names // rows, names % rows], axis=1) + low, groups
+def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Tell which lenslets (N, 2) have about as many pixels as the largest of their neighbours: none is hidden."""
+    low = index.min(axis=0) - 1
+    table = np.zeros(index.max(axis=0) - low + 2)
+    i, j = (index - low).T
+    table[i, j] = counts
+    around = [table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)]
+    most = np.max(around, axis=0)
+    return np.asarray(counts >= WHOLE * most - 2.0 * np.sqrt(most))
+
+
+def _complete(
+    photo_px: npt.NDArray[np.float32], index: npt.NDArray[np.int64], near: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int64]]:
+    """Return the pixels near lattice points whose lenslets are whole, and their (i, j).
+
+    At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
+    """
+    names, groups = grouped(index[near])
+    complete = whole(names, np.bincount(groups))[groups]
+    return photo_px[near][complete], index[near][complete]
 
 
 def _sums(values: Floats, groups: npt.NDArray[np.int64], count: int) -> Floats:
