@@ -28,8 +28,7 @@ from lippmann.photographs.disturbances import Disturbances
 from lippmann.photographs.photograph import Look, photograph_folder
 from lippmann.photographs.sensor import Sensor
 
-#: Panel of the random displays, and their lenslets, pixels.
-WIDTH_PX, HEIGHT_PX = 640, 480
+#: Lenslets of the random displays, pixels.
 LENSLET_PX = (14.0, 24.0)
 #: Their greatest errors: degrees, shares of pitch and gap.
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
@@ -72,15 +71,15 @@ class Case:
         return photographs
 
 
-def random_case(seed: int, photo_px: int = 1000, positions: int = 3) -> Case:
+def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions: int = 3) -> Case:
     """Return a random display as the calibration's requirement asks: the same for the same seed.
 
-    `photo_px` is the photographs' width.
+    `panel_px` and `photo_px` are the widths of panel and photographs, four thirds of their heights.
     """
     rng = np.random.default_rng((seed, 0xCA1))
     between = rng.uniform
     pixel = math.exp(between(math.log(0.04), math.log(0.2)))
-    panel = Panel(WIDTH_PX, HEIGHT_PX, pixel)
+    panel = Panel(panel_px, 3 * panel_px // 4, pixel)
     grid: Grid = "hex" if seed % 2 else "square"
     side: PlanoSide = "viewer" if seed // 2 % 2 else "panel"
     pitch, index = pixel * between(*LENSLET_PX), between(1.48, 1.6)
