@@ -145,14 +145,14 @@ def test_a_bowed_array_is_the_one_that_stands_higher_there(built):
     origin = np.array([[20.0, -10.0, 150.0]])
     corner = np.array([reach * np.cos(0.6), reach * np.sin(0.6), 0.0])
     direction = (corner - origin) / np.linalg.norm(corner - origin)
-    bowed = disturbed(built, Disturbances(bow_mm=0.03), 0, engine="golden")(origin, direction)
+    bowed = disturbed(built, Disturbances(bow_mm=0.03), engine="golden")(origin, direction)
     lifted = dataclasses.replace(built, gap_mm=built.gap_mm + 0.03)
     expected = trace_to_panel(lifted, origin - [[0.0, 0.0, 0.03]], direction)
     np.testing.assert_allclose(bowed.pixel, expected.pixel, atol=1e-6)
     # In the middle it is the plain one, and the corner is seen elsewhere than without a bow.
     middle = -origin / np.linalg.norm(origin)
     plain = traced(built, "golden")
-    straight = disturbed(built, Disturbances(bow_mm=0.03), 0, engine="golden")(origin, middle)
+    straight = disturbed(built, Disturbances(bow_mm=0.03), engine="golden")(origin, middle)
     np.testing.assert_allclose(straight.pixel, plain(origin, middle).pixel, atol=1e-9)
     assert np.abs(bowed.pixel - plain(origin, direction).pixel).max() > 0.05
 

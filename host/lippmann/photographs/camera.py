@@ -158,4 +158,6 @@ def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
     """Return the camera with the focal length at which the panel fills this share of the picture."""
     ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
     reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
-    return replace(camera, focal_px=fill * min(0.5 * camera.width_px / reach[0], 0.5 * camera.height_px / reach[1]))
+    return replace(
+        camera, focal_px=fill * float(min(np.array([0.5 * camera.width_px, 0.5 * camera.height_px]) / reach))
+    )

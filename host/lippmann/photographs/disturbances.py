@@ -34,7 +34,8 @@ class Disturbances:
     the square of the distance. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary
     values in every photograph) are shares. `reflection` is the light of a lamp's reflection, and `bright_spot` that of
     its mirror image, as shares of the panel's white. `blur_px` is the deviation of a Gaussian blur in the photograph.
-    `moved_mm` moves the camera before the second half of the photographs.
+    `moved_mm` moves the camera before the second half of the photographs. `seed` chooses the pixels and lenslets of the
+    display, which are the same for each position of the camera.
     """
 
     bow_mm: float = 0.0
@@ -45,6 +46,7 @@ class Disturbances:
     outliers: float = 0.0
     blur_px: float = 0.0
     moved_mm: Point = (0.0, 0.0, 0.0)
+    seed: int = 0
 
     def after_move(self, camera: Camera) -> Camera:
         """Return the camera as it stands for the second half of the photographs."""
@@ -53,7 +55,7 @@ class Disturbances:
         return replace(camera, position_mm=(x, y, z), look_at_mm=(aim[0], aim[1], aim[2]))
 
 
-def disturbed(display: Display, disturbances: Disturbances, seed: int, engine: Engine = "fast") -> Tracer:
+def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fast") -> Tracer:
     """Return the tracer through the array as it is: bowed, and some of its lenslets hidden."""
     deeper = display.misaligned(gap_mm=1.0)
     front = System.of(display).last_face_mm
@@ -70,7 +72,7 @@ def disturbed(display: Display, disturbances: Disturbances, seed: int, engine: E
         else:
             hits = trace_to_panel(display, origin, direction, engine=engine)
         if disturbances.hidden_lenslets > 0.0:
-            lost = hidden(hits.lenslet, disturbances.hidden_lenslets, seed)
+            lost = hidden(hits.lenslet, disturbances.hidden_lenslets, disturbances.seed)
             hits = replace(hits, status=np.where(lost, np.uint8(Status.BLOCKED), hits.status))
         return hits
 

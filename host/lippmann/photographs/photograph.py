@@ -54,7 +54,7 @@ def photograph_folder(
     output
         Folder for the photographs, which is made when missing, with its parents.
     seed
-        Of noise and disturbances.
+        Of the rays, the noise, reflections and outliers.
     sensor, disturbances
         Of the camera, and of the bench.
     samples
@@ -77,7 +77,7 @@ def photograph_folder(
     def see(camera: Camera) -> Sight:
         if look is not None:
             return look(display, camera)
-        return sight_of(display, camera, samples, seed, disturbed(display, disturbances, seed))
+        return sight_of(display, camera, samples, seed, disturbed(display, disturbances))
 
     before = after = see(camera)
     if any(disturbances.moved_mm):
@@ -93,7 +93,7 @@ def photograph_folder(
     output.mkdir(parents=True, exist_ok=True)
     for number, name in enumerate(names):
         interrupts.check()
-        light = without_dead(panel_light(name, display.panel), disturbances.dead_pixels, seed)
+        light = without_dead(panel_light(name, display.panel), disturbances.dead_pixels, disturbances.seed)
         picture = (before if 2 * number < len(names) else after).photograph(light)
         picture = picture + (added if picture.ndim == 2 else added[..., None])
         if disturbances.blur_px > 0.0:
