@@ -31,6 +31,8 @@ Words = npt.NDArray[np.uint16]
 TOP = 65535
 #: Least distance from the panel to the array, mm: POV-Ray sees no gap between surfaces that touch.
 LEAST_GAP_MM = 1e-3
+#: Angle between neighbours of a spiral that fills a disc evenly, radians.
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 HEADER = "#version 3.7;\nglobal_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}\n"
 INI = """Input_File_Name={name}.pov
 Output_File_Name={name}.png
@@ -51,8 +53,9 @@ def look_at_solids(samples: int = 3, seed: int = 0) -> Look:
     It raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
     """
 
+    rng = np.random.default_rng((seed, 0x907))
+
     def look(display: Display, camera: Camera) -> Sight:
-        rng = np.random.default_rng((seed, 0x907))
         pixels, places, sees = [], [], []
         with tempfile.TemporaryDirectory() as folder:
             write_model(display, Path(folder))
@@ -161,12 +164,15 @@ def read_picture(path: Path) -> Words:
 
 
 def _spread(samples: int, rng: np.random.Generator) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    """Return places in a pixel, and in the unit disc, of samples x samples rays; each in its own part of both."""
+    """Return places in a pixel, and in the unit disc, of samples x samples rays.
+
+    Each has its own part of the pixel. In the disc they are a spiral (H. Vogel, 1979) about its middle, so that the
+    camera is not aside of where it stands, in an order of its own.
+    """
     count = samples * samples
     row, column = np.divmod(np.arange(count), samples)
     u, v = (column + rng.random(count)) / samples, (row + rng.random(count)) / samples
     order = rng.permutation(count)
-    radius = np.sqrt((order + rng.random(count)) / count)
-    turn = 2.0 * np.pi * rng.random(count)
-    x, y = radius * np.cos(turn), radius * np.sin(turn)
-    return [((float(u[k]), float(v[k])), (float(x[k]), float(y[k]))) for k in range(count)]
+    disc = np.sqrt((order + 0.5) / count) * np.exp(1j * (GOLDEN_ANGLE * order + 2.0 * np.pi * rng.random()))
+    disc -= disc.mean()
+    return [((float(u[k]), float(v[k])), (float(disc[k].real), float(disc[k].imag))) for k in range(count)]
