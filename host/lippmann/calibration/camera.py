@@ -60,4 +60,5 @@ def first_pose(plane_mm: Floats, photo_px: Floats, lens: Lens) -> tuple[Floats, 
     """Return the rotation vector and the place, mm, of a camera that sees points of a plane at pixels."""
     matrix = np.array([[lens.focal_px, 0, lens.middle_px[0]], [0, lens.focal_px, lens.middle_px[1]], [0, 0, 1]])
     _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
-    return np.asarray(turn).ravel(), np.asarray(-rotation_of(turn).T @ shift).ravel()
+    vector = np.array(turn, np.float64).ravel()
+    return vector, -rotation_of(vector).T @ np.array(shift, np.float64).ravel()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -80,7 +80,8 @@ class Fit(NamedTuple):
 
 def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_px: float) -> Fit:
     """Decode the kept pixels, and measure how well the photographs agree."""
-    patterns, points, residuals, modulations, disagree = samples.patterns, [], {}, [], []
+    patterns, points, modulations, disagree = samples.patterns, [], [], []
+    residuals: dict[Pattern, float] = {}
     for axis in (0, 1):
         phases = [one for one in patterns.patterns if one.kind == "phase" and one.axis == axis]
         angles = 2.0 * np.pi * np.arange(len(phases)) / len(phases)
@@ -103,8 +104,9 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
         points.append(point)
     panel = np.stack(points, axis=1).astype(np.float32)
     photo = samples.photo_px
+    found: Any
     found, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
-    share = 0.0 if found is None or mask is None else float(mask.mean())
+    share = 0.0 if found is None else float(np.mean(mask))
     return Fit(panel, min(modulations), residuals, max(disagree), share, found)
 
 
@@ -188,6 +190,10 @@ def _check_view(samples: Samples, found: Fit) -> None:
         raise input_error(str(path), what, "move the camera back or turn it, so that the whole panel is in view")
 
 
+def _blurred(light: Light) -> Light:
+    return np.asarray(cv2.GaussianBlur(np.ascontiguousarray(light), (0, 0), BLUR_PX), np.float32)
+
+
 def check_marks(
     position: Position, first: Pattern, last: Pattern, before: Light, after: Light, seen: npt.NDArray[np.bool_]
 ) -> float:
@@ -196,7 +202,7 @@ def check_marks(
     if len(rows) < 8 or len(columns) < 8:
         return 0.0
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    before, after = (cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), BLUR_PX) for one in (before, after))
+    before, after = (_blurred(one[part]) for one in (before, after))
     scale = float(after.mean()) / max(1e-9, float(before.mean()))
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"

@@ -1,9 +1,11 @@
-"""Where the panel is met by the rays that a camera sends through the inner cell of a lenslet, on average.
+"""What a camera sees of a lenslet, by exact rays: where its outline is, and where its rays meet the panel.
 
-The camera at C sees the outline of the lenslet at L on the plane z = h: the outline's sides are seams, which are below
-the vertices of domes that face the viewer, and behind glass else. With the slope s = (C - L) / (Cz - h) the rays land,
-on average over the inner cell, at L + w(s), and by symmetry w is close to
+A camera sees the lenslet with the vertex L on a plane at the height h: the outline's sides are seams, which are below
+the vertices of domes that face the viewer, and behind glass else. With the slope s = (C - L) / (Cz - h), the middle of
+the outline is at L + c(s) on this plane, and the rays through the inner cell around it land on the panel, on average,
+at L + w(s). By symmetry both are close to polynomials:
 
+    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4),
     w(s) = -s (a0 + a1 |s|^2 + a2 |s|^4 + gap (b0 + b1 |s|^2 + b2 |s|^4)).
 
 The numbers are fitted to exact rays: Snell's law at each face. They contain what a paraxial D leaves out.
@@ -16,20 +18,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.lenslets import INNER
+from lippmann.calibration.lattice import NEAR
+from lippmann.calibration.lenslets import INNER, MIDDLE
 from lippmann.display import Display
 from lippmann.engines import trace_to_panel
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
-from lippmann.optics.rays import gets_through
+from lippmann.optics.rays import Hits, Status, gets_through
 from lippmann.optics.sampling import square_to_cell
 
 Floats = npt.NDArray[np.float64]
 #: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
-#: Rays across the inner cell, slopes from 0 to the steepest, and directions of the slope.
-ACROSS, SLOPES, DIRECTIONS = 7, 9, 8
+#: Rays across the inner cell, and across the square in which an outline is looked for; slopes; their directions.
+ACROSS, OUTLINE_ACROSS, SLOPES, DIRECTIONS = 7, 48, 9, 8
+#: Side of that square, in pitches.
+AROUND = 2.4
 
 
 def outline_mm(display: Display) -> float:
@@ -43,62 +48,130 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class Landing:
-    """The numbers a and b of the module's formula, and the plane of outlines, mm."""
+    """The numbers a, b and c of the module's formulas, and the plane of outlines, mm."""
 
     fixed: Floats
     per_gap: Floats
+    aside: Floats
     outline_mm: float
-    #: Largest distance of exact means from the formula, mm.
+    #: Steepest slope that was traced.
+    steepest: float
+    #: Largest distance of exact means from the formula of w, mm.
     error_mm: float
 
     def point(self, slope: Floats, gap_mm: Floats | float) -> Floats:
         """Return w for slopes (N, 2) and a gap for all or for each, (N, 2) mm."""
-        square = (slope**2).sum(axis=1)
-        powers = np.stack([np.ones_like(square), square, square**2])
-        reach = self.fixed @ powers + gap_mm * (self.per_gap @ powers)
-        return np.asarray(-slope * reach[:, None])
+        powers = _powers(slope)
+        return np.asarray(-slope * (powers @ self.fixed + gap_mm * (powers @ self.per_gap))[:, None])
+
+    def outline(self, slope: Floats) -> Floats:
+        """Return c for slopes (N, 2), (N, 2) mm."""
+        return np.asarray(slope * (_powers(slope) @ self.aside)[:, None])
+
+
+def _powers(slope: Floats) -> Floats:
+    square = (slope**2).sum(axis=1)
+    return np.stack([np.ones_like(square), square, square**2], axis=1)
 
 
 def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
     """Trace a display's lenslet from cameras at a distance, with slopes up to `steepest`."""
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
     plain = replace(display, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
-    radii = np.linspace(0.0, max(steepest, 0.05), SLOPES)[1:]
+    radii = np.linspace(0.0, max(steepest, 0.05), SLOPES + 1)[1:]
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
     slopes = np.stack([np.outer(radii, f(angles)).ravel() for f in (np.cos, np.sin)], axis=1)
-    gaps = display.gap_mm, display.gap_mm + 0.2 * display.aperture_distance_mm
     height = outline_mm(display)
-    powers = np.stack([(slopes**2).sum(axis=1) ** k for k in range(3)], axis=1)
-    design = -(slopes[:, :, None] * powers[:, None, :]).reshape(-1, 3)
+    design = (slopes[:, :, None] * _powers(slopes)[:, None, :]).reshape(-1, 3)
+
+    middles = _middles(plain, slopes, height, distance_mm)
+    aside = np.linalg.lstsq(design, middles.ravel(), rcond=None)[0]
+    offset = (design @ aside).reshape(-1, 2)
+
+    gaps = display.gap_mm, display.gap_mm + 0.2 * display.aperture_distance_mm
     fits, errors = [], []
+    through = offset[:, None] + _inner(plain)[None]
     for gap in gaps:
-        # A panel so large that every ray meets it.
-        at = _means(replace(plain, gap_mm=gap), slopes, height, distance_mm)
-        numbers = np.linalg.lstsq(design, at.ravel(), rcond=None)[0]
+        seen, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
+        means = _mean(at, seen)
+        numbers = np.linalg.lstsq(-design, means.ravel(), rcond=None)[0]
         fits.append(numbers)
-        errors.append(float(np.hypot(*(at - (design @ numbers).reshape(-1, 2)).T).max()))
+        errors.append(float(np.hypot(*(means + (design @ numbers).reshape(-1, 2)).T).max()))
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
-    return Landing(fits[0] - gaps[0] * per_gap, per_gap, height, max(errors))
+    return Landing(fits[0] - gaps[0] * per_gap, per_gap, np.asarray(aside, np.float64), height, steepest, max(errors))
 
 
-def _means(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
-    """Return the mean landing points of the lenslet (0, 0) for slopes (N, 2), mm from its centre."""
+def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
+    """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
+
+    They are means of the points whose rays a photograph gives to their lenslet as `lenslets.measure_lenslets` does: of
+    the strongest aberrations at a cell's edge, it takes the point on the panel for one of a neighbour.
+    """
+    side = AROUND * display.array.coarsest_mm * ((np.arange(OUTLINE_ACROSS) + 0.5) / OUTLINE_ACROSS - 0.5)
+    around = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    many = np.broadcast_to(around, (len(slopes), *around.shape))
+    seen, at = _traced(display, slopes, many, height_mm, distance_mm)
+    lattice = Lattice.of(display.array)
+    steps = np.linalg.inv(np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)]).T)
+    middles = _mean(many, seen)
+    grown = 1.0 + display.aperture_distance_mm / distance_mm
+    for k in range(len(slopes)):
+        across, landed = around[seen[k]] @ steps.T, at[k, seen[k]] @ steps.T / grown
+        middle = across.mean(axis=0)
+        for _ in range(3):
+            own = given_to(across - middle, landed)
+            if own.sum() < 0.2 * len(own):
+                break
+            middle = across[own].mean(axis=0)
+        middles[k] = np.linalg.inv(steps) @ middle
+    return middles
+
+
+def given_to(across: Floats, landed: Floats) -> npt.NDArray[np.bool_]:
+    """Tell which points a photograph gives to their lenslet; both in steps, from the middle and from anywhere."""
+    some = (abs(across) < MIDDLE).all(axis=1)
+    centre = np.median(landed[some], axis=0) if some.any() else np.zeros(2)
+    moves = np.linalg.lstsq(across[some], landed[some] - centre, rcond=None)[0]
+    own = (landed - centre - across @ moves) @ np.linalg.inv(np.eye(2) - moves)
+    own -= own[some].mean(axis=0)
+    return np.asarray((abs(own) < NEAR).all(axis=1))
+
+
+def _inner(display: Display) -> Floats:
+    """Return points all over a lenslet's inner cell, (N, 2) mm."""
     side = (np.arange(ACROSS) + 0.5) / ACROSS
     s, t = (one.ravel() for one in np.meshgrid(side, side))
     if display.array.grid == "hex":  # equal areas of the three rhombi
-        s = (np.repeat(np.arange(3), len(s)) + np.tile(s, 3)) / 3.0
-        t = np.tile(t, 3)
-    across = INNER * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
-    camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])
-    to = np.column_stack([across, np.full(len(across), height_mm)])
-    direction = to[None] - camera[:, None]
+        s, t = (np.repeat(np.arange(3), len(s)) + np.tile(s, 3)) / 3.0, np.tile(t, 3)
+    return INNER * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
+
+
+def _traced(
+    display: Display, slopes: Floats, through: Floats, height_mm: float, distance_mm: float
+) -> tuple[npt.NDArray[np.bool_], Floats]:
+    """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
+
+    Return which pass the lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2) mm.
+    """
+    camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
+    to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)
+    direction = to - camera
     direction /= np.linalg.norm(direction, axis=2, keepdims=True)
-    origin = np.broadcast_to(camera[:, None], direction.shape)
-    hits = trace_to_panel(display, origin.reshape(-1, 3), direction.reshape(-1, 3))
+    origin = np.broadcast_to(camera, direction.shape)
+    hits: Hits = trace_to_panel(display, origin.reshape(-1, 3), direction.reshape(-1, 3))
     x, y = PanelFrame.of(display).panel_from_pixel(*hits.pixel.T)
-    # Off the panel counts as blocked, and may be far aside here.
-    good = (gets_through(hits.status) | (hits.status == 3)) & (hits.lenslet == 0).all(axis=1)
-    shape = direction.shape[:2]
-    weight = good.reshape(shape).astype(float)
-    total = np.maximum(weight.sum(axis=1), 1.0)
-    return np.stack([(one.reshape(shape) * weight).sum(axis=1) / total for one in (x, y)], axis=1)
+    # A ray that misses the panel counts as blocked; here the panel has no end. One lost within the glass never lands.
+    beside = (hits.status == int(Status.BLOCKED)) & _off(display, x, y)
+    lands = gets_through(hits.status) | beside
+    seen = lands & (hits.lenslet == 0).all(axis=1)
+    return seen.reshape(through.shape[:2]), np.stack([x, y], axis=1).reshape(through.shape)
+
+
+def _off(display: Display, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
+    panel = display.panel
+    return np.asarray((abs(x) >= 0.5 * panel.width_mm) | (abs(y) >= 0.5 * panel.height_mm))
+
+
+def _mean(points: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
+    """Return the means of points (N, M, 2) that are seen, (N, 2)."""
+    return np.asarray((points * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])

@@ -56,7 +56,7 @@ class SeenLattice:
         """Return the nearest lattice points (i, j) of points, (N, 2), and which points are near theirs, (N,)."""
         steps = self.steps(points_mm)
         index = np.round(steps)
-        return index.astype(np.int64), (abs(steps - index) < NEAR).all(axis=1)
+        return index.astype(np.int64), np.asarray((abs(steps - index) < NEAR).all(axis=1))
 
 
 def steps_of(display: Display) -> Floats:

@@ -18,8 +18,10 @@ from lippmann.optics.panel import PanelFrame
 INNER = 0.7
 #: Rounds in which outline and lenslets of the pixels are found.
 ROUNDS = 3
+#: Distance from the cell's middle, in steps of the lattice, up to which points move evenly.
+MIDDLE = 0.35
 #: Most standard deviations of a pixel from the others of its lenslet.
-SPREAD = 3.5
+SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
 WHOLE = 0.9
 #: Least share of the usual number of pixels that a lenslet must have.
@@ -29,9 +31,11 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lenslets:
-    """Of the lenslets that one position sees: `index` (N, 2) int64, `photo_px` (N, 2) their middles in the photograph,
-    `panel_mm` (N, 2) the points of the panel seen through their centres, `pixels` (N,) the number of camera pixels.
-    """  # fmt: skip
+    """Of N lenslets that one position sees: what is seen through each, and where.
+
+    `index` (N, 2) int64 are their (i, j), `photo_px` (N, 2) their middles in the photograph, `panel_mm` (N, 2) the
+    points of the panel seen through their inner cells, `pixels` (N,) the numbers of camera pixels there.
+    """
 
     name: str
     shape: tuple[int, int]
@@ -63,9 +67,9 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
-        some = (abs(across) < 0.35).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
+        some = (abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
         off = panel_steps[some] - np.round(at[some])
-        moves = np.linalg.lstsq(across[some], off, rcond=None)[0]
+        moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
         own = (panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves)
         index = np.round(own).astype(np.int64)
         near = (abs(own - index) < NEAR).all(axis=1)
@@ -137,7 +141,7 @@ def _averages(
     across = local[good] - middle[groups[good]]
     moved = points[good] - at[groups[good]]
     spread = np.linalg.lstsq(across.T @ across, across.T @ moved, rcond=None)[0]
-    return at, middle, spread
+    return at, middle, np.asarray(spread, np.float64)
 
 
 def regular_places(lenslets: Lenslets, display: Display) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -113,7 +113,7 @@ def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photogr
     if shape is not None and raw.shape[:2] != shape:
         what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
         raise input_error(str(path), what, "take all photographs with one camera and one setting, without turning it")
-    values = np.asarray(raw[..., :3] if raw.ndim == 3 else raw[..., None])
+    values: npt.NDArray[Any] = np.asarray(raw[..., :3] if raw.ndim == 3 else raw[..., None])
     top = int(CLIPPED * np.iinfo(values.dtype).max)
     light = np.zeros(values.shape[:2], np.float32)
     clipped = np.zeros(values.shape[:2], np.bool_)

@@ -58,7 +58,7 @@ class Calibration:
     rms_panel_px: float
     rms_photo_px: float
     outliers: float
-    #: One row for each lenslet and position: position, i, j, centre x, y, mm, residual right and down, panel pixels, kept.
+    #: A row for each lenslet and position: position, i, j, centre x and y, mm, residual right and down, px, kept.
     field: Floats
 
     def summary(self) -> dict[str, Any]:
@@ -93,7 +93,7 @@ class Calibration:
 
 
 def load_calibration(path: Path) -> tuple[Display, dict[str, Any], Floats, str]:
-    """Return the display of a calibrated file, and from its .npz the summary, the field, and the nominal file's text."""
+    """Return a calibrated file's display, and from its .npz the summary, the field, and the nominal file's text."""
     display = load_display(path)
     beside = path.with_suffix(".npz")
     try:
@@ -197,7 +197,7 @@ def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[s
         if views == 1:
             x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")
             remarks.append(
-                f"the file is right for eyes near the camera, about ({x:.0f}, {y:.0f}, {z:.0f}) mm; not for other places"
+                f"the file is right for eyes near the camera, about ({x:.0f}, {y:.0f}, {z:.0f}) mm, not elsewhere"
             )
     else:
         remarks.append("photograph from places farther aside, at distances that differ by half")

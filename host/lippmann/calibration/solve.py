@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.bundle import BOW, LENS, Problem, Solution, first_fit, solve
+from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Problem, Solution, first_fit, solve
 from lippmann.calibration.decode import decode_position
+from lippmann.calibration.landing import Landing, landing_of
 from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
 from lippmann.calibration.numbering import Start, starts
@@ -45,9 +47,7 @@ def calibrate(
     shape: tuple[int, int] | None = None
     several = positions(folder, patterns)
     for position in several:
-        decoded = decode_position(
-            position, patterns, pitch_px, shape, lambda done, total, name=position.name: progress(name, done, total)
-        )
+        decoded = decode_position(position, patterns, pitch_px, shape, partial(progress, position.name))
         shape = decoded.shape
         rng = np.random.default_rng(1907)
         some = rng.permutation(len(decoded.panel_px))[:400_000]
@@ -78,7 +78,10 @@ def solve_views(
     _, start, x = min(tried, key=lambda one: one[0])
     progress("least squares", 0, 3)
     whole = Problem(nominal, landing, start.views, shape)
-    solution = solve(whole.thinned(most=8000), x)
+    solution = solve(whole.thinned(MOST_LENSLETS), x, robust_only=True)
+    # The rays again, through the array and the gap that were found.
+    whole = replace(whole, landing=again(solution, landing))
+    solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
     progress("least squares", 2, 3)
@@ -92,6 +95,17 @@ def solve_views(
     made = _result(nominal, replace_views(solution, start), solution, tuple(remarks))
     progress("least squares", 3, 3)
     return made
+
+
+def again(solution: Solution, landing: Landing) -> Landing:
+    """Return the landing of rays of the display that was found, unless it cannot be built."""
+    try:
+        built = display_of(solution.problem.display, solution)
+    except DoubtError:
+        return landing
+    views = range(len(solution.problem.views))
+    places = [[solution.value(f"place_{axis}_{k}") for axis in "xyz"] for k in views]
+    return landing_of(built, landing.steepest, float(np.mean([place[2] for place in places])))
 
 
 def replace_views(solution: Solution, start: Start) -> Problem:
@@ -128,7 +142,7 @@ def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple
     limit = min(MOST_SCATTER_PX, max(0.5, MOST_SCATTER * pitch_px))
     if scatter > limit or outliers > MOST_OUTLIERS:
         raise DoubtError(
-            f"the photographs do not fit a display like '{nominal.name}': panel points scatter by {scatter:.2f} pixels, "
+            f"the photographs do not fit a display like '{nominal.name}': panel points scatter by {scatter:.2f} px, "
             f"{100.0 * outliers:.0f} % are outliers; check plano_side, thickness_mm, index and focal length in the file"
         )
     display = display_of(nominal, solution)
@@ -148,7 +162,7 @@ def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple
     rows = []
     for k, view in enumerate(whole.views):
         centres, residual = whole.centres(solution.x, whole.places[k]), whole.residuals(solution.x, k)
-        kept = (abs(residual[:, :2]) < 4.5 * solution.scatter[k][0]).all(axis=1)
+        kept = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.scatter[k][0]).all(axis=1))
         # Seen less expected; pixel rows count down.
         off = residual[:, :2] * [-1.0, 1.0]
         rows.append(np.column_stack([np.full(len(kept), k), view.index, centres, off, kept]))
