@@ -52,7 +52,6 @@ def look_at_solids(samples: int = 3, seed: int = 0) -> Look:
 
     It raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
     """
-
     rng = np.random.default_rng((seed, 0x907))
 
     def look(display: Display, camera: Camera) -> Sight:
