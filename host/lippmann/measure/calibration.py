@@ -43,6 +43,8 @@ RATIO, SHEAR = 3e-4, 5e-4
 #: Distance of the cameras, in widths of the panel; angles of the first and of the others to the axis, degrees.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
+#: Deviations of their lenses' point spread, pixels.
+BLUR_PX = (0.4, 0.7)
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,7 @@ def _cameras(display: Display, rng: np.random.Generator, photo_px: int, position
         k1=between(-0.15, 0.1),
         k2=between(-0.05, 0.05),
         vignetting=between(0.0, 0.4),
+        blur_px=between(*BLUR_PX),
     )
     return tuple(
         replace(
