@@ -31,8 +31,8 @@ NEAR = 0.3
 LEAST_NEAR = 0.55
 #: Share at which no other start is tried.
 SURELY_NEAR = 0.8
-#: Distance of the camera that the nominal lattice is enlarged for, in distances D; the search covers others.
-USUAL_DISTANCE_MM = 600.0
+#: Nearest camera, in widths of the panel: it sees the lattice enlarged by D over its distance.
+NEAREST_WIDTHS = 1.5
 MOST_POINTS = 80_000
 SEED = 1909
 
@@ -74,11 +74,12 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     rng = np.random.default_rng(SEED)
     if len(points_mm) > MOST_POINTS:
         points_mm = points_mm[rng.choice(len(points_mm), MOST_POINTS, replace=False)]
-    nominal = steps_of(display) * (1.0 + display.aperture_distance_mm / USUAL_DISTANCE_MM)
+    nominal = steps_of(display)
+    growth = min(0.5, display.aperture_distance_mm / (NEAREST_WIDTHS * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
     for middle in _middles(points_mm):
-        found = _followed(points_mm, middle, nominal, pitch)
+        found = _followed(points_mm, middle, nominal, pitch, growth)
         if found is not None and (best is None or found[0] > best[0]):
             best = found
         if best is not None and best[0] > SURELY_NEAR:
@@ -90,7 +91,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
             f"({100.0 * share:.0f} % of them near lattice points)"
         )
         raise input_error(name, what, reach_text())
-    _check_reach(name, best[1], nominal)
+    _check_reach(name, best[1], nominal, growth)
     return best[1]
 
 
@@ -108,13 +109,15 @@ def _middles(points_mm: Floats) -> list[Floats]:
     return [low + (high - low) * share for share in itertools.product((0.5, 0.35, 0.65), repeat=2)][:5]
 
 
-def _followed(points_mm: Floats, middle: Floats, nominal: Floats, pitch: float) -> tuple[float, SeenLattice] | None:
+def _followed(
+    points_mm: Floats, middle: Floats, nominal: Floats, pitch: float, growth: float
+) -> tuple[float, SeenLattice] | None:
     """Find the lattice around a middle and follow it outwards; return the share of points near it, and the lattice."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
     if len(first) < 200:
         return None
-    basis, origin = _searched(first[:20_000], middle, nominal)
+    basis, origin = _searched(first[:10_000], middle, nominal, growth)
     found, radius, farthest = SeenLattice(origin, basis), FIRST_RADIUS, distance.max() / pitch
     while True:
         region = points_mm[distance < radius * pitch]
@@ -129,11 +132,11 @@ def _followed(points_mm: Floats, middle: Floats, nominal: Floats, pitch: float) 
     return float(found.near(points_mm)[1].mean()), found
 
 
-def _searched(points_mm: Floats, middle: Floats, nominal: Floats) -> tuple[Floats, Floats]:
+def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float) -> tuple[Floats, Floats]:
     """Return the turned and stretched nominal steps, and the origin, on which the points are most coherent."""
     step = 0.12 / FIRST_RADIUS
     turns = np.arange(-math.radians(MOST_ROTATION_DEG) * 1.2, math.radians(MOST_ROTATION_DEG) * 1.2, step)
-    scales = np.arange(1.0 - 1.3 * MOST_STRETCH, 1.0 + 1.3 * MOST_STRETCH, step)
+    scales = np.arange(1.0 - 1.3 * MOST_STRETCH, (1.0 + 1.3 * MOST_STRETCH) * (1.0 + growth), step)
     local, best = points_mm - middle, (-1.0, nominal, middle)
     for turn, scale in itertools.product(turns, scales):
         c, s = math.cos(turn), math.sin(turn)
@@ -157,12 +160,13 @@ def _fitted(points_mm: Floats, found: SeenLattice) -> SeenLattice | None:
     return SeenLattice(solved[0] - basis @ middle, basis)
 
 
-def _check_reach(name: str, found: SeenLattice, nominal: Floats) -> None:
+def _check_reach(name: str, found: SeenLattice, nominal: Floats, growth: float) -> None:
     """Refuse a lattice at the edge of the search, which another one beyond it may beat."""
     change = found.basis @ np.linalg.inv(nominal)
     turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))
     stretch = math.sqrt(abs(float(np.linalg.det(change)))) - 1.0
-    if abs(turn) > MOST_ROTATION_DEG or abs(stretch) > MOST_STRETCH:
+    beyond = not -MOST_STRETCH < stretch < (1.0 + MOST_STRETCH) * (1.0 + growth) - 1.0
+    if abs(turn) > MOST_ROTATION_DEG or beyond:
         raise InputError(
             f"{name}: the array is turned by {turn:.2f} degrees and stretched by {100.0 * stretch:.2f} % against the "
             f"display file; {reach_text()}"
