@@ -115,10 +115,11 @@ def test_a_lens_blurs_an_edge_as_its_deviation_says(built):
     sharp, soft = (
         sight_of(built, dataclasses.replace(camera, blur_px=blur), samples=8).photograph(white) for blur in (0.0, 1.5)
     )
-    expected = gaussian_filter(sharp, 1.5)
     assert np.abs(soft - sharp).max() > 0.2
-    assert np.abs(soft - expected)[4:-4, 4:-4].max() < 0.25  # four deviations of 64 rays
-    assert np.abs(soft - expected)[4:-4, 4:-4].std() < 0.02
+    # 64 rays of a pixel at an edge scatter by a sixteenth.
+    off = [float((soft - gaussian_filter(sharp, one))[6:-6, 6:-6].std()) for one in (1.0, 1.5, 2.2)]
+    assert off[1] < 0.03
+    assert off[1] < 0.8 * min(off[0], off[2])
 
 
 def test_photographs_carry_the_light_with_the_sensors_noise(built, patterns, tmp_path):
