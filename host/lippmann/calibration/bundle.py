@@ -45,8 +45,11 @@ ROBUST = 1.5
 MOST_STEPS, SETTLED = 60, 1e-8
 #: Blocks of lenslets along each side of the array, for the covariance.
 BLOCKS = 9
-#: Share of the scatter that is taken as smooth, in each of six polynomials over a position.
-SMOOTH = 0.12
+#: Share of the scatter that is taken as smooth, in each of six polynomials over a position: panel, photograph.
+SMOOTH = (0.12, 0.12, 0.25, 0.25)
+#: Least smooth error of the lenslets' middles in a photograph, in lenslets: measured on computed photographs, it comes
+#: from pixels at the seams that are lost on one side more than on the other.
+MIDDLES = 0.007
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
 LEAST_SCATTER = 0.02
 SEED = 1911
@@ -54,10 +57,10 @@ SEED = 1911
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: a nominal display, the landing of rays, and the lenslets of each position."""
+    """What is fitted: a nominal display, and of each position the landing of rays and the lenslets."""
 
     display: Display
-    landing: Landing
+    landings: Sequence[Landing]
     views: Sequence[Lenslets]
     shape: tuple[int, int]
     bow: bool = False
@@ -103,12 +106,12 @@ class Problem:
     def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
         """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
         lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
-        centres = self.centres(x, self.places[k])
+        landing, centres = self.landings[k], self.centres(x, self.places[k])
         high = self.heights(x, centres)
-        z = self.landing.outline_mm + high
+        z = landing.outline_mm + high
         slope = (pose[3:5] - centres) / np.reshape(pose[5] - z, (-1, 1))
-        panel = centres + self.landing.point(slope, x[6] + high)
-        middles = np.column_stack([centres + self.landing.outline(slope), np.broadcast_to(z, len(centres))])
+        panel = centres + landing.point(slope, x[6] + high)
+        middles = np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))])
         photo = projected(middles, lens, pose[:3], pose[3:])
         return panel, photo
 
@@ -290,7 +293,7 @@ def _judged(
     inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
     meat, row, groups = priors.T @ priors, 0, 0
     squares = [0.0, 0.0, 0.0]
-    for k in range(len(problem.views)):
+    for k, view in enumerate(problem.views):
         residual = _weighted(problem, x, scatter, kept, k).reshape(-1, 4)
         part = matrix[row : row + residual.size].reshape(-1, 4, len(x))
         row += residual.size
@@ -303,8 +306,10 @@ def _judged(
             meat += np.outer(score, score)
             groups += 1
         u, v = (2.0 * (places - low) / size - 1.0).T
+        across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
+        shares = np.maximum(SMOOTH, np.array([0.0, 0.0, 1.0, 1.0]) * MIDDLES * across / scatter[k][1])
         for mode in (np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0):
-            smooth = SMOOTH * np.einsum("n,nrp->rp", mode, part)
+            smooth = shares[:, None] * np.einsum("n,nrp->rp", mode, part)
             meat += smooth.T @ smooth
         plain = residual * np.repeat(scatter[k], 2)
         squares = [

@@ -71,16 +71,16 @@ def solve_views(
     tried = []
     for number, start in enumerate(likely):
         progress("numbering", number, len(likely))
-        problem = Problem(nominal, landing, start.views, shape).thinned(TRIAL)
+        problem = Problem(nominal, [landing] * len(views), start.views, shape).thinned(TRIAL)
         x = first_fit(problem, start.numbers)
         trial = solve(problem, x, robust_only=True)
         tried.append((_cost(trial), start, trial.x))
     _, start, x = min(tried, key=lambda one: one[0])
     progress("least squares", 0, 3)
-    whole = Problem(nominal, landing, start.views, shape)
+    whole = Problem(nominal, [landing] * len(views), start.views, shape)
     solution = solve(whole.thinned(MOST_LENSLETS), x, robust_only=True)
-    # The rays again, through the array and the gap that were found.
-    whole = replace(whole, landing=again(solution, landing))
+    # The rays again, through the array and the gap that were found, from where each camera stands.
+    whole = replace(whole, landings=again(solution, landing))
     solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
@@ -97,15 +97,14 @@ def solve_views(
     return made
 
 
-def again(solution: Solution, landing: Landing) -> Landing:
-    """Return the landing of rays of the display that was found, unless it cannot be built."""
+def again(solution: Solution, landing: Landing) -> list[Landing]:
+    """Return the landings of rays of the display that was found, one for each position; the old if it cannot be."""
+    views = range(len(solution.problem.views))
     try:
         built = display_of(solution.problem.display, solution)
     except DoubtError:
-        return landing
-    views = range(len(solution.problem.views))
-    places = [[solution.value(f"place_{axis}_{k}") for axis in "xyz"] for k in views]
-    return landing_of(built, landing.steepest, float(np.mean([place[2] for place in places])))
+        return [landing for _ in views]
+    return [landing_of(built, landing.steepest, max(1.0, solution.value(f"place_z_{k}"))) for k in views]
 
 
 def replace_views(solution: Solution, start: Start) -> Problem:
