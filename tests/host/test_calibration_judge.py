@@ -5,8 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from lippmann.calibration.result import Calibration, Parameter
 from lippmann.display import load_display
-from lippmann.measure.calibration import GAP, centres_px, eye_difference, inside_intervals, judge, random_case, seen_px
+from lippmann.measure.calibration import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
+from lippmann.optics.panel import PanelFrame
 from lippmann.photographs.camera import corners_mm
 
 
@@ -64,8 +66,21 @@ def test_an_eye_in_front_sees_each_lenslets_own_point(display):
     assert np.abs(far - centres).max() < 0.02
 
 
-def test_intervals():
-    assert inside_intervals([0.1, -0.2, 0.3, -0.4], [0.15, 0.25, 0.2, 0.5]) == 0.75
+def test_errors_are_told_in_units_of_the_intervals(display):
+    """Numbers of a result that are off by known shares of their intervals; the offset, by whole lenslets beside."""
+    truth = display.misaligned(rotation_deg=2.0, offset_mm=(0.1, -0.2), pitch_scale=1.003)
+    array, pitch = truth.array, truth.array.pitches_mm[0]
+    aside = np.array(PanelFrame.of(truth).turn(3.0 * pitch, 0.0)) + array.offset_mm
+    values = {
+        "pitch_x": array.pitches_mm[0] + 0.5e-4, "pitch_y": array.pitches_mm[1] - 2e-4, "shear": array.shear,
+        "rotation": 2.0 + 1.5e-4, "offset_x": aside[0] + 1e-5, "offset_y": aside[1] - 3e-5, "gap": truth.gap_mm,
+    }  # fmt: skip
+    parameters = tuple(Parameter(name, value, 1e-4, "", 0.0, True) for name, value in values.items())
+    found = Calibration(truth, display, parameters, (), (), {}, 0.0, 0.0, 0.0, np.zeros((0, 8)))
+    expected = {
+        "pitch_x": 0.5, "pitch_y": -2.0, "shear": 0.0, "rotation": 1.5, "offset_x": 0.1, "offset_y": -0.3, "gap": 0.0,
+    }  # fmt: skip
+    assert deviations(found, truth) == pytest.approx(expected, abs=1e-6)
 
 
 def test_random_displays_are_as_the_requirement_asks():
@@ -92,14 +107,8 @@ def test_random_displays_are_as_the_requirement_asks():
 
 
 def test_its_photographs_are_written(tmp_path):
-    case = random_case(5, photo_px=80, positions=2)
-    small = dataclasses.replace(case.nominal.panel, width_px=64, height_px=48, pixel_pitch_mm=1.0)
-    nominal, built = (dataclasses.replace(one, panel=small, name="small") for one in (case.nominal, case.built))
-    # A panel of a tenth of the pixels: the lenslets have at least one.
-    scale = 10.0 * case.nominal.panel.pitches_mm[0]
-    small = dataclasses.replace(small, pixel_pitch_mm=scale)
-    nominal, built = (dataclasses.replace(one, panel=small) for one in (nominal, built))
-    case = dataclasses.replace(case, nominal=nominal, built=built)
+    case = random_case(5, panel_px=64, photo_px=80, positions=2)
+    nominal, built = case.nominal, case.built
     folder = case.shoot(tmp_path / "case")
     assert load_display(tmp_path / "case/built.toml") == built
     assert load_display(tmp_path / "case/nominal.toml").identity == nominal.identity

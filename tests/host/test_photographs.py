@@ -15,6 +15,7 @@ from lippmann.photographs.photograph import photograph_folder
 from lippmann.photographs.sensor import Sensor
 from lippmann.photographs.sight import sight_of, traced
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 #: A camera aside, rolled, with distortion: 60 x 48 pixels keep a trace short.
 CAMERA = Camera((20.0, -10.0, 150.0), roll_deg=3.0, width_px=60, height_px=48, k1=-0.1, k2=0.02, pupil_mm=2.0)
@@ -105,6 +106,20 @@ def test_it_sees_what_the_golden_tracer_says(built):
         # The panel's pixels are whole ones: 0.29 where all samples come to the same, less where they spread.
         assert difference.std() < 0.15
         assert abs(difference.mean()) < 0.015
+
+
+def test_a_lens_blurs_an_edge_as_its_deviation_says(built):
+    """The outline of a white panel, against the sharp picture with a Gaussian blur."""
+    camera = framed(dataclasses.replace(CAMERA, pupil_mm=0.0, roll_deg=0.0, k1=0.0, k2=0.0), built, fill=0.5)
+    white = np.ones((480, 640), np.float32)
+    sharp, soft = (
+        sight_of(built, dataclasses.replace(camera, blur_px=blur), samples=8).photograph(white) for blur in (0.0, 1.5)
+    )
+    assert np.abs(soft - sharp).max() > 0.2
+    # 64 rays of a pixel at an edge scatter by a sixteenth.
+    off = [float((soft - gaussian_filter(sharp, one))[6:-6, 6:-6].std()) for one in (1.0, 1.5, 2.2)]
+    assert off[1] < 0.03
+    assert off[1] < 0.8 * min(off[0], off[2])
 
 
 def test_photographs_carry_the_light_with_the_sensors_noise(built, patterns, tmp_path):

@@ -7,17 +7,22 @@ calibration does not know, or from POV-Ray, whose tracer is not ours.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import shutil
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from lippmann.calibration.codes import PatternSet, write_patterns
+from lippmann.calibration.result import Calibration
+from lippmann.calibration.solve import calibrate
 from lippmann.display import Array, Display, Grid, Panel, PlanoSide, display_text
 from lippmann.engines import trace_to_panel
+from lippmann.errors import LippmannError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -27,6 +32,7 @@ from lippmann.photographs.camera import Camera, Point, framed
 from lippmann.photographs.disturbances import Disturbances
 from lippmann.photographs.photograph import Look, photograph_folder
 from lippmann.photographs.sensor import Sensor
+from lippmann.photographs.solids import look_at_solids
 
 #: Lenslets of the random displays, pixels.
 LENSLET_PX = (14.0, 24.0)
@@ -37,6 +43,8 @@ RATIO, SHEAR = 3e-4, 5e-4
 #: Distance of the cameras, in widths of the panel; angles of the first and of the others to the axis, degrees.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
+#: Deviations of their lenses' point spread, pixels.
+BLUR_PX = (0.4, 0.7)
 
 
 @dataclass(frozen=True)
@@ -123,6 +131,7 @@ def _cameras(display: Display, rng: np.random.Generator, photo_px: int, position
         k1=between(-0.15, 0.1),
         k2=between(-0.05, 0.05),
         vignetting=between(0.0, 0.4),
+        blur_px=between(*BLUR_PX),
     )
     return tuple(
         replace(
@@ -219,6 +228,65 @@ def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm
     return np.asarray(distance[inner], np.float64)
 
 
-def inside_intervals(errors: Sequence[float], uncertainties: Sequence[float]) -> float:
-    """Return the share of errors within their 95 % intervals, of half widths `uncertainties`."""
-    return float(np.mean(np.abs(errors) <= np.asarray(uncertainties)))
+def deviations(found: Calibration, truth: Display) -> dict[str, float]:
+    """Return the errors of the array's numbers in units of half their 95 % intervals: beyond 1 they are outside.
+
+    The offset is compared with the nearest lenslet's true centre, along the axes of the panel.
+    """
+    array, frame = truth.array, PanelFrame.of(truth)
+    turn = 90.0 if array.grid == "square" else 60.0
+    offset = [found.parameter(f"offset_{axis}").value for axis in "xy"]
+    *_, x, y = Lattice.of(array).locate(NumpyBackend(), *frame.array_from_panel(*np.array(offset)[:, None]))
+    off_x, off_y = frame.turn(x, y)
+    rotation = found.parameter("rotation").value - array.rotation_deg
+    errors = {
+        "pitch_x": found.parameter("pitch_x").value - array.pitches_mm[0],
+        "pitch_y": found.parameter("pitch_y").value - array.pitches_mm[1],
+        "shear": found.parameter("shear").value - array.shear,
+        "rotation": (rotation + 0.5 * turn) % turn - 0.5 * turn,
+        "offset_x": float(off_x[0]),
+        "offset_y": float(off_y[0]),
+        "gap": found.parameter("gap").value - truth.gap_mm,
+    }
+    return {name: error / found.parameter(name).uncertainty for name, error in errors.items()}
+
+
+def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, Any]:
+    """Solve a case's photographs; return a row with the judgement, the deviations, and the seconds that it took."""
+    started = time.perf_counter()
+    found = calibrate(photographs, case.nominal, bow)
+    seconds = time.perf_counter() - started
+    return {
+        "display": case.name,
+        "grid": case.built.array.grid,
+        "plano_side": case.built.array.plano_side,
+        "lenslets": len(centres_px(case.built)),
+        **judge(found.display, case.built)._asdict(),
+        "deviations": deviations(found, case.built),
+        "remarks": list(found.remarks),
+        "rms_panel_px": found.rms_panel_px,
+        "seconds": seconds,
+    }
+
+
+def measure(
+    folder: Path,
+    seeds: Sequence[int],
+    disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
+    solids: bool = False,
+    **sizes: int,
+) -> Iterator[dict[str, Any]]:
+    """Photograph random displays, solve them, and yield a row for each; `solids` lets POV-Ray take the photographs.
+
+    A display that is refused has a row with the reason as `refused`. The photographs are removed after each.
+    """
+    for seed in seeds:
+        case = random_case(seed, **sizes)
+        place = folder / case.name
+        photographs = case.shoot(place, seed, disturbances, look_at_solids(seed=seed) if solids else None)
+        try:
+            yield solve_case(case, photographs, bow=disturbances.bow_mm != 0.0)
+        except LippmannError as error:
+            yield {"display": case.name, "refused": str(error)}
+        finally:
+            shutil.rmtree(place)

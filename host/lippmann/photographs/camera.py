@@ -32,8 +32,9 @@ class Camera:
     """A camera: mm in the display's frame, pixels in the photograph; the middle of pixel (0, 0) is (0.5, 0.5).
 
     `principal_px` None is the middle of the picture. `pupil_mm` is the entrance pupil's diameter, `focus_mm` the
-    distance in focus along the optical axis; None: the point looked at. `vignetting` is the share of the light that
-    the corners lose beside the fourth power of the cosine.
+    distance in focus along the optical axis; None: the point looked at. `blur_px` is the deviation of the lens's
+    Gaussian point spread, pixels. `vignetting` is the share of the light that the corners lose beside the fourth power
+    of the cosine.
     """
 
     position_mm: Point
@@ -47,6 +48,7 @@ class Camera:
     k2: float = 0.0
     pupil_mm: float = 0.0
     focus_mm: float | None = None
+    blur_px: float = 0.0
     vignetting: float = 0.0
 
     def __post_init__(self) -> None:

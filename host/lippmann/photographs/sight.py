@@ -94,6 +94,9 @@ def sight_of(display: Display, camera: Camera, samples: int = 3, seed: int = 0, 
             row, column, a, b = (axis.ravel() for axis in np.indices(shape))
             u = column + (a + rng.random(len(a))) / samples
             v = first + row + (b + rng.random(len(b))) / samples
+            if camera.blur_px > 0.0:
+                u += camera.blur_px * rng.standard_normal(len(u))
+                v += camera.blur_px * rng.standard_normal(len(v))
             radius, turn = np.sqrt(rng.random(len(a))), 2.0 * np.pi * rng.random(len(a))
             hits = trace(*camera.rays(u, v, (radius * np.cos(turn), radius * np.sin(turn))))
             pixel = (first + row) * camera.width_px + column

@@ -7,7 +7,10 @@ for each sample of a pixel, and looks at the same window in the plane in focus.
 
 from __future__ import annotations
 
+import math
 import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,10 @@ Words = npt.NDArray[np.uint16]
 TOP = 65535
 #: Least distance from the panel to the array, mm: POV-Ray sees no gap between surfaces that touch.
 LEAST_GAP_MM = 1e-3
+#: Angle between neighbours of a spiral that fills a disc evenly, radians.
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+#: Greatest turn of a grid of rays, radians.
+TURN = 0.1
 HEADER = "#version 3.7;\nglobal_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}\n"
 INI = """Input_File_Name={name}.pov
 Output_File_Name={name}.png
@@ -45,22 +52,38 @@ Pause_When_Done=off
 """
 
 
+@dataclass(frozen=True)
+class Rays:
+    """A regular grid of rays, as fine as a camera's pixels: where in a pixel they are, 0 to 1, and how it is turned.
+
+    `pupil` is the point of the pupil, in the unit disc, that they come from, `turn` is in radians.
+    """
+
+    shift: tuple[float, float] = (0.5, 0.5)
+    turn: float = 0.0
+    pupil: tuple[float, float] = (0.0, 0.0)
+
+
 def look_at_solids(samples: int = 3, seed: int = 0) -> Look:
     """Return the function that has POV-Ray trace what a camera sees, `samples` rays across a pixel and down.
 
+    Give the camera a `blur_px` of 0.4 or more: the rays are regular grids, and in a perfectly sharp picture edges of
+    lenslets would be sampled alike over long stretches.
+
     It raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
     """
+    rng = np.random.default_rng((seed, 0x907))
 
     def look(display: Display, camera: Camera) -> Sight:
-        rng = np.random.default_rng((seed, 0x907))
         pixels, places, sees = [], [], []
         with tempfile.TemporaryDirectory() as folder:
             write_model(display, Path(folder))
             write_picture(Path(folder) / "panel.png", numbered(display.panel))
-            for shift, pupil in _spread(samples, rng):
+            for grid in _spread(samples, rng):
                 interrupts.check()
-                seen, u, v = render(Path(folder), camera, shift, pupil)
+                seen, u, v = render(Path(folder), camera, grid)
                 place, lit = numbers(seen, display.panel)
+                u, v = (axis + camera.blur_px * rng.standard_normal(len(axis)) for axis in (u, v))
                 within = (u >= 0.0) & (u < camera.width_px) & (v >= 0.0) & (v < camera.height_px)
                 column, row = np.floor(u[within]).astype(np.int64), np.floor(v[within]).astype(np.int64)
                 pixels.append(row * camera.width_px + column)
@@ -94,34 +117,33 @@ def write_model(display: Display, folder: Path) -> None:
     (folder / "model.inc").write_text(f"{solids}\n{picture}\n")
 
 
-def render(
-    folder: Path, camera: Camera, shift: tuple[float, float] = (0.5, 0.5), pupil: tuple[float, float] = (0.0, 0.0)
-) -> tuple[Words, Floats, Floats]:
-    """Render a folder's model once; return the picture's values (N, 3) and where the camera shows them, pixels.
-
-    The rays are a regular grid, as fine as the camera's pixels; `shift` is where in a pixel they are, 0 to 1, `pupil`
-    the point of the pupil, in the unit disc, that they come from.
-    """
+def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Floats, Floats]:
+    """Render a folder's model once; return the picture's values (N, 3) and where the camera shows them, pixels."""
     left, right, top, bottom = camera.field()
+    c, s = math.cos(grid.turn), math.sin(grid.turn)
+    # The field's corners along the axes of the turned grid.
+    x, y = np.array([left, right, left, right]), np.array([top, top, bottom, bottom])
+    along, across = c * x + s * y, c * y - s * x
     step = 1.0 / camera.focal_px
-    width, height = (int(np.ceil((high - low) / step)) + 1 for low, high in ((left, right), (top, bottom)))
-    # The grid's middle, in slopes: half its width from the left edge, but for the shift.
-    middle = left + (0.5 * width - shift[0]) * step, top + (0.5 * height - shift[1]) * step
+    width, height = (int(np.ceil(np.ptp(side) / step)) + 1 for side in (along, across))
+    first = along.min() - grid.shift[0] * step, across.min() - grid.shift[1] * step
+    middle = first[0] + 0.5 * width * step, first[1] + 0.5 * height * step
     axes, focus = camera.axes, camera.focus_distance_mm
-    place = np.asarray(camera.position_mm) + 0.5 * camera.pupil_mm * (pupil[0] * axes[0] + pupil[1] * axes[1])
-    centre = np.asarray(camera.position_mm) + focus * (axes[2] + middle[0] * axes[0] + middle[1] * axes[1])
+    to_right, down = c * axes[0] + s * axes[1], c * axes[1] - s * axes[0]
+    place = np.asarray(camera.position_mm) + 0.5 * camera.pupil_mm * (grid.pupil[0] * axes[0] + grid.pupil[1] * axes[1])
+    centre = np.asarray(camera.position_mm) + focus * (axes[2] + middle[0] * to_right + middle[1] * down)
     lens = block(
         "camera",
         f"perspective location {vector(place)} direction {vector(centre - place)}",
-        f"right {vector(width * step * focus * axes[0])} up {vector(-height * step * focus * axes[1])}",
+        f"right {vector(width * step * focus * to_right)} up {vector(-height * step * focus * down)}",
     )
     text = HEADER.format(levels=2 + ARRAY_FACES) + '#include "model.inc"\n' + lens + "\n"
     (folder / "view.pov").write_text(text)
     (folder / "view.ini").write_text(INI.format(name="view", width=width, height=height))
     run_povray(folder / "view.ini")
-    x = left + (np.arange(width) + 0.5 - shift[0]) * step
-    y = top + (np.arange(height) + 0.5 - shift[1]) * step
-    u, v = camera.pixel(*(axis.ravel() for axis in np.meshgrid(x, y)))
+    along, across = first[0] + (np.arange(width) + 0.5) * step, first[1] + (np.arange(height) + 0.5) * step
+    a, b = (axis.ravel() for axis in np.meshgrid(along, across))
+    u, v = camera.pixel(c * a - s * b, s * a + c * b)
     return read_picture(folder / "view.png").reshape(-1, 3), u, v
 
 
@@ -160,13 +182,17 @@ def read_picture(path: Path) -> Words:
     return np.asarray(picture.get_pixels(oiio.UINT16), np.uint16)[..., :3]
 
 
-def _spread(samples: int, rng: np.random.Generator) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    """Return places in a pixel, and in the unit disc, of samples x samples rays; each in its own part of both."""
+def _spread(samples: int, rng: np.random.Generator) -> Iterator[Rays]:
+    """Yield samples x samples grids of rays.
+
+    Each has its own part of the pixel, and a turn of its own, so that no edge is sampled alike all over the picture. In
+    the pupil they are a spiral (H. Vogel, 1979) about its middle: the camera is not aside of where it stands.
+    """
     count = samples * samples
     row, column = np.divmod(np.arange(count), samples)
-    u, v = (column + rng.random(count)) / samples, (row + rng.random(count)) / samples
-    order = rng.permutation(count)
-    radius = np.sqrt((order + rng.random(count)) / count)
-    turn = 2.0 * np.pi * rng.random(count)
-    x, y = radius * np.cos(turn), radius * np.sin(turn)
-    return [((float(u[k]), float(v[k])), (float(x[k]), float(y[k]))) for k in range(count)]
+    shift = np.stack([column + rng.random(count), row + rng.random(count)], axis=1) / samples
+    order, turn = rng.permutation(count), rng.uniform(-TURN, TURN, count)
+    disc = np.sqrt((order + 0.5) / count) * np.exp(1j * (GOLDEN_ANGLE * order + 2.0 * np.pi * rng.random()))
+    disc -= disc.mean()
+    for k in range(count):
+        yield Rays((float(shift[k, 0]), float(shift[k, 1])), float(turn[k]), (float(disc[k].real), float(disc[k].imag)))
