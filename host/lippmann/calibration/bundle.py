@@ -46,10 +46,9 @@ MOST_STEPS, SETTLED = 60, 1e-8
 #: Blocks of lenslets along each side of the array, for the covariance.
 BLOCKS = 9
 #: Share of the scatter that is taken as smooth, in each of six polynomials over a position: panel, photograph.
-SMOOTH = (0.12, 0.12, 0.25, 0.25)
-#: Least smooth error of the lenslets' middles in a photograph, in lenslets: measured on computed photographs, it comes
-#: from pixels at the seams that are lost on one side more than on the other.
-MIDDLES = 0.007
+SMOOTH = (0.12, 0.12, 0.2, 0.2)
+#: Least smooth error of the lenslets' middles in a photograph, in lenslets, as measured on computed photographs.
+MIDDLES = 0.002
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
 LEAST_SCATTER = 0.02
 SEED = 1911

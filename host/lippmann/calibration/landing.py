@@ -5,7 +5,7 @@ the vertices of domes that face the viewer, and behind glass else. With the slop
 the outline is at L + c(s) on this plane, and the rays through the inner cell around it land on the panel, on average,
 at L + w(s). By symmetry both are close to polynomials:
 
-    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4),
+    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4 + c3 |s|^6),
     w(s) = -s (a0 + a1 |s|^2 + a2 |s|^4 + gap (b0 + b1 |s|^2 + b2 |s|^4)).
 
 The numbers are fitted to exact rays: Snell's law at each face. They contain what a paraxial D leaves out.
@@ -26,13 +26,13 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.rays import Hits, Status, gets_through
-from lippmann.optics.sampling import square_to_cell
+from lippmann.optics.sampling import R2_STEPS, square_to_cell
 
 Floats = npt.NDArray[np.float64]
 #: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
-#: Rays across the inner cell, and across the square in which an outline is looked for; slopes; their directions.
-ACROSS, OUTLINE_ACROSS, SLOPES, DIRECTIONS = 7, 48, 9, 8
+#: Rays across the inner cell, and in the square in which an outline is looked for; slopes; their directions.
+ACROSS, OUTLINE_POINTS, SLOPES, DIRECTIONS = 7, 4096, 9, 8
 #: Side of that square, in pitches.
 AROUND = 2.4
 
@@ -66,12 +66,12 @@ class Landing:
 
     def outline(self, slope: Floats) -> Floats:
         """Return c for slopes (N, 2), (N, 2) mm."""
-        return np.asarray(slope * (_powers(slope) @ self.aside)[:, None])
+        return np.asarray(slope * (_powers(slope, len(self.aside)) @ self.aside)[:, None])
 
 
-def _powers(slope: Floats) -> Floats:
-    square = (slope**2).sum(axis=1)
-    return np.stack([np.ones_like(square), square, square**2], axis=1)
+def _powers(slope: Floats, count: int = 3) -> Floats:
+    """Return even powers of slopes from 0 on, (N, count)."""
+    return (slope**2).sum(axis=1)[:, None] ** np.arange(count)
 
 
 def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
@@ -85,8 +85,9 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
     design = (slopes[:, :, None] * _powers(slopes)[:, None, :]).reshape(-1, 3)
 
     middles = _middles(plain, slopes, height, distance_mm)
-    aside = np.linalg.lstsq(design, middles.ravel(), rcond=None)[0]
-    offset = (design @ aside).reshape(-1, 2)
+    sides = (slopes[:, :, None] * _powers(slopes, 4)[:, None, :]).reshape(-1, 4)
+    aside = np.linalg.lstsq(sides, middles.ravel(), rcond=None)[0]
+    offset = (sides @ aside).reshape(-1, 2)
 
     gaps = display.gap_mm, display.gap_mm + 0.2 * display.aperture_distance_mm
     fits, errors = [], []
@@ -107,8 +108,9 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
     They are means of the points whose rays a photograph gives to their lenslet as `lenslets.measure_lenslets` does: of
     the strongest aberrations at a cell's edge, it takes the point on the panel for one of a neighbour.
     """
-    side = AROUND * display.array.coarsest_mm * ((np.arange(OUTLINE_ACROSS) + 0.5) / OUTLINE_ACROSS - 0.5)
-    around = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    # A regular grid would not notice a seam that moves between two of its lines.
+    square = np.outer(np.arange(OUTLINE_POINTS) + 0.5, R2_STEPS) % 1.0
+    around = AROUND * display.array.coarsest_mm * (square - 0.5)
     many = np.broadcast_to(around, (len(slopes), *around.shape))
     seen, at = _traced(display, slopes, many, height_mm, distance_mm)
     lattice = Lattice.of(display.array)

@@ -18,12 +18,14 @@ from lippmann.optics.panel import PanelFrame
 INNER = 0.7
 #: Rounds in which outline and lenslets of the pixels are found.
 ROUNDS = 3
+#: Distance of a pixel from its lenslet's middle, in steps of the lattice, from which on it is wrong.
+FAR = 0.7
 #: Distance from the cell's middle, in steps of the lattice, up to which points move evenly.
 MIDDLE = 0.35
 #: Most standard deviations of a pixel from the others of its lenslet.
 SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
-WHOLE = 0.9
+WHOLE = 0.95
 #: Least share of the usual number of pixels that a lenslet must have.
 LEAST_SHARE = 0.35
 Floats = npt.NDArray[np.float64]
@@ -74,15 +76,17 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         index = np.round(own).astype(np.int64)
         near = (abs(own - index) < NEAR).all(axis=1)
     home, local = outline.located(decoded.photo_px)
-    # Pixels that see their own lenslet give its middle in the photograph.
-    names, groups = grouped(home)
-    own_pixels = near & (home == index).all(axis=1)
-    counts = np.bincount(groups[own_pixels], minlength=len(names))
-    sums = _sums(decoded.photo_px[own_pixels].astype(np.float64), groups[own_pixels], len(names))
+    # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent. Not
+    # those far aside, which are wrong.
+    own_pixels = near & (abs(at - index) < FAR).all(axis=1)
+    names, both = grouped(np.concatenate([home, index[own_pixels]]))
+    groups, of_own = both[: len(home)], both[len(home) :]
+    counts = np.bincount(of_own, minlength=len(names))
+    sums = _sums(decoded.photo_px[own_pixels].astype(np.float64), of_own, len(names))
     photo = sums / np.maximum(counts, 1)[:, None]
     axes = np.array(outline.lattice.axes)
     inner = (abs(local @ axes.T) < 0.5 * INNER).all(axis=1)
-    good = inner & own_pixels
+    good = inner & own_pixels & (home == index).all(axis=1)
     spread = np.zeros((2, 2))
     for _ in range(2):
         at, middle, spread = _averages(points, local, good, groups, len(names))
@@ -106,14 +110,20 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
 
 
 def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets (N, 2) have about as many pixels as the largest of their neighbours: none is hidden."""
-    low = index.min(axis=0) - 1
-    table = np.zeros(index.max(axis=0) - low + 2)
+    """Tell which lenslets (N, 2) are seen whole: not the outermost, and with about as many pixels as their neighbours.
+
+    At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.
+    """
+    low = index.min(axis=0) - 2
+    table = np.zeros(index.max(axis=0) - low + 3)
     i, j = (index - low).T
     table[i, j] = counts
-    around = [table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)]
-    most = np.max(around, axis=0)
-    return np.asarray(counts >= WHOLE * most - 2.0 * np.sqrt(most))
+    most = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
+    inside = np.ones(len(index), bool)
+    for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        # One neighbour may be hidden by dust.
+        inside &= np.maximum(table[i + di, j + dj], table[i + 2 * di, j + 2 * dj]) > 0.8 * most
+    return np.asarray(inside & (counts >= WHOLE * most - 0.6 * np.sqrt(most)))
 
 
 def _complete(
