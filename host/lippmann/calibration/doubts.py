@@ -93,8 +93,9 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
         modulations.append(2.0 * float(np.median(amplitude)))
         strong = amplitude > 0.5 * np.median(amplitude)
         expected = light.mean(axis=0) + (np.exp(-1j * angles)[:, None] * wave).real
-        rms = np.sqrt(np.mean(((light - expected) / np.maximum(amplitude, 1e-6))[:, strong] ** 2, axis=1))
-        residuals.update(zip(phases, map(float, rms), strict=True))
+        # By the median: a part of the pixels may see dust or a reflection.
+        typical = np.median(abs((light - expected) / np.maximum(amplitude, 1e-6))[:, strong], axis=1)
+        residuals.update(zip(phases, map(float, 1.4826 * typical), strict=True))
         code = np.zeros(light.shape[1], np.int64)
         for one in patterns.patterns:
             if one.kind == "gray" and one.axis == axis:
@@ -149,7 +150,7 @@ def _check_light(samples: Samples) -> None:
     for pattern, share in samples.shares.items():
         along = np.arange(patterns.sides_px[pattern.axis]) + 0.5
         expected = float(patterns.level(pattern, along).mean())
-        got = float(share.mean())
+        got = float(np.clip(share, -0.5, 1.5).mean())
         if abs(got - expected) > MOST_OFF * (1.0 if pattern.kind == "phase" else 1.5):
             name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
             what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
