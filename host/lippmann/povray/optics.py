@@ -27,9 +27,9 @@ from lippmann.povray.text import block, matrix, number, vector
 SPARE_LENSLETS = 2
 #: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
 ARRAY_FACES = 6
-#: Share of a lenslet's width by which neighbours overlap. Solids that only touch are separate glasses to POV-Ray: a ray
-#: across the substrate is reflected at the wall between them. Below 2e-5 its single precision loses some of the overlap,
-#: much above there are steps between the domes.
+#: Share of a lenslet's width by which neighbours overlap. Solids that only touch are separate glasses to POV-Ray, which
+#: reflects a ray across the substrate at the wall between them. At 2e-5 its single precision loses some of the overlap;
+#: much more makes steps between the domes.
 OVERLAP = 3e-5
 #: Radius of the stops' discs, mm.
 STOP_MM = 1e5
