@@ -71,7 +71,7 @@ class Landing:
 
 def _powers(slope: Floats, count: int = 3) -> Floats:
     """Return even powers of slopes from 0 on, (N, count)."""
-    return (slope**2).sum(axis=1)[:, None] ** np.arange(count)
+    return np.asarray((slope**2).sum(axis=1)[:, None] ** np.arange(count), np.float64)
 
 
 def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
