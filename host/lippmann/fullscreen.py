@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -39,11 +39,22 @@ def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
     Raises InputError for a missing monitor, or one of another size: scaled pixels would not match the lenslets;
     DeviceError when there is no desktop, or it does not allow the whole monitor.
     """
+    height, width = image.shape[:2]
+    with full_screen((width, height), monitor) as put:
+        return put(image, seconds)
+
+
+@contextmanager
+def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
+    """Give a function that puts an image onto the whole of a monitor: one picture after the other, as `show` does.
+
+    The function returns the screen's pixels, after `seconds` (default: at once). Raises as `show` does.
+    """
     sizes = monitors()
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
         raise InputError(f"no monitor {monitor}; choose from {listed}")
-    height, width = image.shape[:2]
+    width, height = size
     if sizes[monitor] != (width, height):
         raise InputError(
             f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {width} x {height}; "
@@ -54,8 +65,13 @@ def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
         if screen.get_size() != (width, height):
             raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
         pygame.mouse.set_visible(False)
-        _put_up(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
-        return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
+
+        def put(image: Pixels, seconds: float | None = 0.0) -> Pixels:
+            _put_up(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
+            pygame.event.pump()
+            return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
+
+        yield put
 
 
 def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:

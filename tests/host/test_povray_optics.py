@@ -149,7 +149,7 @@ def test_the_array_covers_the_window(repository):
     """Every lenslet whose cell the window touches is there, whatever its turn."""
     for name, changes in CASES:
         setup = small(name, repository, **changes)
-        rows = {j: (first, last) for j, first, last in lattice_rows(setup)}
+        rows = {j: (first, last) for j, first, last in lattice_rows(setup.captured)}
         frame, lattice = PanelFrame.of(setup.captured), Lattice.of(setup.array)
         v, u = np.mgrid[0 : SMALL_PX + 1, 0 : SMALL_PX + 1].astype(float)
         points = frame.array_from_panel(*frame.panel_from_pixel(u.ravel(), v.ravel()))

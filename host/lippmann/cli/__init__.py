@@ -17,7 +17,7 @@ from lippmann.files import is_full
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
     "inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view",
-    "pattern", "export", "board", "stream", "play", "display", "demo", "bench", "report", "doctor",
+    "pattern", "calibrate", "export", "board", "stream", "play", "display", "demo", "bench", "report", "doctor",
 )  # fmt: skip
 
 
@@ -47,7 +47,7 @@ def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
     Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing, or no
-    space; 4 regress found wrong rays; 130 and 143 ended by Ctrl-C and by SIGTERM.
+    space; 4 regress found wrong rays, calibrate a wrong display; 130 and 143 ended by Ctrl-C and by SIGTERM.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

@@ -15,6 +15,7 @@ import numpy as np
 
 from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens
 from lippmann.capturing.setup import Pickup, Setup
+from lippmann.display import Array, Display
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -22,10 +23,14 @@ from lippmann.povray.camera import pinhole
 from lippmann.povray.export import View
 from lippmann.povray.text import block, matrix, number, vector
 
-#: Lenslets beyond the window on each side, which oblique rays may reach.
+#: Lenslets beyond the panel on each side, which oblique rays may reach.
 SPARE_LENSLETS = 2
 #: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
 ARRAY_FACES = 6
+#: Share of a lenslet's width by which neighbours overlap. Solids that only touch are separate glasses to POV-Ray, which
+#: reflects a ray across the substrate at the wall between them. At 2e-5 its single precision loses some of the overlap;
+#: much more makes steps between the domes.
+OVERLAP = 3e-5
 #: Radius of the stops' discs, mm.
 STOP_MM = 1e5
 
@@ -86,24 +91,32 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
 
 
 def lenslets(setup: Setup) -> str:
-    """Return the lenslets that the camera sees: one lenslet, and a loop that repeats it."""
-    array = setup.array
+    """Return the lenslets that the camera of a set-up sees."""
     vertex = object_from_lens(setup, -setup.array_distance_mm if setup.lens is not None else 0.0)
     # +1 where the glass lies beyond the vertices' plane, seen from the object.
     side = 1.0 if setup.plano_to_camera else -1.0
+    return array_solids(setup.captured, vertex, side, setup.concave)
+
+
+def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
+    """Return the lenslets before a display's panel: one lenslet, and a loop that repeats it.
+
+    Their vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1, towards -z for -1.
+    """
+    array = display.array
     depth = array.thickness_mm
-    centre = -array.radius_mm if setup.concave else array.radius_mm
+    centre = -array.radius_mm if concave else array.radius_mm
     # The rims of a concave lenslet protrude beyond its centre.
-    front = -array.sag_mm if setup.concave else 0.0
-    cell = _prism(setup, side * front, side * depth)
+    front = -array.sag_mm if concave else 0.0
+    cell = _prism(array, side * front, side * depth)
     sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
-    if depth > array.radius_mm and not setup.concave:
+    if depth > array.radius_mm and not concave:
         # The sphere's far side would cut the substrate, so the prism is solid beyond the centre.
         beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
         sphere = f"merge {{ {sphere} {beyond} }}"
-    body = f"difference {{ {cell} {sphere}" if setup.concave else f"intersection {{ {sphere} {cell}"
+    body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"
     lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
-    rows, lattice = lattice_rows(setup), Lattice.of(array)
+    rows, lattice = lattice_rows(display), Lattice.of(array)
     (p, _), (step_x, step_y) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
     shown, mount = "L_lenslet", ""
     if lattice.half_steps is not None:
@@ -111,10 +124,10 @@ def lenslets(setup: Setup) -> str:
         along = f"abs(2 * Column + {'(Row + ' + str(rows[0][0]) + ')' if array.grid == 'hex' else '0'})"
         inside = f"{along} <= {lattice.half_steps[0]} & abs(2 * (Row + {rows[0][0]})) <= {lattice.half_steps[1]}"
         shown = f"#if ({inside}) L_lenslet #else L_mount #end"
-    frame = PanelFrame.of(setup.captured)
+    frame = PanelFrame.of(display)
     place = np.eye(4)
     place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
-    place[:3, 3] = *frame.offset_mm, vertex
+    place[:3, 3] = *frame.offset_mm, vertex_mm
     starts, ends = (", ".join(str(row[k]) for row in rows) for k in (1, 2))
     row = f"(Row + {rows[0][0]})"
     at = f"Column * {number(p)} + {row} * {number(step_x)}, {row} * {number(step_y)}, 0"
@@ -128,30 +141,30 @@ def lenslets(setup: Setup) -> str:
 #end"""
 
 
-def _prism(setup: Setup, near: float, far: float) -> str:
-    array = setup.array
+def _prism(array: Array, near: float, far: float) -> str:
     low, high = min(near, far), max(near, far)
-    half = 0.5 * array.pitches_mm[0]
+    half = 0.5 * array.pitches_mm[0] * (1.0 + OVERLAP)
     if array.grid == "square" and array.regular:
         return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
     turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
     radius = 2.0 * half / math.sqrt(3.0)
     corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
     if not array.regular:
-        corners = [*Lattice.of(array).corners, Lattice.of(array).corners[0]]
+        own = [(x * (1.0 + OVERLAP), y * (1.0 + OVERLAP)) for x, y in Lattice.of(array).corners]
+        corners = [*own, own[0]]
     # POV-Ray's prisms are along y; the matrix rotates it to z.
     points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
     sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(corners)}, {points}"
     return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
 
 
-def lattice_rows(setup: Setup) -> list[tuple[int, int, int]]:
-    """Return (row j, first i, last i) of the lenslets that cover the window and `SPARE_LENSLETS` more on each side."""
-    panel, array = setup.display.panel, setup.array
-    frame = PanelFrame.of(setup.captured)
+def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
+    """Return (row j, first i, last i) of the lenslets that cover the panel and `SPARE_LENSLETS` more on each side."""
+    panel, array = display.panel, display.array
+    frame = PanelFrame.of(display)
     spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
     lattice = Lattice.of(array)
-    # The window's diagonal bounds it for every rotation.
+    # The panel's diagonal bounds it for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
     found = []

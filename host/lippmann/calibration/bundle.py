@@ -1,0 +1,329 @@
+"""The least squares over all positions: the array, its gap, the camera's lens and its poses.
+
+Each lenslet that a position sees gives two points: that of the panel seen through it, and that of its middle in the
+photograph. Weighted by their own scatter, both are fitted at once. Weak priors keep what the data leave open where it
+usually is; a parameter whose uncertainty is that of its prior was not determined.
+
+The covariance is that of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the panel's
+pixels are coarse, so that single lenslets would promise too much. Beside it, a share of the scatter is taken as smooth
+over a whole position: what lens distortion and aberrations leave, and no average removes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann import interrupts
+from lippmann.calibration.camera import projected
+from lippmann.calibration.landing import Landing
+from lippmann.calibration.lenslets import Lenslets, regular_places
+from lippmann.display import Display
+
+Floats = npt.NDArray[np.float64]
+#: The array's parameters, and the step of each for differences: mm, radians, shares.
+ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
+GAP = {"gap": 1e-4}
+#: Height of the array over its mean, mm: tilts and curvatures, in half widths and half heights of the panel.
+BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
+LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
+POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
+#: Priors: standard deviations of the gap (share of D), of the bow (share of D), of the focal length (of its
+#: logarithm), of the principal point (share of the photograph's longer side), and of the distortion.
+PRIOR_GAP, PRIOR_BOW, PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.3, 0.1, 0.7, 0.02, 0.3
+#: Most lenslets of a position in the least squares.
+MOST_LENSLETS = 8000
+#: Residuals beyond this many standard deviations are outliers.
+OUTLIER = 4.5
+#: Residual, in standard deviations, from which on the robust loss is about linear.
+ROBUST = 1.5
+#: Most steps of the least squares, and the share by which the last one lowers the cost.
+MOST_STEPS, SETTLED = 60, 1e-8
+#: Blocks of lenslets along each side of the array, for the covariance.
+BLOCKS = 9
+#: Share of the scatter that is taken as smooth, in each of six polynomials over a position: panel, photograph.
+SMOOTH = (0.12, 0.12, 0.2, 0.2)
+#: Least smooth error of the lenslets' middles in a photograph, in lenslets, as measured on computed photographs.
+MIDDLES = 0.002
+#: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
+LEAST_SCATTER = 0.02
+SEED = 1911
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted: a nominal display, and of each position the landing of rays and the lenslets."""
+
+    display: Display
+    landings: Sequence[Landing]
+    views: Sequence[Lenslets]
+    shape: tuple[int, int]
+    bow: bool = False
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the parameters, in order."""
+        poses = [f"{name}_{k}" for k in range(len(self.views)) for name in POSE]
+        return [*ARRAY, *GAP, *(BOW if self.bow else ()), *LENS, *poses]
+
+    @cached_property
+    def steps(self) -> Floats:
+        """The step of each parameter for differences."""
+        kinds = {**ARRAY, **GAP, **(BOW if self.bow else {}), **LENS}
+        return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views))])
+
+    @property
+    def shared(self) -> int:
+        """Number of parameters before those of the poses."""
+        return len(self.names) - len(POSE) * len(self.views)
+
+    @cached_property
+    def places(self) -> list[Floats]:
+        """Of each view, the lenslets on the lattice of pitch 1."""
+        return [regular_places(one, self.display) for one in self.views]
+
+    def centres(self, x: Floats, places: Floats) -> Floats:
+        """Return lenslets' centres (N, 2), mm in the panel's frame."""
+        px, py, shear, turn, ox, oy = x[:6]
+        down = py * places[:, 1]
+        along = px * places[:, 0] + shear * down
+        c, s = np.cos(turn), np.sin(turn)
+        return np.stack([c * along - s * down + ox, s * along + c * down + oy], axis=1)
+
+    def heights(self, x: Floats, centres: Floats) -> Floats | float:
+        """Return the heights of lenslets over the array's mean, mm."""
+        if not self.bow:
+            return 0.0
+        panel = self.display.panel
+        u, v = 2.0 * centres[:, 0] / panel.width_mm, 2.0 * centres[:, 1] / panel.height_mm
+        return np.asarray(x[7:12] @ np.stack([u, v, u * u - 1.0 / 3.0, v * v - 1.0 / 3.0, u * v]))
+
+    def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
+        """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
+        lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
+        landing, centres = self.landings[k], self.centres(x, self.places[k])
+        high = self.heights(x, centres)
+        z = landing.outline_mm + high
+        slope = (pose[3:5] - centres) / np.reshape(pose[5] - z, (-1, 1))
+        panel = centres + landing.point(slope, x[6] + high)
+        middles = np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))])
+        photo = projected(middles, lens, pose[:3], pose[3:])
+        return panel, photo
+
+    def residuals(self, x: Floats, k: int) -> Floats:
+        """Return the residuals of view k, (N, 4): panel points in pixels of the panel, pixels of the photograph."""
+        panel, photo = self.seen(x, k)
+        view = self.views[k]
+        return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
+
+    def priors(self, x: Floats) -> Floats:
+        """Return the residuals to the priors, in standard deviations."""
+        display, longer = self.display, float(max(self.shape))
+        depth = display.aperture_distance_mm
+        focal, mx, my, k1, k2 = x[self.shared - len(LENS) : self.shared]
+        bow = list(x[7:12] / (PRIOR_BOW * depth)) if self.bow else []
+        return np.array([
+            (x[6] - display.gap_mm) / (PRIOR_GAP * depth), *bow,
+            np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL,
+            (mx - 0.5 * self.shape[1]) / (PRIOR_MIDDLE * longer), (my - 0.5 * self.shape[0]) / (PRIOR_MIDDLE * longer),
+            k1 / PRIOR_DISTORTION, k2 / PRIOR_DISTORTION,
+        ])  # fmt: skip
+
+    def thinned(self, most: int) -> Problem:
+        """Return the problem with at most so many lenslets of each view, chosen at random."""
+        rng = np.random.default_rng(SEED)
+        return replace(self, views=[_some(one, np.sort(rng.permutation(len(one.index))[:most])) for one in self.views])
+
+
+def _some(view: Lenslets, at: npt.NDArray[np.int64]) -> Lenslets:
+    return replace(
+        view, index=view.index[at], photo_px=view.photo_px[at], panel_mm=view.panel_mm[at], pixels=view.pixels[at]
+    )
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Parameters, their covariance, the scatter of points in each view (panel, photograph; pixels), and what was kept.
+
+    `prior_share` is the share of each parameter's information that its prior gave, 0 to 1.
+    """
+
+    problem: Problem
+    x: Floats
+    covariance: Floats
+    scatter: list[tuple[float, float]]
+    kept: list[npt.NDArray[np.bool_]]
+    #: Mean square of the residuals that were kept, in their variances, before the scatter was known.
+    rms_panel_px: float
+    rms_photo_px: float
+
+    def value(self, name: str) -> float:
+        """Return a parameter."""
+        return float(self.x[self.problem.names.index(name)])
+
+    def deviation(self, name: str) -> float:
+        """Return the standard deviation of a parameter."""
+        at = self.problem.names.index(name)
+        return float(np.sqrt(self.covariance[at, at]))
+
+    def correlation(self, one: str, other: str) -> float:
+        """Return the correlation of two parameters."""
+        i, j = self.problem.names.index(one), self.problem.names.index(other)
+        return float(self.covariance[i, j] / np.sqrt(self.covariance[i, i] * self.covariance[j, j]))
+
+
+def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
+    """Fit the parameters, from first values on."""
+    scatter = [(1.0, 1.0)] * len(problem.views)
+    kept = [np.ones(len(one.index), bool) for one in problem.views]
+    for _ in range(2):
+        x = _minimised(problem, x, scatter, kept, True)
+        scatter = [_scatter(problem.residuals(x, k)) for k in range(len(problem.views))]
+    kept = [
+        np.asarray((abs(problem.residuals(x, k)) < OUTLIER * np.repeat(scatter[k], 2)).all(axis=1))
+        for k in range(len(problem.views))
+    ]
+    if not robust_only:
+        x = _minimised(problem, x, scatter, kept, False)
+    return _judged(problem, x, scatter, kept)
+
+
+def first_fit(problem: Problem, x: Floats) -> Floats:
+    """Fit lens and poses alone to the photographs, the array held at its first values."""
+    scatter = [(1e3, 1.0)] * len(problem.views)
+    kept = [np.ones(len(one.index), bool) for one in problem.views]
+    first = problem.shared - len(LENS)
+    return _minimised(problem, x, scatter, kept, True, np.arange(len(x)) >= first)
+
+
+def _scatter(residuals: Floats) -> tuple[float, float]:
+    """Return the standard deviations of panel points and of pixels, by the median."""
+    panel, photo = (1.4826 * float(np.median(abs(part))) for part in (residuals[:, :2], residuals[:, 2:]))
+    return max(panel, LEAST_SCATTER), max(photo, LEAST_SCATTER)
+
+
+def _weighted(
+    problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]], k: int
+) -> Floats:
+    return np.asarray((problem.residuals(x, k)[kept[k]] / np.repeat(scatter[k], 2)).ravel())
+
+
+def _minimised(
+    problem: Problem,
+    x: Floats,
+    scatter: Sequence[tuple[float, float]],
+    kept: Sequence[npt.NDArray[np.bool_]],
+    robust: bool,
+    free: npt.NDArray[np.bool_] | None = None,
+) -> Floats:
+    """Return the parameters of least squares by Levenberg and Marquardt's method.
+
+    `robust` weighs residuals as the loss 2 (sqrt(1 + r^2 / c^2) - 1) c^2 does. Rows are many and columns few:
+    the normal equations of scaled columns take a hundredth of the time of scipy's singular values.
+    """
+    chosen = np.flatnonzero(np.ones(len(x), bool) if free is None else free)
+
+    def residuals(at: Floats) -> Floats:
+        interrupts.check()
+        parts = [_weighted(problem, at, scatter, kept, k) for k in range(len(problem.views))]
+        return np.concatenate([*parts, problem.priors(at)])
+
+    def bent(residual: Floats) -> Floats:
+        return np.sqrt(1.0 + (residual / ROBUST) ** 2) if robust else np.ones_like(residual)
+
+    def cost(residual: Floats) -> float:
+        return float(np.sum(2.0 * ROBUST**2 * (bent(residual) - 1.0)) if robust else residual @ residual)
+
+    residual, damping = residuals(x), 1e-3
+    now = cost(residual)
+    for _ in range(MOST_STEPS):
+        weight = np.sqrt(1.0 / bent(residual))
+        matrix = _jacobian(problem, x, scatter, kept)[:, chosen] * weight[:, None]
+        scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+        matrix /= scale
+        square, wanted = matrix.T @ matrix, -(matrix.T @ (residual * weight))
+        before = now
+        while damping < 1e8:
+            step = np.linalg.lstsq(square + damping * np.eye(len(chosen)), wanted, rcond=None)[0]
+            again = x.copy()
+            again[chosen] += step / scale
+            tried = residuals(again)
+            if cost(tried) < now:
+                x, residual, now, damping = again, tried, cost(tried), max(damping * 0.1, 1e-12)
+                break
+            damping *= 10.0
+        if before - now < SETTLED * before:
+            break
+    return x
+
+
+def _jacobian(
+    problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]]
+) -> Floats:
+    """Return the derivatives by central differences; a pose moves its own view only."""
+    sizes = [4 * int(one.sum()) for one in kept]
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
+    for at, step in enumerate(problem.steps):
+        up, down = x.copy(), x.copy()
+        up[at] += step
+        down[at] -= step
+        own = range(len(sizes)) if at < problem.shared else [(at - problem.shared) // len(POSE)]
+        for k in own:
+            change = _weighted(problem, up, scatter, kept, k) - _weighted(problem, down, scatter, kept, k)
+            matrix[first[k] : first[k + 1], at] = change / (2.0 * step)
+        if at < problem.shared:
+            matrix[first[-1] :, at] = (problem.priors(up) - problem.priors(down)) / (2.0 * step)
+    return matrix
+
+
+def _judged(
+    problem: Problem, x: Floats, scatter: list[tuple[float, float]], kept: list[npt.NDArray[np.bool_]]
+) -> Solution:
+    """Return the solution with its covariance by blocks of lenslets."""
+    matrix = _jacobian(problem, x, scatter, kept)
+    scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    matrix /= scale
+    priors = matrix[matrix.shape[0] - len(problem.priors(x)) :]
+    inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
+    meat, row, groups = priors.T @ priors, 0, 0
+    squares = [0.0, 0.0, 0.0]
+    for k, view in enumerate(problem.views):
+        residual = _weighted(problem, x, scatter, kept, k).reshape(-1, 4)
+        part = matrix[row : row + residual.size].reshape(-1, 4, len(x))
+        row += residual.size
+        scores = (part * residual[..., None]).sum(axis=1)
+        places = problem.places[k][kept[k]]
+        low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
+        block = np.minimum((BLOCKS * (places - low) / size).astype(int), BLOCKS - 1) @ [BLOCKS, 1]
+        for one in np.unique(block):
+            score = scores[block == one].sum(axis=0)
+            meat += np.outer(score, score)
+            groups += 1
+        u, v = (2.0 * (places - low) / size - 1.0).T
+        across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
+        shares = np.maximum(SMOOTH, np.array([0.0, 0.0, 1.0, 1.0]) * MIDDLES * across / scatter[k][1])
+        for mode in (np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0):
+            smooth = shares[:, None] * np.einsum("n,nrp->rp", mode, part)
+            meat += smooth.T @ smooth
+        plain = residual * np.repeat(scatter[k], 2)
+        squares = [
+            squares[0] + float((plain[:, :2] ** 2).sum()),
+            squares[1] + float((plain[:, 2:] ** 2).sum()),
+            squares[2] + len(plain),
+        ]
+    few = groups / max(1.0, groups - float(len(x)))
+    sandwich = few * inverse @ meat @ inverse
+    # Never less than the scatter of single lenslets promises.
+    promised = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    found = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
+    raised = np.maximum(promised, found) / np.maximum(found, 1e-300)
+    covariance = sandwich * np.outer(raised, raised) / np.outer(scale, scale)
+    count = max(1.0, squares[2])
+    return Solution(
+        problem, x, covariance, scatter, kept, float(np.sqrt(squares[0] / count)), float(np.sqrt(squares[1] / count))
+    )

@@ -1,0 +1,206 @@
+"""The pictures that tell a camera which point of the panel it sees: Gray code and phase shift, in both directions.
+
+Light at the coordinate u (column or row, pixel centres at 1/2) of the phase picture n of N, for the period T:
+
+    I = 1/2 + 1/2 cos(2 pi (u / T - n / N)).
+
+The Gray code numbers the half periods floor(u / (T/2)). A point's phase and its half period give u, and a half period
+that is misread as its neighbour next to their common edge does no harm. With N = 8 steps, harmonics up to the sixth,
+which a camera's tone curve adds, leave the phase as it is.
+
+At the beginning and at the end stand the marks by which a photographer finds the panel; that both photographs of them
+are equal shows that the camera stood still.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann import __version__, toml
+from lippmann.display import Display, Side
+from lippmann.errors import InputError, input_error
+from lippmann.images import replacing
+from lippmann.integral_image import IntegralImage
+from lippmann.toml import key
+
+Kind = Literal["marks", "white", "black", "gray", "phase"]
+#: Period of the phase pictures, pixels, and number of their steps.
+PERIOD_PX = 16
+STEPS = 8
+#: Name of the file that describes a set of patterns.
+FILE = "patterns.toml"
+Floats = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One picture: its place in the order, its kind, the axis it codes (0 columns, 1 rows), and its bit or step."""
+
+    place: int
+    kind: Kind
+    axis: int = 0
+    number: int = 0
+
+    @property
+    def stem(self) -> str:
+        """Name of its file without extension."""
+        if self.kind == "marks":
+            name = "marks" if self.number == 0 else "marks-again"
+        elif self.kind in ("gray", "phase"):
+            name = f"{self.kind}-{'xy'[self.axis]}-{self.number}"
+        else:
+            name = self.kind
+        return f"{self.place:02d}-{name}"
+
+
+@dataclass(frozen=True)
+class PatternsFile:
+    """The file `patterns.toml` beside the pictures."""
+
+    display: Annotated[str, key("name of the display")]
+    identity: Annotated[str, key("its identity when the pictures were drawn")]
+    width_px: Annotated[Side, key("width of its panel")]
+    height_px: Annotated[Side, key("height of its panel")]
+    code: Annotated[Literal["gray+phase"], key("kind of code")]
+    period_px: Annotated[int, key("period of the phase pictures, pixels", low=4, high=256)]
+    steps: Annotated[int, key("phase pictures for each direction", low=3, high=64)]
+    files: Annotated[tuple[str, ...], key("the pictures in their order", shape="a list of file names")]
+
+
+@dataclass(frozen=True)
+class PatternSet:
+    """The pictures for a panel of some size."""
+
+    width_px: int
+    height_px: int
+    period_px: int = PERIOD_PX
+    steps: int = STEPS
+
+    @classmethod
+    def of(cls, display: Display) -> PatternSet:
+        """Return the set for a display's panel."""
+        return cls(display.panel.width_px, display.panel.height_px)
+
+    @property
+    def sides_px(self) -> tuple[int, int]:
+        """Width and height of the panel."""
+        return self.width_px, self.height_px
+
+    @property
+    def half_px(self) -> float:
+        """Half a period, the width of the finest stripes of the Gray code."""
+        return 0.5 * self.period_px
+
+    def bits(self, axis: int) -> int:
+        """Return the number of Gray code pictures for columns (0) or rows (1)."""
+        return max(1, int(np.ceil(self.sides_px[axis] / self.half_px) - 1).bit_length())
+
+    @cached_property
+    def patterns(self) -> tuple[Pattern, ...]:
+        """The pictures in their order."""
+        kinds: list[tuple[Kind, int, int]] = [("marks", 0, 0), ("white", 0, 0), ("black", 0, 0)]
+        for axis in (0, 1):
+            kinds += [("gray", axis, bit) for bit in reversed(range(self.bits(axis)))]
+        for axis in (0, 1):
+            kinds += [("phase", axis, step) for step in range(self.steps)]
+        kinds.append(("marks", 0, 1))
+        return tuple(Pattern(place, *one) for place, one in enumerate(kinds))
+
+    def level(self, pattern: Pattern, at_px: Floats) -> Floats:
+        """Return the light of a Gray code or phase picture at coordinates along its axis, 0 to 1."""
+        if pattern.kind == "phase":
+            turns = at_px / self.period_px - pattern.number / self.steps
+            return np.asarray(0.5 + 0.5 * np.cos(2.0 * np.pi * turns))
+        half = np.floor(at_px / self.half_px).astype(np.int64)
+        return np.asarray(((half ^ (half >> 1)) >> pattern.number) & 1, np.float32)
+
+    def half_of(self, code: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
+        """Return the half periods that Gray codes number."""
+        half = code.copy()
+        for shift in (8, 4, 2, 1):
+            half ^= half >> half.dtype.type(shift)
+        return half
+
+    def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> npt.NDArray[np.float32]:
+        """Return coordinates, pixels: those with a phase (radians) that are nearest to the middles of half periods."""
+        fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
+        near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
+        periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
+        return np.asarray(fine + periods * np.float32(self.period_px), np.float32)
+
+    def light(self, pattern: Pattern) -> npt.NDArray[np.float32]:
+        """Return the light of a picture's pixels, (height, width), 0 to 1; rows or columns may be one in memory."""
+        shape = self.height_px, self.width_px
+        if pattern.kind == "marks":
+            return _marks(*shape)
+        if pattern.kind in ("white", "black"):
+            return np.broadcast_to(np.float32(pattern.kind == "white"), shape)
+        along = np.arange(self.sides_px[pattern.axis]) + 0.5
+        line = self.level(pattern, along).astype(np.float32)
+        return np.broadcast_to(line[None] if pattern.axis == 0 else line[:, None], shape)
+
+    def image(self, pattern: Pattern, display: Display) -> IntegralImage:
+        """Return a picture as an image for the display, which `stream` and `display` accept."""
+        light = np.broadcast_to(self.light(pattern)[..., None], (self.height_px, self.width_px, 3))
+        return IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__})
+
+    def text(self, display: Display) -> str:
+        """Return the text of `patterns.toml`."""
+        files = "".join(f'  "{one.stem}.png",\n' for one in self.patterns)
+        return (
+            f'display = "{display.name}"\nidentity = "{display.identity}"\n'
+            f"width_px = {self.width_px}\nheight_px = {self.height_px}\n"
+            f'code = "gray+phase"\nperiod_px = {self.period_px}\nsteps = {self.steps}\nfiles = [\n{files}]\n'
+        )
+
+
+def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
+    """Return a frame, a cross, and a block in the top left corner, black on white."""
+    light = np.ones((height, width), np.float32)
+    y, x = np.arange(height)[:, None], np.arange(width)[None]
+    line = max(1, min(height, width) // 24)
+    light[(np.minimum(x, width - 1 - x) < line) | (np.minimum(y, height - 1 - y) < line)] = 0.0
+    light[(abs(2 * x + 1 - width) < line) | (abs(2 * y + 1 - height) < line)] = 0.0
+    light[(x < width // 4) & (y < height // 4)] = 0.0
+    return light
+
+
+def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
+    """Write the pictures and `patterns.toml` into a folder, made when missing; return the pictures' files.
+
+    Raises InputError when the file system refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise input_error(str(folder), f"cannot be made ({error.strerror})", "choose another folder") from None
+    files = []
+    for pattern in patterns.patterns:
+        files.append(folder / f"{pattern.stem}.png")
+        patterns.image(pattern, display).save(files[-1])
+    with replacing(folder / FILE) as partial:
+        partial.write_text(patterns.text(display), encoding="utf-8")
+    return files
+
+
+def read_patterns(path: Path, display: Display) -> PatternSet:
+    """Read `patterns.toml`; refuse a set that was drawn for a panel of another size."""
+    raw = toml.read(PatternsFile, toml.load(path, "patterns"), str(path))
+    panel = display.panel
+    if (raw.width_px, raw.height_px) != (panel.width_px, panel.height_px):
+        what = (
+            f"the patterns are {raw.width_px} x {raw.height_px} pixels, for '{raw.display}'; the panel of "
+            f"'{display.name}' has {panel.width_px} x {panel.height_px}"
+        )
+        raise input_error(str(path), what, "name the display file that the patterns were drawn for")
+    made = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
+    expected = [f"{one.stem}.png" for one in made.patterns]
+    if list(raw.files) != expected:
+        raise InputError(f"{path}: files: the list is not that of its code; draw the patterns again")
+    return made

@@ -1,0 +1,225 @@
+"""Doubts about photographs, each named with the photograph: order, exposure, blur, a moved camera, an edge out of view.
+
+They are judged by some thousand camera pixels whose values in all photographs are kept.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.calibration.codes import Pattern, PatternSet
+from lippmann.calibration.photographs import Light, Position
+from lippmann.errors import input_error
+
+#: Most shift of the camera between the first photograph and the last, pixels of the photograph.
+MOST_MOVED_PX = 0.4
+#: Blur of the marks before they are compared, pixels.
+BLUR_PX = 1.5
+#: Least amplitude of the phase pictures, as a share of the black to white range's; below, the photographs are blurred.
+SHARP = 0.25
+#: Most residual of a phase photograph to the cosine through all of them, as a share of the amplitude.
+MOST_RESIDUAL = 0.35
+#: Difference of a photograph's mean light from the pattern's, as a share of the black to white range.
+MOST_OFF = 0.2
+#: A camera sees the panel as a plane but for the parallax of the lenslets: points off it by more pitches are wrong.
+OFF_PITCHES = 1.5
+LEAST_ON_PLANE = 0.6
+#: How much better photographs must fit when two are exchanged, to name them.
+EXCHANGED = 0.5
+#: Number of pixels by which that is judged.
+FEW = 800
+
+
+@dataclass
+class Samples:
+    """Light of some pixels (at `rows`, `columns`) in all photographs, as shares of the black to white range."""
+
+    patterns: PatternSet
+    position: Position
+    rows: npt.NDArray[np.intp]
+    columns: npt.NDArray[np.intp]
+    white: Light
+    black: Light
+    shares: dict[Pattern, npt.NDArray[np.float32]] = field(default_factory=dict)
+
+    def add(self, pattern: Pattern, light: Light) -> None:
+        """Keep the pixels' light in the photograph of a pattern."""
+        black, white = (one[self.rows, self.columns] for one in (self.black, self.white))
+        self.shares[pattern] = (light[self.rows, self.columns] - black) / np.maximum(white - black, 1e-6)
+
+    @property
+    def photo_px(self) -> npt.NDArray[np.float32]:
+        """(N, 2): the pixels' centres."""
+        return np.stack([self.columns + 0.5, self.rows + 0.5], axis=1).astype(np.float32)
+
+
+class Fit(NamedTuple):
+    """How well photographs agree with each other."""
+
+    #: Points (N, 2), pixels of the panel.
+    points: npt.NDArray[np.float32]
+    #: Median amplitude of the phase pictures, a share of the range's.
+    modulation: float
+    #: Residual of each phase photograph to the cosine, a share of the amplitude.
+    residuals: dict[Pattern, float]
+    #: Share of pixels in whose phase and finest Gray code disagree, away from the code's edges.
+    disagree: float
+    #: Share of the points on the plane of the panel; the plane's map from the photograph.
+    on_plane: float
+    panel_from_photo: npt.NDArray[np.float64] | None
+
+    @property
+    def bad(self) -> float:
+        """A number that exchanged photographs raise."""
+        return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
+
+
+def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_px: float) -> Fit:
+    """Decode the kept pixels, and measure how well the photographs agree."""
+    patterns, points, modulations, disagree = samples.patterns, [], [], []
+    residuals: dict[Pattern, float] = {}
+    for axis in (0, 1):
+        phases = [one for one in patterns.patterns if one.kind == "phase" and one.axis == axis]
+        angles = 2.0 * np.pi * np.arange(len(phases)) / len(phases)
+        light = np.stack([shares[one] for one in phases])
+        wave = 2.0 / len(phases) * (np.exp(1j * angles) @ light)
+        amplitude = abs(wave)
+        modulations.append(2.0 * float(np.median(amplitude)))
+        strong = amplitude > 0.5 * np.median(amplitude)
+        expected = light.mean(axis=0) + (np.exp(-1j * angles)[:, None] * wave).real
+        # By the median: a part of the pixels may see dust or a reflection.
+        typical = np.median(abs((light - expected) / np.maximum(amplitude, 1e-6))[:, strong], axis=1)
+        residuals.update(zip(phases, map(float, 1.4826 * typical), strict=True))
+        code = np.zeros(light.shape[1], np.int64)
+        for one in patterns.patterns:
+            if one.kind == "gray" and one.axis == axis:
+                code |= (shares[one] > 0.5).astype(np.int64) << one.number
+        half = patterns.half_of(code)
+        point = patterns.point(np.angle(wave), half)
+        inside = abs(point - (half + 0.5) * patterns.half_px) / patterns.half_px
+        disagree.append(float((inside[strong] > 0.75).mean()) if strong.any() else 1.0)
+        points.append(point)
+    panel = np.stack(points, axis=1).astype(np.float32)
+    photo = samples.photo_px
+    found: Any
+    found, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
+    share = 0.0 if found is None else float(np.mean(mask))
+    return Fit(panel, min(modulations), residuals, max(disagree), share, found)
+
+
+def check_samples(samples: Samples, pitch_px: float) -> float:
+    """Refuse photographs that do not agree; return the amplitude of the phase pictures as a share of the range's."""
+    position, patterns = samples.position, samples.patterns
+    found = fit(samples, samples.shares, pitch_px)
+    worst = max(found.residuals, key=lambda one: found.residuals[one])
+    wrong = found.residuals[worst] > MOST_RESIDUAL or found.disagree > 0.2 or found.on_plane < LEAST_ON_PLANE
+    if found.modulation < SHARP:
+        path = position.of(next(one for one in patterns.patterns if one.kind == "phase"))
+        what = (
+            f"is blurred: stripes of {patterns.period_px} panel pixels keep {100.0 * found.modulation:.0f} % "
+            "of their contrast"
+        )
+        raise input_error(str(path), what, "focus on the array, stop the lens down, and keep reflections away")
+    _check_light(samples)
+    if wrong:
+        pair = _exchanged(samples, found, pitch_px)
+        if pair is not None:
+            first, second = (position.of(one).name for one in pair)
+            what = f"{first} and {second} look exchanged"
+            raise input_error(position.name, what, "name each photograph as its pattern")
+        if found.residuals[worst] > MOST_RESIDUAL:
+            what = "does not fit the other phase photographs"
+            remedy = "take the position again: fixed camera and exposure, and each photograph named as its pattern"
+            raise input_error(str(position.of(worst)), what, remedy)
+        what = "the photographs do not show this set of patterns: neighbouring pixels see points far apart"
+        remedy = "use the patterns drawn for this display, each photograph named as its pattern"
+        raise input_error(position.name, what, remedy)
+    _check_view(samples, found)
+    return found.modulation
+
+
+def _check_light(samples: Samples) -> None:
+    """Refuse photographs that are brighter or darker than their pattern: exposure or order changed."""
+    patterns = samples.patterns
+    for pattern, share in samples.shares.items():
+        along = np.arange(patterns.sides_px[pattern.axis]) + 0.5
+        expected = float(patterns.level(pattern, along).mean())
+        got = float(np.clip(share, -0.5, 1.5).mean())
+        if abs(got - expected) > MOST_OFF * (1.0 if pattern.kind == "phase" else 1.5):
+            name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
+            what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
+            remedy = "fix the camera's exposure for all photographs, and name each one as its pattern"
+            raise input_error(str(name), what, remedy)
+
+
+def _exchanged(samples: Samples, found: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
+    """Return the two photographs whose exchange makes all agree; None without such a pair."""
+    step = max(1, len(samples.rows) // FEW)
+    few = replace(samples, rows=samples.rows[::step], columns=samples.columns[::step])
+    few.shares = {one: share[::step] for one, share in samples.shares.items()}
+    best, pair = EXCHANGED * found.bad, None
+    for one, other in itertools.combinations(few.shares, 2):
+        if one.kind != other.kind:
+            continue
+        shares = {**few.shares, one: few.shares[other], other: few.shares[one]}
+        again = fit(few, shares, pitch_px)
+        if again.bad < best and again.on_plane >= LEAST_ON_PLANE:
+            best, pair = again.bad, (one, other)
+    return pair
+
+
+def _check_view(samples: Samples, found: Fit) -> None:
+    """Refuse a panel that is partly out of the photographs, or mirrored."""
+    position, patterns = samples.position, samples.patterns
+    if found.panel_from_photo is None:
+        return
+    path = position.of(patterns.patterns[0])
+    if np.linalg.det(found.panel_from_photo[:2, :2]) < 0.0:
+        raise input_error(str(path), "is mirrored", "give the photographs as the camera took them")
+    height, width = samples.white.shape
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * patterns.sides_px
+    photo = cv2.perspectiveTransform(corners[None], np.linalg.inv(found.panel_from_photo))[0]
+    margin = 0.005 * max(height, width)
+    outside = {
+        "left": photo[:, 0] < -margin,
+        "right": photo[:, 0] > width + margin,
+        "top": photo[:, 1] < -margin,
+        "bottom": photo[:, 1] > height + margin,
+    }
+    sides = [side for side, beyond in outside.items() if beyond.any()]
+    if sides:
+        what = f"the panel is partly out of view, at the {' and '.join(sides)}"
+        raise input_error(str(path), what, "move the camera back or turn it, so that the whole panel is in view")
+
+
+def _blurred(light: Light) -> Light:
+    return np.asarray(cv2.GaussianBlur(np.ascontiguousarray(light), (0, 0), BLUR_PX), np.float32)
+
+
+def check_marks(
+    position: Position, first: Pattern, last: Pattern, before: Light, after: Light, seen: npt.NDArray[np.bool_]
+) -> float:
+    """Return how far the camera moved between the photographs of the marks, pixels; refuse a moved camera."""
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    if len(rows) < 8 or len(columns) < 8:
+        return 0.0
+    part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    before, after = (_blurred(one[part]) for one in (before, after))
+    scale = float(after.mean()) / max(1e-9, float(before.mean()))
+    if not 0.8 < scale < 1.25:
+        what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"
+        raise input_error(str(position.of(last)), what, "fix the camera's exposure, and the room's light")
+    # The shift that explains the difference best, by the gradients.
+    down, right = np.gradient(before)
+    slopes = np.stack([right.ravel(), down.ravel()], axis=1)
+    moved = float(np.hypot(*np.linalg.lstsq(slopes, (before - after).ravel(), rcond=None)[0]))
+    if moved > MOST_MOVED_PX:
+        what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
+        raise input_error(str(position.of(last)), what, "fix the camera on a tripod, and take the position again")
+    return moved

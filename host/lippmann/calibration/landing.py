@@ -1,0 +1,179 @@
+"""What a camera sees of a lenslet, by exact rays: where its outline is, and where its rays meet the panel.
+
+A camera sees the lenslet with the vertex L on a plane at the height h: the outline's sides are seams, which are below
+the vertices of domes that face the viewer, and behind glass else. With the slope s = (C - L) / (Cz - h), the middle of
+the outline is at L + c(s) on this plane, and the rays through the inner cell around it land on the panel, on average,
+at L + w(s). By symmetry both are close to polynomials:
+
+    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4 + c3 |s|^6),
+    w(s) = -s (a0 + a1 |s|^2 + a2 |s|^4 + gap (b0 + b1 |s|^2 + b2 |s|^4)).
+
+The numbers are fitted to exact rays: Snell's law at each face. They contain what a paraxial D leaves out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.calibration.lattice import NEAR
+from lippmann.calibration.lenslets import INNER, MIDDLE
+from lippmann.display import Display
+from lippmann.engines import trace_to_panel
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.panel import PanelFrame
+from lippmann.optics.rays import Hits, Status, gets_through
+from lippmann.optics.sampling import R2_STEPS, square_to_cell
+
+Floats = npt.NDArray[np.float64]
+#: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.
+SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
+#: Rays across the inner cell, and in the square in which an outline is looked for; slopes; their directions.
+ACROSS, OUTLINE_POINTS, SLOPES, DIRECTIONS = 7, 4096, 9, 8
+#: Side of that square, in pitches.
+AROUND = 2.4
+
+
+def outline_mm(display: Display) -> float:
+    """Return the height z of the plane on which a camera sees the lenslets' outlines, mm."""
+    array = display.array
+    seam = SEAM[array.grid] * array.sag_mm
+    if array.plano_side == "panel":
+        return -seam
+    return array.thickness_mm - (array.thickness_mm - seam) / array.index
+
+
+@dataclass(frozen=True)
+class Landing:
+    """The numbers a, b and c of the module's formulas, and the plane of outlines, mm."""
+
+    fixed: Floats
+    per_gap: Floats
+    aside: Floats
+    outline_mm: float
+    #: Steepest slope that was traced.
+    steepest: float
+    #: Largest distance of exact means from the formula of w, mm.
+    error_mm: float
+
+    def point(self, slope: Floats, gap_mm: Floats | float) -> Floats:
+        """Return w for slopes (N, 2) and a gap for all or for each, (N, 2) mm."""
+        powers = _powers(slope)
+        return np.asarray(-slope * (powers @ self.fixed + gap_mm * (powers @ self.per_gap))[:, None])
+
+    def outline(self, slope: Floats) -> Floats:
+        """Return c for slopes (N, 2), (N, 2) mm."""
+        return np.asarray(slope * (_powers(slope, len(self.aside)) @ self.aside)[:, None])
+
+
+def _powers(slope: Floats, count: int = 3) -> Floats:
+    """Return even powers of slopes from 0 on, (N, count)."""
+    return np.asarray((slope**2).sum(axis=1)[:, None] ** np.arange(count), np.float64)
+
+
+def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
+    """Trace a display's lenslet from cameras at a distance, with slopes up to `steepest`."""
+    array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
+    plain = replace(display, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+    radii = np.linspace(0.0, max(steepest, 0.05), SLOPES + 1)[1:]
+    angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
+    slopes = np.stack([np.outer(radii, f(angles)).ravel() for f in (np.cos, np.sin)], axis=1)
+    height = outline_mm(display)
+    design = (slopes[:, :, None] * _powers(slopes)[:, None, :]).reshape(-1, 3)
+
+    middles = _middles(plain, slopes, height, distance_mm)
+    sides = (slopes[:, :, None] * _powers(slopes, 4)[:, None, :]).reshape(-1, 4)
+    aside = np.linalg.lstsq(sides, middles.ravel(), rcond=None)[0]
+    offset = (sides @ aside).reshape(-1, 2)
+
+    gaps = display.gap_mm, display.gap_mm + 0.2 * display.aperture_distance_mm
+    fits, errors = [], []
+    through = offset[:, None] + _inner(plain)[None]
+    for gap in gaps:
+        seen, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
+        means = _mean(at, seen)
+        numbers = np.linalg.lstsq(-design, means.ravel(), rcond=None)[0]
+        fits.append(numbers)
+        errors.append(float(np.hypot(*(means + (design @ numbers).reshape(-1, 2)).T).max()))
+    per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
+    return Landing(fits[0] - gaps[0] * per_gap, per_gap, np.asarray(aside, np.float64), height, steepest, max(errors))
+
+
+def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
+    """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
+
+    They are means of the points whose rays a photograph gives to their lenslet as `lenslets.measure_lenslets` does: of
+    the strongest aberrations at a cell's edge, it takes the point on the panel for one of a neighbour.
+    """
+    # A regular grid would not notice a seam that moves between two of its lines.
+    square = np.outer(np.arange(OUTLINE_POINTS) + 0.5, R2_STEPS) % 1.0
+    around = AROUND * display.array.coarsest_mm * (square - 0.5)
+    many = np.broadcast_to(around, (len(slopes), *around.shape))
+    seen, at = _traced(display, slopes, many, height_mm, distance_mm)
+    lattice = Lattice.of(display.array)
+    steps = np.linalg.inv(np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)]).T)
+    middles = _mean(many, seen)
+    grown = 1.0 + display.aperture_distance_mm / distance_mm
+    for k in range(len(slopes)):
+        across, landed = around[seen[k]] @ steps.T, at[k, seen[k]] @ steps.T / grown
+        middle = across.mean(axis=0)
+        for _ in range(3):
+            own = given_to(across - middle, landed)
+            if own.sum() < 0.2 * len(own):
+                break
+            middle = across[own].mean(axis=0)
+        middles[k] = np.linalg.inv(steps) @ middle
+    return middles
+
+
+def given_to(across: Floats, landed: Floats) -> npt.NDArray[np.bool_]:
+    """Tell which points a photograph gives to their lenslet; both in steps, from the middle and from anywhere."""
+    some = (abs(across) < MIDDLE).all(axis=1)
+    centre = np.median(landed[some], axis=0) if some.any() else np.zeros(2)
+    moves = np.linalg.lstsq(across[some], landed[some] - centre, rcond=None)[0]
+    own = (landed - centre - across @ moves) @ np.linalg.inv(np.eye(2) - moves)
+    own -= own[some].mean(axis=0)
+    return np.asarray((abs(own) < NEAR).all(axis=1))
+
+
+def _inner(display: Display) -> Floats:
+    """Return points all over a lenslet's inner cell, (N, 2) mm."""
+    side = (np.arange(ACROSS) + 0.5) / ACROSS
+    s, t = (one.ravel() for one in np.meshgrid(side, side))
+    if display.array.grid == "hex":  # equal areas of the three rhombi
+        s, t = (np.repeat(np.arange(3), len(s)) + np.tile(s, 3)) / 3.0, np.tile(t, 3)
+    return INNER * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
+
+
+def _traced(
+    display: Display, slopes: Floats, through: Floats, height_mm: float, distance_mm: float
+) -> tuple[npt.NDArray[np.bool_], Floats]:
+    """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
+
+    Return which pass the lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2) mm.
+    """
+    camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
+    to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)
+    direction = to - camera
+    direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+    origin = np.broadcast_to(camera, direction.shape)
+    hits: Hits = trace_to_panel(display, origin.reshape(-1, 3), direction.reshape(-1, 3))
+    x, y = PanelFrame.of(display).panel_from_pixel(*hits.pixel.T)
+    # A ray that misses the panel counts as blocked; here the panel has no end. One lost within the glass never lands.
+    beside = (hits.status == int(Status.BLOCKED)) & _off(display, x, y)
+    lands = gets_through(hits.status) | beside
+    seen = lands & (hits.lenslet == 0).all(axis=1)
+    return seen.reshape(through.shape[:2]), np.stack([x, y], axis=1).reshape(through.shape)
+
+
+def _off(display: Display, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
+    panel = display.panel
+    return np.asarray((abs(x) >= 0.5 * panel.width_mm) | (abs(y) >= 0.5 * panel.height_mm))
+
+
+def _mean(points: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
+    """Return the means of points (N, M, 2) that are seen, (N, 2)."""
+    return np.asarray((points * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])

@@ -1,0 +1,159 @@
+"""The panel point that a position sees through each lenslet, and where in the photograph the lenslet is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.calibration.decode import Decoded
+from lippmann.calibration.lattice import NEAR, SeenLattice
+from lippmann.calibration.outline import fit_outline, grouped, regular
+from lippmann.display import Display
+from lippmann.errors import input_error
+from lippmann.optics.panel import PanelFrame
+
+#: Part of a cell whose pixels count: beyond, a camera pixel sees through two lenslets.
+INNER = 0.7
+#: Rounds in which outline and lenslets of the pixels are found.
+ROUNDS = 3
+#: Distance of a pixel from its lenslet's middle, in steps of the lattice, from which on it is wrong.
+FAR = 0.7
+#: Distance from the cell's middle, in steps of the lattice, up to which points move evenly.
+MIDDLE = 0.35
+#: Most standard deviations of a pixel from the others of its lenslet.
+SPREAD = 6.0
+#: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
+WHOLE = 0.95
+#: Least share of the usual number of pixels that a lenslet must have.
+LEAST_SHARE = 0.35
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lenslets:
+    """Of N lenslets that one position sees: what is seen through each, and where.
+
+    `index` (N, 2) int64 are their (i, j), `photo_px` (N, 2) their middles in the photograph, `panel_mm` (N, 2) the
+    points of the panel seen through their inner cells, `pixels` (N,) the numbers of camera pixels there.
+    """
+
+    name: str
+    shape: tuple[int, int]
+    index: npt.NDArray[np.int64]
+    photo_px: Floats
+    panel_mm: Floats
+    pixels: npt.NDArray[np.int64]
+    #: Movement of the panel point over the lenslet's aperture: (2, 2), mm for each pitch across the cell.
+    spread: Floats
+    #: Share of the pixels that see the lenslet in front of them.
+    agree: float
+    modulation: float
+
+    def moved(self, step: npt.NDArray[np.int64]) -> Lenslets:
+        """Return the same with another numbering: `step` is added to all indices."""
+        return replace(self, index=self.index + step)
+
+
+def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> Lenslets:
+    """Average the pixels of each lenslet's inner cell."""
+    frame, grid = PanelFrame.of(display), display.array.grid
+    points = np.stack(frame.panel_from_pixel(*decoded.panel_px.astype(np.float64).T), axis=1)
+    panel_steps = seen.steps(points)
+    # In focus, all of a lenslet shows one point. Else points move over it, and with the outline, better known after
+    # each round, a point tells its lenslet: it is l + B (q - l) in steps of the lattice, seen at q in the photograph.
+    index, near = seen.near(points)
+    moves = np.zeros((2, 2))
+    for _ in range(ROUNDS):
+        outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
+        at = outline.steps(decoded.photo_px)
+        across = at - np.round(at)
+        some = (abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
+        off = panel_steps[some] - np.round(at[some])
+        moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
+        own = (panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves)
+        index = np.round(own).astype(np.int64)
+        near = (abs(own - index) < NEAR).all(axis=1)
+    home, local = outline.located(decoded.photo_px)
+    # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent. Not
+    # those far aside, which are wrong.
+    own_pixels = near & (abs(at - index) < FAR).all(axis=1)
+    names, both = grouped(np.concatenate([home, index[own_pixels]]))
+    groups, of_own = both[: len(home)], both[len(home) :]
+    counts = np.bincount(of_own, minlength=len(names))
+    sums = _sums(decoded.photo_px[own_pixels].astype(np.float64), of_own, len(names))
+    photo = sums / np.maximum(counts, 1)[:, None]
+    axes = np.array(outline.lattice.axes)
+    inner = (abs(local @ axes.T) < 0.5 * INNER).all(axis=1)
+    good = inner & own_pixels & (home == index).all(axis=1)
+    spread = np.zeros((2, 2))
+    for _ in range(2):
+        at, middle, spread = _averages(points, local, good, groups, len(names))
+        off = points - at[groups] - (local - middle[groups]) @ spread
+        far = np.hypot(*off.T)
+        good &= far < SPREAD * max(1e-9, 1.4826 * float(np.median(abs(off[good]))) * 1.5)
+    at, middle, spread = _averages(points, local, good, groups, len(names))
+    number = np.bincount(groups[good], minlength=len(names))
+    usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
+    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts)
+    if kept.sum() < 30:
+        what = f"only {int(kept.sum())} lenslets are seen"
+        raise input_error(
+            decoded.name, what, "come nearer, or use a camera with more pixels: 4 or more across a lenslet"
+        )
+    panel = at[kept] - middle[kept] @ spread
+    return Lenslets(
+        decoded.name, decoded.shape, names[kept], photo[kept], panel, number[kept], spread,
+        outline.agree, decoded.modulation,
+    )  # fmt: skip
+
+
+def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Tell which lenslets (N, 2) are seen whole: not the outermost, and with about as many pixels as their neighbours.
+
+    At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.
+    """
+    low = index.min(axis=0) - 2
+    table = np.zeros(index.max(axis=0) - low + 3)
+    i, j = (index - low).T
+    table[i, j] = counts
+    most = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
+    inside = np.ones(len(index), bool)
+    for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        # One neighbour may be hidden by dust.
+        inside &= np.maximum(table[i + di, j + dj], table[i + 2 * di, j + 2 * dj]) > 0.8 * most
+    return np.asarray(inside & (counts >= WHOLE * most - 0.6 * np.sqrt(most)))
+
+
+def _complete(
+    photo_px: npt.NDArray[np.float32], index: npt.NDArray[np.int64], near: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int64]]:
+    """Return the pixels near lattice points whose lenslets are whole, and their (i, j).
+
+    At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
+    """
+    names, groups = grouped(index[near])
+    complete = whole(names, np.bincount(groups))[groups]
+    return photo_px[near][complete], index[near][complete]
+
+
+def _sums(values: Floats, groups: npt.NDArray[np.int64], count: int) -> Floats:
+    return np.stack([np.bincount(groups, weights=column, minlength=count) for column in values.T], axis=1)
+
+
+def _averages(
+    points: Floats, local: Floats, good: npt.NDArray[np.bool_], groups: npt.NDArray[np.int64], count: int
+) -> tuple[Floats, Floats, Floats]:
+    """Return the means of points and of places in the cell, (M, 2) each, and how points move with places, (2, 2)."""
+    number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
+    at, middle = (_sums(one[good], groups[good], count) / number for one in (points, local))
+    across = local[good] - middle[groups[good]]
+    moved = points[good] - at[groups[good]]
+    spread = np.linalg.lstsq(across.T @ across, across.T @ moved, rcond=None)[0]
+    return at, middle, np.asarray(spread, np.float64)
+
+
+def regular_places(lenslets: Lenslets, display: Display) -> Floats:
+    """Return the lenslets' centres on the lattice of pitch 1, (N, 2)."""
+    return regular(display.array.grid, lenslets.index)

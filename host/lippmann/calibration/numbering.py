@@ -1,0 +1,113 @@
+"""One numbering of the lenslets for all positions, and the first values of the least squares.
+
+Each position numbers the lenslets by the lattice that it sees, from a start of its own. Its place in front of the array
+tells which lenslet is which: the panel point seen through a lenslet is as far from its centre as the slope to the
+camera and the gap say. The gap is only nearly known, so that gaps around the nominal one are tried; that of the true
+numbering makes the positions agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.calibration.camera import Lens, first_lens, first_pose
+from lippmann.calibration.landing import Landing, landing_of
+from lippmann.calibration.lattice import SeenLattice
+from lippmann.calibration.lenslets import Lenslets
+from lippmann.display import Display
+from lippmann.optics.lattice import HALF_SQRT3
+
+Floats = npt.NDArray[np.float64]
+#: Gaps that are tried, as shares of D around the nominal one, and how many numberings are fitted.
+GAPS = np.linspace(-0.35, 0.35, 57)
+MOST_NUMBERINGS = 3
+#: A numbering that fits worse than the best by this share of a pitch is not tried.
+WORSE = 0.2
+
+
+@dataclass(frozen=True)
+class Start:
+    """A numbering of the lenslets in all positions, and first values of the parameters (see `bundle.Problem`)."""
+
+    views: list[Lenslets]
+    array: Floats
+    gap_mm: float
+    lens: Lens
+    poses: list[tuple[Floats, Floats]]
+
+    @property
+    def numbers(self) -> Floats:
+        """The parameters in the order of `bundle.Problem`, without a bow."""
+        lens = [self.lens.focal_px, *self.lens.middle_px, *self.lens.distortion]
+        poses = [one for turn, place in self.poses for one in (*turn, *place)]
+        return np.array([*self.array, self.gap_mm, *lens, *poses])
+
+
+def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:
+    """Return pitch x and y, shear, rotation (radians) and offset of a lattice with steps in i and j as columns."""
+    turn = math.atan2(steps[1, 0], steps[0, 0])
+    c, s = math.cos(turn), math.sin(turn)
+    along, up = np.array([[c, s], [-s, c]]) @ steps[:, 1]
+    px = float(np.hypot(*steps[:, 0]))
+    hexagonal = grid == "hex"
+    py = up / HALF_SQRT3 if hexagonal else up
+    shear = (along - 0.5 * px * hexagonal) / up
+    return np.array([px, py, shear, turn, *offset])
+
+
+def starts(
+    display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice], shape: tuple[int, int]
+) -> tuple[list[Start], Landing]:
+    """Return the likeliest numberings with first values, the best first, and the landing of rays that all use."""
+    planes = [np.column_stack([one.points(view.index), np.zeros(len(view.index))])
+              for one, view in zip(seen, views, strict=True)]  # fmt: skip
+    lens = first_lens(planes, [view.photo_px for view in views], shape)
+    poses = [first_pose(plane, view.photo_px, lens) for plane, view in zip(planes, views, strict=True)]
+    places = [place for _, place in poses]
+    slopes = [(place[:2] - plane[:, :2]) / place[2] for plane, place in zip(planes, places, strict=True)]
+    steepest = 1.1 * max(float(np.hypot(*slope.T).max()) for slope in slopes)
+    landing = landing_of(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
+
+    found: dict[tuple[int, ...], tuple[float, Start]] = {}
+    for share in GAPS:
+        gap = max(0.0, display.gap_mm + share * display.aperture_distance_mm)
+        zeros, steps, true_places = [], [], []
+        for one, place in zip(seen, places, strict=True):
+            slope = ((place[:2] - one.origin) / place[2])[None]
+            moved = landing.point(slope, gap)[0]
+            small = landing.point(np.array([[1e-3, 0.0]]), gap)[0, 0] / -1e-3 / place[2]
+            zeros.append(one.origin - moved)
+            steps.append(one.basis / (1.0 + small))
+            # The camera as far from the lenslet's centre as from the point seen, but for the lattice's growth.
+            aside = (place[:2] - one.origin) / (1.0 + small)
+            true_places.append(np.array([*(zeros[-1] + aside), place[2] / (1.0 + small)]))
+        basis = np.mean(steps, axis=0)
+        inverse = np.linalg.inv(basis)
+        off = np.array([inverse @ (zero - zeros[0]) for zero in zeros])
+        shift = np.round(off).astype(np.int64)
+        rest = float(np.sqrt(((off - shift) ** 2).sum(axis=1).mean()))
+        first = np.round(inverse @ (np.array(display.array.offset_mm) - zeros[0])).astype(np.int64)
+        # Of all that agree as well, the nearest to the nominal gap.
+        rank = rest + 0.02 * abs(share)
+        key = tuple(shift.ravel().tolist())
+        if key in found and found[key][0] <= rank:
+            continue
+        offset = np.mean(zeros - shift @ basis.T, axis=0) + basis @ first
+        renumbered = [view.moved(shift[k] - first) for k, view in enumerate(views)]
+        turns = [turn for turn, _ in poses]
+        start = Start(
+            renumbered,
+            array_of(display.array.grid, basis, offset),
+            gap,
+            lens,
+            list(zip(turns, true_places, strict=True)),
+        )
+        found[key] = rank, start
+    ranked = sorted(found.values(), key=lambda one: one[0])
+    likely = [start for rank, start in ranked[:MOST_NUMBERINGS] if rank < ranked[0][0] + WORSE]
+    return likely, landing

@@ -1,0 +1,126 @@
+"""The photographs of a folder: which photograph shows which pattern, and their light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.calibration.codes import FILE, Pattern, PatternSet, read_patterns
+from lippmann.display import Display
+from lippmann.errors import input_error
+from lippmann.images import decode
+
+#: Extensions of photographs.
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+#: From this share of the largest value on, a pixel counts as clipped.
+CLIPPED = 0.985
+Light = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Position:
+    """The photographs from one position of the camera, in the order of the patterns."""
+
+    name: str
+    photographs: tuple[Path, ...]
+
+    def of(self, pattern: Pattern) -> Path:
+        """Return the photograph of a pattern."""
+        return self.photographs[pattern.place]
+
+
+class Photograph(NamedTuple):
+    """Light (height, width) float32, 0 to 1, and where a channel is clipped."""
+
+    light: Light
+    clipped: npt.NDArray[np.bool_]
+
+
+def pattern_set(folder: Path, display: Display) -> PatternSet:
+    """Return the patterns that a folder of photographs belongs to: by its `patterns.toml`, else the usual ones."""
+    own = folder / FILE
+    return read_patterns(own, display) if own.is_file() else PatternSet.of(display)
+
+
+def positions(folder: Path, patterns: PatternSet) -> list[Position]:
+    """Return the positions of a folder: its sub-folders with photographs, or the folder itself.
+
+    Raises InputError, with the photograph, when one is missing or belongs to no pattern.
+    """
+    if not folder.is_dir():
+        raise input_error(str(folder), "no such folder", "give the folder that holds position-1, position-2 and so on")
+    folders = sorted((one for one in folder.iterdir() if one.is_dir() and _photographs(one)), key=_number)
+    if not folders:
+        folders = [folder]
+    return [_position(one, patterns) for one in folders]
+
+
+def _number(folder: Path) -> tuple[int, str]:
+    digits = "".join(character for character in folder.name if character.isdigit())
+    return int(digits or 0), folder.name
+
+
+def _photographs(folder: Path) -> dict[str, Path]:
+    return {one.stem: one for one in sorted(folder.iterdir()) if one.suffix.lower() in SUFFIXES}
+
+
+def _position(folder: Path, patterns: PatternSet) -> Position:
+    found = _photographs(folder)
+    if not found:
+        remedy = f"put one photograph of each pattern there, such as {patterns.patterns[0].stem}.jpg"
+        raise input_error(str(folder), "holds no photographs", remedy)
+    wanted = [one.stem for one in patterns.patterns]
+    missing = [stem for stem in wanted if stem not in found]
+    extra = [stem for stem in found if stem not in wanted]
+    if missing and extra:
+        what = f"{found[extra[0]].name} belongs to no pattern, and the photograph of {missing[0]} is missing"
+        remedy = "name each photograph as its pattern; use the patterns of this display's panel"
+        raise input_error(str(folder), what, remedy)
+    if missing:
+        more = f" (and {len(missing) - 1} others)" if missing[1:] else ""
+        raise input_error(str(folder), f"the photograph of {missing[0]} is missing{more}", "take it, and name it so")
+    if extra:
+        what = f"{found[extra[0]].name} belongs to no pattern"
+        remedy = f"draw the patterns again: this panel has {len(wanted)}, the last is {wanted[-1]}"
+        raise input_error(str(folder), what, remedy)
+    return Position(folder.name, tuple(found[stem] for stem in wanted))
+
+
+def _curve(kind: type[np.unsignedinteger]) -> Light:
+    """Return the light of each value of a camera's file, whose curve is sRGB's but for the camera's taste."""
+    levels = np.arange(np.iinfo(kind).max + 1, dtype=np.float32) / np.iinfo(kind).max
+    return decode(levels, "srgb")
+
+
+_CURVES = {np.dtype(np.uint8): _curve(np.uint8), np.dtype(np.uint16): _curve(np.uint16)}
+
+
+def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
+    """Read a photograph, whose values are sRGB's; the mean of its channels is its light.
+
+    Raises InputError for a file that is no photograph, or one of another size than `shape` (height, width).
+    """
+    raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if raw is None:
+        raise input_error(str(path), "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
+    if raw.dtype not in _CURVES:
+        raise input_error(str(path), f"holds {raw.dtype} values", "save it with 8 or 16 bits for each colour")
+    if shape is not None and raw.shape[:2] != shape:
+        what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
+        raise input_error(str(path), what, "take all photographs with one camera and one setting, without turning it")
+    values: npt.NDArray[Any] = np.asarray(raw[..., :3] if raw.ndim == 3 else raw[..., None])
+    top = int(CLIPPED * np.iinfo(values.dtype).max)
+    light = np.zeros(values.shape[:2], np.float32)
+    clipped = np.zeros(values.shape[:2], np.bool_)
+    curve = _CURVES[values.dtype]
+    for channel in range(values.shape[2]):
+        one = np.ascontiguousarray(values[..., channel])
+        light += cv2.LUT(one, curve) if one.dtype == np.uint8 else curve[one]
+        clipped |= one >= top
+    light *= np.float32(1.0 / values.shape[2])
+    return Photograph(light, clipped)

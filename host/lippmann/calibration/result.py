@@ -1,0 +1,204 @@
+"""What a calibration found: the display, uncertainties, what the data leave open, and the field of residuals."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import t as students_t
+
+from lippmann.calibration.bundle import BOW, Solution
+from lippmann.display import Array, Display, check_radius, display_text, load_display
+from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.images import replacing
+
+Floats = npt.NDArray[np.float64]
+#: Uncertainties beyond these are not determined: shares of the pitch, of the gap (D), mm of the offset, degrees.
+OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01}
+#: Correlation from which on two parameters cannot be told apart.
+ALIKE = 0.98
+#: Positions of the camera that determine everything.
+ENOUGH_POSITIONS = 3
+
+
+class DoubtError(LippmannError):
+    """The photographs contradict each other, or the model of the display: no result can be trusted."""
+
+    exit_code = 4
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the array, half its 95 % interval, both in `unit`, and whether the photographs determined it."""
+
+    name: str
+    value: float
+    uncertainty: float
+    unit: str
+    nominal: float
+    determined: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The display as mounted, and how well it is known."""
+
+    display: Display
+    nominal: Display
+    parameters: tuple[Parameter, ...]
+    remarks: tuple[str, ...]
+    #: Camera positions, mm, and the lens: focal length and principal point, px, and distortion.
+    cameras: tuple[dict[str, Any], ...]
+    lens: dict[str, Any]
+    rms_panel_px: float
+    rms_photo_px: float
+    outliers: float
+    #: A row for each lenslet and position: position, i, j, centre x and y, mm, residual right and down, px, kept.
+    field: Floats
+
+    def summary(self) -> dict[str, Any]:
+        """Return all but the field, for JSON."""
+        return {
+            "display": self.display.name,
+            "identity": self.display.identity,
+            "parameters": [asdict(one) for one in self.parameters],
+            "remarks": list(self.remarks),
+            "cameras": list(self.cameras),
+            "lens": self.lens,
+            "rms_panel_px": self.rms_panel_px,
+            "rms_photo_px": self.rms_photo_px,
+            "outliers": self.outliers,
+            "lenslets": len(self.field),
+        }
+
+    def parameter(self, name: str) -> Parameter:
+        """Return a parameter by its name."""
+        return next(one for one in self.parameters if one.name == name)
+
+    def save(self, path: Path) -> Path:
+        """Write the display file, and beside it a .npz with all else, which `report` reads; return the latter."""
+        beside = path.with_suffix(".npz")
+        with replacing(path) as partial:
+            partial.write_text(display_text(self.display), encoding="utf-8")
+        with replacing(beside) as partial:
+            np.savez_compressed(
+                partial, field=self.field, summary=json.dumps(self.summary()), nominal=display_text(self.nominal)
+            )
+        return beside
+
+
+def load_calibration(path: Path) -> tuple[Display, dict[str, Any], Floats, str]:
+    """Return a calibrated file's display, and from its .npz the summary, the field, and the nominal file's text."""
+    display = load_display(path)
+    beside = path.with_suffix(".npz")
+    try:
+        with np.load(beside) as kept:
+            summary = json.loads(str(kept["summary"]))
+            field, nominal = np.array(kept["field"]), str(kept["nominal"])
+    except (OSError, KeyError, ValueError):
+        raise input_error(
+            str(beside), "cannot be read", "give a display file that lippmann calibrate solve wrote"
+        ) from None
+    if summary["identity"] != display.identity:
+        raise input_error(str(beside), "belongs to another display file", "solve again, and keep both files together")
+    return display, summary, field, nominal
+
+
+def display_of(nominal: Display, solution: Solution) -> Display:
+    """Return the display with the array and the gap that were found.
+
+    Raises DoubtError when it cannot be built: the file's optics contradict the photographs.
+    """
+    value, array = solution.value, nominal.array
+    px, py = value("pitch_x"), value("pitch_y")
+    old = array.pitches_mm
+    extent = array.extent_mm
+    if extent is not None:
+        extent = extent[0] * px / old[0], extent[1] * py / old[1]
+    gap = value("gap")
+    if gap < 0.0:
+        limit = 3.0 * solution.deviation("gap")
+        if gap < -limit:
+            raise DoubtError(
+                f"the gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct thickness_mm or "
+                "index in the display file"
+            )
+        gap = 0.0
+    made: Array = replace(
+        array,
+        pitch_mm=(px, py),
+        shear=value("shear"),
+        rotation_deg=math.degrees(value("rotation")),
+        offset_mm=(value("offset_x"), value("offset_y")),
+        extent_mm=extent,
+    )
+    try:
+        check_radius(made, "array.radius_mm")
+        made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
+    except InputError as error:
+        raise DoubtError(f"the array that was found cannot be built ({error})") from None
+    return replace(nominal, array=made, gap_mm=gap)
+
+
+def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]:
+    """Return the array's numbers with 95 % intervals."""
+    array, factor = nominal.array, float(students_t.ppf(0.975, 60))
+    depth = nominal.aperture_distance_mm
+    rows: list[tuple[str, str, float, float, float]] = [
+        ("pitch_x", "mm", 1.0, array.pitches_mm[0], OPEN["pitch_x"] * array.pitches_mm[0]),
+        ("pitch_y", "mm", 1.0, array.pitches_mm[1], OPEN["pitch_y"] * array.pitches_mm[1]),
+        ("shear", "", 1.0, array.shear, OPEN["pitch_x"]),
+        ("rotation", "deg", math.degrees(1.0), array.rotation_deg, OPEN["rotation"]),
+        ("offset_x", "mm", 1.0, array.offset_mm[0], OPEN["offset"] * array.pitches_mm[0]),
+        ("offset_y", "mm", 1.0, array.offset_mm[1], OPEN["offset"] * array.pitches_mm[1]),
+        ("gap", "mm", 1.0, nominal.gap_mm, OPEN["gap"] * depth),
+    ]
+    if solution.problem.bow:
+        rows += [(name, "mm", 1.0, 0.0, 0.01 * depth) for name in BOW]
+    return tuple(
+        Parameter(
+            name,
+            unit * solution.value(name),
+            (half := unit * factor * solution.deviation(name)),
+            label,
+            before,
+            half < most,
+        )
+        for name, label, unit, before, most in rows
+    )
+
+
+def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
+    """Return what the photographs leave open, and what would determine it."""
+    left = [one.name for one in parameters if not one.determined]
+    views = len(solution.problem.views)
+    if not left:
+        return ()
+    remarks = []
+    pairs = [("pitch_x", "gap"), ("pitch_y", "gap"), ("gap", "focal"), ("pitch_x", "focal")]
+    pairs += [(f"offset_{axis}", f"place_{axis}_{k}") for axis in "xy" for k in range(views)]
+    pairs += [(f"offset_{axis}", f"middle_{axis}") for axis in "xy"]
+    alike = [(a, b, r) for a, b in pairs if abs(r := solution.correlation(a, b)) > ALIKE]
+    words = {"place": "the camera's place", "middle": "the lens's principal point", "focal": "the lens's focal length"}
+    told = sorted({f"{a} and {words.get(b.split('_')[0], b)}" for a, b, _ in alike})
+    text = f"not determined: {', '.join(left)}"
+    remarks.append(text + (f"; the photographs cannot tell apart {', '.join(told)}" if told else ""))
+    if views < ENOUGH_POSITIONS:
+        more = ENOUGH_POSITIONS - views
+        remarks.append(
+            f"{views} position{'s' * (views > 1)} of the camera; photograph from {more} more, a third of the distance "
+            "aside and at other distances, to determine them"
+        )
+        if views == 1:
+            x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")
+            remarks.append(
+                f"the file is right for eyes near the camera, about ({x:.0f}, {y:.0f}, {z:.0f}) mm, not elsewhere"
+            )
+    else:
+        remarks.append("photograph from places farther aside, at distances that differ by half")
+    return tuple(remarks)

@@ -1,0 +1,171 @@
+"""The whole calculation, from the folder of photographs to the calibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Problem, Solution, first_fit, solve
+from lippmann.calibration.decode import decode_position
+from lippmann.calibration.landing import Landing, landing_of
+from lippmann.calibration.lattice import SeenLattice, find_lattice
+from lippmann.calibration.lenslets import Lenslets, measure_lenslets
+from lippmann.calibration.numbering import Start, starts
+from lippmann.calibration.photographs import pattern_set, positions
+from lippmann.calibration.result import Calibration, DoubtError, display_of, parameters_of, remarks_of
+from lippmann.display import Display
+from lippmann.optics.panel import PanelFrame
+
+Floats = npt.NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+#: Lenslets of each position in trial fits.
+TRIAL = 400
+#: Most scatter of the panel points, pixels and pitches, and most outliers, of a result that is trusted.
+MOST_SCATTER_PX, MOST_SCATTER = 1.5, 0.08
+MOST_OUTLIERS = 0.35
+#: A bow is told when it is this many standard deviations, and this high, mm.
+BOW_DEVIATIONS, LEAST_BOW_MM = 6.0, 0.004
+
+
+def calibrate(
+    folder: Path, nominal: Display, bow: bool = False, progress: Progress = lambda what, done, total: None
+) -> Calibration:
+    """Return the calibration that the photographs of a folder give for a nominal display.
+
+    Raises InputError for photographs that cannot be used, with the photograph and a remedy; DoubtError when the
+    photographs contradict each other or the display file.
+    """
+    patterns = pattern_set(folder, nominal)
+    pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
+    frame, views, seen = PanelFrame.of(nominal), [], []
+    shape: tuple[int, int] | None = None
+    several = positions(folder, patterns)
+    for position in several:
+        decoded = decode_position(position, patterns, pitch_px, shape, partial(progress, position.name))
+        shape = decoded.shape
+        rng = np.random.default_rng(1907)
+        some = rng.permutation(len(decoded.panel_px))[:400_000]
+        points = np.stack(frame.panel_from_pixel(*decoded.panel_px[some].astype(np.float64).T), axis=1)
+        seen.append(find_lattice(position.name, points, nominal))
+        views.append(measure_lenslets(decoded, seen[-1], nominal))
+    assert shape is not None
+    return solve_views(nominal, views, seen, shape, bow, progress)
+
+
+def solve_views(
+    nominal: Display,
+    views: list[Lenslets],
+    seen: list[SeenLattice],
+    shape: tuple[int, int],
+    bow: bool = False,
+    progress: Progress = lambda what, done, total: None,
+) -> Calibration:
+    """Return the calibration that the lenslets seen from some positions give."""
+    likely, landing = starts(nominal, views, seen, shape)
+    tried = []
+    for number, start in enumerate(likely):
+        progress("numbering", number, len(likely))
+        problem = Problem(nominal, [landing] * len(views), start.views, shape).thinned(TRIAL)
+        x = first_fit(problem, start.numbers)
+        trial = solve(problem, x, robust_only=True)
+        tried.append((_cost(trial), start, trial.x))
+    _, start, x = min(tried, key=lambda one: one[0])
+    progress("least squares", 0, 3)
+    whole = Problem(nominal, [landing] * len(views), start.views, shape)
+    solution = solve(whole.thinned(MOST_LENSLETS), x, robust_only=True)
+    # The rays again, through the array and the gap that were found, from where each camera stands.
+    whole = replace(whole, landings=again(solution, landing))
+    solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
+    progress("least squares", 1, 3)
+    bowed = _with_bow(solution)
+    progress("least squares", 2, 3)
+    height = bow_mm(bowed)
+    remarks = []
+    if bow:
+        solution = bowed
+        remarks.append(f"bow: the array is {1000.0 * height:+.0f} um higher at the panel's corners than in its middle")
+    elif _bow_is_sure(bowed) and abs(height) > LEAST_BOW_MM:
+        remarks.append(f"the array is bowed or tilted ({1000.0 * height:+.0f} um at the corners); solve with --bow")
+    made = _result(nominal, replace_views(solution, start), solution, tuple(remarks))
+    progress("least squares", 3, 3)
+    return made
+
+
+def again(solution: Solution, landing: Landing) -> list[Landing]:
+    """Return the landings of rays of the display that was found, one for each position; the old if it cannot be."""
+    views = range(len(solution.problem.views))
+    try:
+        built = display_of(solution.problem.display, solution)
+    except DoubtError:
+        return [landing for _ in views]
+    return [landing_of(built, landing.steepest, max(1.0, solution.value(f"place_z_{k}"))) for k in views]
+
+
+def replace_views(solution: Solution, start: Start) -> Problem:
+    """Return the solution's problem with all lenslets."""
+    return replace(solution.problem, views=start.views)
+
+
+def _cost(solution: Solution) -> float:
+    """Return what a numbering costs: the scatter of panel points and photograph, with outliers."""
+    lost = 1.0 - float(np.mean(np.concatenate(solution.kept)))
+    return float(np.mean([math.hypot(*one) for one in solution.scatter])) * (1.0 + 5.0 * lost)
+
+
+def _with_bow(solution: Solution) -> Solution:
+    """Fit again with tilts and curvatures of the array."""
+    x = np.concatenate([solution.x[:7], np.zeros(len(BOW)), solution.x[7:]])
+    return solve(replace(solution.problem, bow=True), x)
+
+
+def bow_mm(solution: Solution) -> float:
+    """Return how much higher the array is at the panel's corners than in its middle, mm."""
+    return solution.value("bow_xx") + solution.value("bow_yy")
+
+
+def _bow_is_sure(solution: Solution) -> bool:
+    return any(abs(solution.value(name)) > BOW_DEVIATIONS * solution.deviation(name) for name in BOW)
+
+
+def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple[str, ...]) -> Calibration:
+    """Return the calibration; refuse one that the data contradict."""
+    pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
+    outliers = 1.0 - float(np.mean(np.concatenate(solution.kept)))
+    scatter = max(one[0] for one in solution.scatter)
+    limit = min(MOST_SCATTER_PX, max(0.5, MOST_SCATTER * pitch_px))
+    if scatter > limit or outliers > MOST_OUTLIERS:
+        raise DoubtError(
+            f"the photographs do not fit a display like '{nominal.name}': panel points scatter by {scatter:.2f} px, "
+            f"{100.0 * outliers:.0f} % are outliers; check plano_side, thickness_mm, index and focal length in the file"
+        )
+    display = display_of(nominal, solution)
+    parameters = parameters_of(nominal, solution)
+    lens = {name: solution.value(name) for name in LENS}
+    cameras = tuple(
+        {
+            "name": view.name,
+            "place_mm": [solution.value(f"place_{axis}_{k}") for axis in "xyz"],
+            "uncertainty_mm": [1.96 * solution.deviation(f"place_{axis}_{k}") for axis in "xyz"],
+            "lenslets": len(view.index),
+            "agree": view.agree,
+            "modulation": view.modulation,
+        }
+        for k, view in enumerate(whole.views)
+    )
+    rows = []
+    for k, view in enumerate(whole.views):
+        centres, residual = whole.centres(solution.x, whole.places[k]), whole.residuals(solution.x, k)
+        kept = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.scatter[k][0]).all(axis=1))
+        # Seen less expected; pixel rows count down.
+        off = residual[:, :2] * [-1.0, 1.0]
+        rows.append(np.column_stack([np.full(len(kept), k), view.index, centres, off, kept]))
+    return Calibration(
+        display, nominal, parameters, (*remarks, *remarks_of(parameters, solution)), cameras, lens,
+        solution.rms_panel_px, solution.rms_photo_px, outliers, np.concatenate(rows),
+    )  # fmt: skip

@@ -1,0 +1,230 @@
+"""`lippmann calibrate`: photographs of the mounted array become a display file."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lippmann.board.board import Board
+from lippmann.board.stream import send_frame
+from lippmann.calibration.codes import FILE, PatternSet, write_patterns
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, Finite, Point, Vector
+from lippmann.cli.options.port import BAUD, check_board, chosen_port
+from lippmann.cli.output import counted, emit, log, progress_bar
+from lippmann.display import Display, load_display
+from lippmann.errors import InputError, input_error
+from lippmann.fullscreen import full_screen
+from lippmann.variant import own_variant
+
+#: Exit code when photographs were judged and contradict the display file.
+FOUND_WRONG = 4
+PANEL_PORT = option("A board that drives the panel: the patterns are streamed to it.", None, metavar="URL")
+
+
+@click.group("calibrate")
+def command() -> None:
+    """Calibrate a display from photographs of its mounted array.
+
+    Draw patterns, photograph them from three places, solve, and check the result by eye.
+
+    Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
+    """
+
+
+@contextmanager
+def _panel(display: Display, path: str, port: str | None, baud: int | None, monitor: int) -> Iterator[Any]:
+    """Give a function that shows pixels on the panel: that of a board, or a monitor."""
+    if port is None:
+        with full_screen((display.panel.width_px, display.panel.height_px), monitor) as show:
+            yield show
+        return
+    with Board.open(*chosen_port(port, baud)) as board:
+        check_board(board, display, path)
+        board.check_no_pattern()
+        yield lambda pixels: send_frame(board, pixels)
+
+
+@make_command("patterns", command)
+def patterns_command(
+    display_path: str = argument("DISPLAY.toml"),
+    output: str = option("Folder for the pictures and patterns.toml.", flag="-o", metavar="FOLDER"),
+    port: str | None = PANEL_PORT,
+    baud: int | None = BAUD,
+    wait_s: float = option("Time that the board shows each pattern.", 2.0, Finite(0.0), flag="--wait"),
+) -> None:
+    """Draw the patterns that a camera photographs on the panel.
+
+    Gray code and phase shift in both directions, white, black, and marks that show where the panel is. Show them
+    full-screen and unscaled, one after the other, or let a board show them with --port.
+
+    Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
+    """
+    display = load_display(display_path)
+    patterns = PatternSet.of(display)
+    files = write_patterns(patterns, display, Path(output))
+    if port is not None:
+        import time
+
+        from lippmann.calibration.shoot import frame_of
+
+        with _panel(display, display_path, port, baud, 0) as show, progress_bar("patterns") as progress:
+            for place in counted(range(len(files)), progress):
+                show(frame_of(patterns, place, display))
+                log(f"shown: {patterns.patterns[place].stem}")
+                time.sleep(wait_s)
+    result = {
+        "folder": output, "patterns": [one.name for one in files], "display": display.name,
+        "identity": display.identity, "period_px": patterns.period_px, "streamed": port is not None,
+    }  # fmt: skip
+    emit(result, f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 places into position-1, -2, -3")
+
+
+@make_command("shoot", command)
+def shoot_command(
+    display_path: str = argument("DISPLAY.toml"),
+    output: str = option("Folder for this position's photographs, such as photos/position-1.", flag="-o"),
+    camera: int = option("Number of the webcam.", 0, click.IntRange(0)),
+    monitor: int = option("Number of the monitor that is the panel.", 0, click.IntRange(0)),
+    port: str | None = PANEL_PORT,
+    baud: int | None = BAUD,
+    settle_s: float = option("Wait between a pattern and its photograph.", 0.4, Finite(0.0), flag="--settle"),
+    average: int = option("Frames of the camera that make one photograph.", 4, click.IntRange(1, 64)),
+) -> None:
+    """Show each pattern and photograph it with a webcam.
+
+    Run it once for each place of the camera. The camera must stand still meanwhile.
+
+    Example: lippmann calibrate shoot mine.toml -o photos/position-1 --camera 0 --monitor 1
+    """
+    from lippmann.calibration.shoot import shoot, webcam
+
+    display, folder = load_display(display_path), Path(output)
+    patterns = PatternSet.of(display)
+    with (
+        webcam(camera) as eye,
+        _panel(display, display_path, port, baud, monitor) as show,
+        progress_bar("shoot") as progress,
+    ):
+        files = shoot(patterns, display, show, eye, folder, settle_s, average, progress)
+    result = {"folder": output, "photographs": len(files), "camera": camera, "display": display.name}
+    emit(result, f"{output}: {len(files)} photographs")
+
+
+@make_command("solve", command)
+def solve_command(
+    photos: str = argument("PHOTOS"),
+    display_path: str = DISPLAY,
+    output: str = option("The calibrated display file, .toml; a .npz for `report` beside it.", flag="-o"),
+    bow: bool = option("Fit tilts and curvatures of the array over the panel, too.", False),
+) -> None:
+    """Solve photographs for the array: rotation, pitches, shear, offset and gap, with their uncertainties.
+
+    PHOTOS holds a folder for each place of the camera: position-1, position-2 and so on. In each, the photographs have
+    the names of the patterns.
+
+    Example: lippmann calibrate solve photos --display mine.toml -o calibrated.toml
+    """
+    from lippmann.calibration.solve import calibrate
+
+    nominal, path = load_display(display_path), Path(output)
+    if path.suffix.lower() != ".toml":
+        raise input_error(output, f"unknown extension '{path.suffix}'", "give a .toml file")
+    if not path.parent.is_dir():
+        raise input_error(output, f"the folder {path.parent} does not exist", "make it first")
+    if path.exists() and path.samefile(display_path):
+        raise input_error(output, "is the nominal display file", "give the calibrated one another name")
+    with progress_bar("photographs") as progress:
+
+        def told(what: str, done: int, total: int) -> None:
+            if done == 0:
+                log(what)
+            progress(done, total)
+
+        found = calibrate(Path(photos), nominal, bow, told)
+    beside = found.save(path)
+    lines = [
+        f"{one.name:<10}{one.value:+12.6f} +- {one.uncertainty:.6f} {one.unit}"
+        + ("" if one.determined else "   (not determined)")
+        for one in found.parameters
+    ]
+    lines += [
+        f"panel points within {found.rms_panel_px:.3f} px rms, {100.0 * found.outliers:.1f} % outliers, "
+        f"{len(found.cameras)} positions, {len(found.field)} lenslets",
+        *(f"note: {one}" for one in found.remarks),
+        f"{output}: {found.display.name}, identity {found.display.identity}",
+    ]
+    emit({**found.summary(), "output": output, "kept": str(beside)}, lines)
+
+
+@make_command("check", command)
+def check_command(
+    display_path: str = argument("CALIBRATED.toml"),
+    output: str | None = option("Folder for the pictures.", None, flag="-o", metavar="FOLDER"),
+    eye: Point | None = option("The eye that sees white, mm.", None, Vector(3)),
+    photos: str | None = option("Folder with photographs of 1-white and 2-dark, to be judged.", None, metavar="FOLDER"),
+    device: str = DEVICE,
+) -> int:
+    """Draw pictures that prove a calibration, or judge photographs of them.
+
+    1-white is white for the eye, and black elsewhere; 2-dark is its opposite; 3-rings shows rings to every eye. With
+    --photos, photographs of the first two from the eye's place are judged.
+
+    Exit code 0: right; 4: a part of the panel is wrong.
+
+    Example: lippmann calibrate check calibrated.toml --eye 0,0,600 -o out/check
+    """
+    from lippmann.calibration.check import judge_folder, pictures
+
+    display = load_display(display_path)
+    if photos is not None:
+        verdict = judge_folder(Path(photos))
+        emit(
+            {**dataclasses.asdict(verdict), "display": display.name, "identity": display.identity},
+            f"{photos}: {100.0 * verdict.right_share:.1f} % of the panel is right; dark has "
+            f"{100.0 * verdict.dark_share:.1f} % of the light ({100.0 * verdict.worst_dark_share:.1f} % at its worst)",
+        )
+        return 0 if verdict.right else FOUND_WRONG
+    if output is None or eye is None:
+        raise InputError(
+            "give the eye's place and a folder, --eye X,Y,Z -o FOLDER, or photographs with --photos FOLDER"
+        )
+    folder = Path(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    with own_variant(device):
+        made = pictures(display, eye)
+    for name, image in made.items():
+        image.save(folder / f"{name}.png")
+    result = {"folder": output, "pictures": list(made), "eye_mm": eye, "identity": display.identity}
+    emit(result, f"{output}: {', '.join(made)}; look from {eye[0]:g},{eye[1]:g},{eye[2]:g} mm")
+    return 0
+
+
+@make_command("report", command)
+def report_command(
+    display_path: str = argument("CALIBRATED.toml"),
+    output: str = option("Folder for the page.", flag="-o", metavar="FOLDER"),
+    eye: Point | None = option("The eye of the views before and after.  [default: the first camera]", None, Vector(3)),
+    device: str = DEVICE,
+) -> None:
+    """Write a page about a calibration: uncertainties, residuals, and an eye's view before and after.
+
+    Example: lippmann calibrate report calibrated.toml -o out/calibration
+    """
+    from lippmann.calibration.result import load_calibration
+    from lippmann.provenance import provenance
+    from lippmann.report.calibration import calibration_page
+
+    path = Path(display_path)
+    with own_variant(device):
+        page = calibration_page(
+            provenance(f"lippmann calibrate report {path.name}", ("numpy", "scipy", "opencv-python-headless")),
+            *load_calibration(path), eye,
+        )  # fmt: skip
+    files = page.write(Path(output), as_html=True)
+    emit({"folder": output, "files": [one.name for one in files]}, f"{output}: {', '.join(one.name for one in files)}")

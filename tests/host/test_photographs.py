@@ -1,0 +1,220 @@
+"""Computed photographs: the camera's geometry, what it sees against the golden tracer, its noise, the disturbances."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from lippmann.display import load_display
+from lippmann.engines import trace_to_panel
+from lippmann.errors import InputError
+from lippmann.images import decode
+from lippmann.optics.rays import gets_through
+from lippmann.photographs.camera import Camera, corners_mm, framed
+from lippmann.photographs.disturbances import Disturbances, disturbed, hidden
+from lippmann.photographs.photograph import photograph_folder
+from lippmann.photographs.sensor import Sensor
+from lippmann.photographs.sight import sight_of, traced
+from PIL import Image
+from scipy.ndimage import gaussian_filter
+
+#: A camera aside, rolled, with distortion: 60 x 48 pixels keep a trace short.
+CAMERA = Camera((20.0, -10.0, 150.0), roll_deg=3.0, width_px=60, height_px=48, k1=-0.1, k2=0.02, pupil_mm=2.0)
+
+
+@pytest.fixture(scope="module")
+def built(request):
+    shipped = load_display(request.config.rootpath / "scenes/displays/vga-square.toml")
+    return shipped.misaligned(rotation_deg=2.0, pitch_scale=1.003, gap_mm=0.2)
+
+
+@pytest.fixture
+def patterns(tmp_path, built):
+    """White, black and a ramp of the panel's columns."""
+    folder = tmp_path / "patterns"
+    folder.mkdir()
+    height, width = built.panel.height_px, built.panel.width_px
+    ramp = np.broadcast_to(np.arange(width) * 255 // (width - 1), (height, width)).astype(np.uint8)
+    for number, values in enumerate((np.full_like(ramp, 255), np.zeros_like(ramp), ramp)):
+        Image.fromarray(values).save(folder / f"{number:02}-pattern.png")
+    return folder
+
+
+def picture(path):
+    return np.asarray(Image.open(path)).astype(float)
+
+
+def test_the_camera_shows_points_where_its_rays_come_from(built):
+    camera = framed(dataclasses.replace(CAMERA, width_px=1000, height_px=800, principal_px=(530.0, 377.0)), built)
+    u, v = np.random.default_rng(1).random((2, 500)) * [[1000.0], [800.0]]
+    origin, direction = camera.rays(u, v)
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=1e-12)
+    points = origin - (origin[:, 2:] / direction[:, 2:]) * direction
+    np.testing.assert_allclose(camera.project(points), np.stack([u, v], axis=1), atol=1e-7)
+    # Rays from the pupil's rim meet those from its middle in the plane in focus: the one looked at, upright here.
+    upright = dataclasses.replace(camera, position_mm=(0.0, 0.0, 150.0))
+    (o, d), (p, e) = upright.rays(u, v), upright.rays(u, v, (np.cos(u), np.sin(u)))
+    np.testing.assert_allclose(np.linalg.norm(p - o, axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(p - (p / e)[:, 2:] * e, o - (o / d)[:, 2:] * d, atol=1e-9)
+
+
+def test_distortion_and_directions_by_hand():
+    camera = Camera((0.0, 0.0, 100.0), width_px=200, height_px=100, focal_px=500.0, k1=-0.2, k2=0.1)
+    # To the right by 10 mm and up by 5 mm: x = 0.1, y = -0.05, r^2 = 0.0125.
+    gain = 500.0 * (1.0 - 0.2 * 0.0125 + 0.1 * 0.0125**2)
+    np.testing.assert_allclose(camera.project([(10.0, 5.0, 0.0)]), [(100.0 + 0.1 * gain, 50.0 - 0.05 * gain)])
+    # Rolled clockwise by 90 degrees, the camera shows the world turned counter-clockwise: right becomes up.
+    turned = Camera((0.0, 0.0, 100.0), roll_deg=90.0, width_px=200, height_px=100, focal_px=500.0)
+    np.testing.assert_allclose(turned.project([(10.0, 0.0, 0.0)]), [(100.0, 0.0)], atol=1e-9)
+
+
+def test_the_panel_fills_the_framed_picture(built):
+    camera = framed(dataclasses.replace(CAMERA, k1=0.0, k2=0.0), built, fill=0.8)
+    away = np.abs(camera.project(corners_mm(built)) / (camera.width_px, camera.height_px) - 0.5).max()
+    assert away == pytest.approx(0.4)
+
+
+def test_a_camera_that_cannot_be(built):
+    with pytest.raises(InputError, match="behind the display"):
+        Camera((0.0, 0.0, -1.0))
+    with pytest.raises(InputError, match="folds the picture's edge"):
+        Camera((0.0, 0.0, 100.0), focal_px=600.0, k1=-0.6)
+
+
+def test_it_sees_what_the_golden_tracer_says(built):
+    """The mean panel column and row that each camera pixel sees, against rays of the golden engine."""
+    camera = framed(dataclasses.replace(CAMERA, pupil_mm=0.0, look_at_mm=(9.0, 6.0, 0.0)), built, fill=3.0)
+    sight = sight_of(built, camera, samples=6)
+    height, width = built.panel.height_px, built.panel.width_px
+    row, column = np.indices((height, width), dtype=np.float32)
+    seen = sight.photograph(np.ones((height, width), np.float32)) / camera.brightness()
+    means = [sight.photograph(one + np.float32(0.5)) / camera.brightness() for one in (column, row)]
+    u, v = np.meshgrid(np.arange(60 * 12), np.arange(48 * 12))
+    hits = trace_to_panel(built, *camera.rays((u.ravel() + 0.5) / 12.0, (v.ravel() + 0.5) / 12.0))
+    reach = gets_through(hits.status)
+    share, *blocks = (
+        values.reshape(48, 12, 60, 12).swapaxes(1, 2).reshape(48, 60, -1)
+        for values in (reach, *(hits.pixel * reach[:, None]).T)
+    )
+    # Camera pixels that see through one lenslet: the others weigh two by random samples.
+    single = (share.mean(axis=2) == 1.0) & (np.maximum(*(np.ptp(block, axis=2) for block in blocks)) < 3.0)
+    assert 0.3 < single.mean() < 0.8
+    assert (share.mean(axis=2) == 0.0).mean() > 0.05
+    np.testing.assert_allclose(seen[share.mean(axis=2) == 0.0], 0.0)
+    np.testing.assert_allclose(seen[single], 1.0, atol=1e-5)
+    for mean, block in zip(means, blocks, strict=True):
+        difference = (mean - block.mean(axis=2))[single]
+        # The panel's pixels are whole ones: 0.29 where all samples come to the same, less where they spread.
+        assert difference.std() < 0.15
+        assert abs(difference.mean()) < 0.015
+
+
+def test_a_lens_blurs_an_edge_as_its_deviation_says(built):
+    """The outline of a white panel, against the sharp picture with a Gaussian blur."""
+    camera = framed(dataclasses.replace(CAMERA, pupil_mm=0.0, roll_deg=0.0, k1=0.0, k2=0.0), built, fill=0.5)
+    white = np.ones((480, 640), np.float32)
+    sharp, soft = (
+        sight_of(built, dataclasses.replace(camera, blur_px=blur), samples=8).photograph(white) for blur in (0.0, 1.5)
+    )
+    assert np.abs(soft - sharp).max() > 0.2
+    # 64 rays of a pixel at an edge scatter by a sixteenth.
+    off = [float((soft - gaussian_filter(sharp, one))[6:-6, 6:-6].std()) for one in (1.0, 1.5, 2.2)]
+    assert off[1] < 0.03
+    assert off[1] < 0.8 * min(off[0], off[2])
+
+
+def test_photographs_carry_the_light_with_the_sensors_noise(built, patterns, tmp_path):
+    camera = framed(dataclasses.replace(CAMERA, vignetting=0.3, pupil_mm=0.5), built, fill=1.5)
+    sensor = Sensor(exposure=0.5, full_well_e=4000.0, read_noise_e=10.0, bits=16, transfer="linear")
+    white, black, ramp = photograph_folder(built, camera, patterns, tmp_path / "photos", sensor=sensor)
+    assert [path.name for path in (white, black, ramp)] == [path.name for path in sorted(patterns.iterdir())]
+    light = picture(white) / 65535.0
+    middle, corner = light[20:28, 26:34], light[:6, :6]
+    assert middle.mean() == pytest.approx(0.5, abs=0.01)
+    assert corner.mean() / middle.mean() == pytest.approx(1.0 - 0.3 * (27**2 + 21**2) / (30**2 + 24**2), abs=0.01)
+    # Shot noise of 2000 electrons, and read noise: sqrt(2000 + 100) / 4000; in the dark half of it is clipped.
+    assert middle.std() == pytest.approx(0.01146, rel=0.25)
+    assert (picture(black) / 65535.0).max() < 0.02
+    # The ramp is the panel's light, by the panel's curve, seen through the lenslets.
+    expected = sight_of(built, camera).photograph(decode(np.arange(640)[None] * np.ones((480, 1)) // 639, "linear"))
+    assert expected.shape == (48, 60)
+    shares = (picture(ramp) / picture(white))[4:-4, 4:-4]
+    u = np.meshgrid(np.arange(4, 56) + 0.5, np.arange(4, 44) + 0.5)
+    column = trace_to_panel(built, *camera.rays(u[0].ravel(), u[1].ravel())).pixel[:, 0].reshape(40, 52)
+    difference = shares - decode(np.floor(np.clip(column, 0, 639) / 639 * 255) / 255, "srgb")
+    assert np.median(np.abs(difference)) < 0.03
+
+
+def test_seeds_repeat_a_photograph(built, patterns, tmp_path):
+    camera = framed(CAMERA, built)
+    one, same, other = (
+        picture(photograph_folder(built, camera, patterns, tmp_path / str(k), seed=seed, samples=2)[2])
+        for k, seed in enumerate((1, 1, 2))
+    )
+    assert (one == same).all()
+    assert (one != other).mean() > 0.3
+
+
+def test_a_bowed_array_is_the_one_that_stands_higher_there(built):
+    """At the panel's corner a bow of 30 um is a gap of 30 um more, under an array that stands 30 um nearer."""
+    reach = np.hypot(0.5 * built.panel.width_mm, 0.5 * built.panel.height_mm)
+    origin = np.array([[20.0, -10.0, 150.0]])
+    corner = np.array([reach * np.cos(0.6), reach * np.sin(0.6), 0.0])
+    direction = (corner - origin) / np.linalg.norm(corner - origin)
+    bowed = disturbed(built, Disturbances(bow_mm=0.03), engine="golden")(origin, direction)
+    lifted = dataclasses.replace(built, gap_mm=built.gap_mm + 0.03)
+    expected = trace_to_panel(lifted, origin - [[0.0, 0.0, 0.03]], direction)
+    np.testing.assert_allclose(bowed.pixel, expected.pixel, atol=1e-6)
+    # In the middle it is the plain one, and the corner is seen elsewhere than without a bow.
+    middle = -origin / np.linalg.norm(origin)
+    plain = traced(built, "golden")
+    straight = disturbed(built, Disturbances(bow_mm=0.03), engine="golden")(origin, middle)
+    np.testing.assert_allclose(straight.pixel, plain(origin, middle).pixel, atol=1e-9)
+    assert np.abs(bowed.pixel - plain(origin, direction).pixel).max() > 0.05
+
+
+def test_disturbances_disturb_as_much_as_they_are_given(built, patterns, tmp_path):
+    camera = framed(dataclasses.replace(CAMERA, pupil_mm=0.0, width_px=200, height_px=160), built, fill=1.2)
+    sensor = Sensor(exposure=0.5, transfer="linear")
+
+    def shots(**given):
+        folder = tmp_path / "_".join(given or ["none"])
+        paths = photograph_folder(
+            built, camera, patterns, folder, sensor=sensor, disturbances=Disturbances(**given), samples=2
+        )
+        return [picture(path) for path in paths]
+
+    white, black, ramp = shots()
+    lost = shots(hidden_lenslets=0.1)[0]
+    assert (lost < 0.3 * white)[white > 100].mean() == pytest.approx(0.1, abs=0.04)
+    assert shots(dead_pixels=0.2)[0].mean() / white.mean() == pytest.approx(0.8, abs=0.03)
+    assert shots(reflection=0.2)[1].max() == pytest.approx(0.2 * white.max(), rel=0.15)
+    spot = shots(bright_spot=3.0)
+    assert spot[1].max() == 255
+    assert (spot[1] == 255).mean() < 0.05
+    strange = shots(outliers=0.1)
+    assert (np.abs(strange[0] - white) > 25).mean() == pytest.approx(0.1 * 0.85, abs=0.03)
+    # The spot of 4 px (2 % of 200) becomes one of hypot(4, 3), which is less bright.
+    soft = shots(bright_spot=1.0, blur_px=3.0)[1].max() / shots(bright_spot=1.0)[1].max()
+    assert soft == pytest.approx(4.0**2 / (4.0**2 + 3.0**2), abs=0.08)
+    moved = shots(moved_mm=(3.0, 0.0, 0.0))
+    assert np.abs(moved[0] - white).mean() < 0.1 * np.abs(moved[2] - ramp).mean() + 5.0
+    assert np.abs(moved[2] - ramp).mean() > 10.0
+    assert black.mean() < 1.0
+
+
+def test_hidden_lenslets_are_a_share_of_all():
+    index = np.stack(np.meshgrid(np.arange(-200, 200), np.arange(-200, 200)), axis=-1).reshape(-1, 2)
+    gone = hidden(index, 0.02, seed=3)
+    assert gone.mean() == pytest.approx(0.02, abs=0.002)
+    assert (gone != hidden(index, 0.02, seed=4)).any()
+    # Neighbours are independent.
+    field = gone.reshape(400, 400)
+    assert (field[:, 1:] & field[:, :-1]).mean() == pytest.approx(4e-4, abs=2e-4)
+
+
+def test_patterns_of_another_panel_are_named(built, patterns, tmp_path):
+    Image.new("L", (320, 240)).save(patterns / "01-pattern.png")
+    with pytest.raises(InputError, match=r"01-pattern\.png: is 320 x 240 pixels, the panel 640 x 480"):
+        photograph_folder(built, framed(CAMERA, built), patterns, tmp_path / "photos", samples=1)
+    with pytest.raises(InputError, match="holds no patterns"):
+        photograph_folder(built, framed(CAMERA, built), tmp_path, tmp_path / "photos")
