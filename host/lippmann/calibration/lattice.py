@@ -34,6 +34,8 @@ SURELY_NEAR = 0.8
 #: Nearest camera, in widths of the panel: it sees the lattice enlarged by D over its distance.
 NEAREST_WIDTHS = 1.5
 MOST_POINTS = 80_000
+#: Fewest points of the first region: some for each of its lenslets.
+FEWEST = 200
 SEED = 1909
 
 
@@ -71,9 +73,6 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 
     Raises InputError, with the position's name, when there is none, or one beyond the search.
     """
-    rng = np.random.default_rng(SEED)
-    if len(points_mm) > MOST_POINTS:
-        points_mm = points_mm[rng.choice(len(points_mm), MOST_POINTS, replace=False)]
     nominal = steps_of(display)
     growth = min(0.5, display.aperture_distance_mm / (NEAREST_WIDTHS * display.panel.width_mm))
     pitch = display.array.coarsest_mm
@@ -115,12 +114,12 @@ def _followed(
     """Find the lattice around a middle and follow it outwards; return the share of points near it, and the lattice."""
     distance = np.hypot(*(points_mm - middle).T)
     first = points_mm[distance < FIRST_RADIUS * pitch]
-    if len(first) < 200:
+    if len(first) < FEWEST:
         return None
-    basis, origin = _searched(first[:10_000], middle, nominal, growth)
+    basis, origin = _searched(_some(first)[:10_000], middle, nominal, growth)
     found, radius, farthest = SeenLattice(origin, basis), FIRST_RADIUS, distance.max() / pitch
     while True:
-        region = points_mm[distance < radius * pitch]
+        region = _some(points_mm[distance < radius * pitch])
         for _ in range(3):
             again = _fitted(region, found)
             if again is None:
@@ -129,7 +128,14 @@ def _followed(
         if radius > farthest:
             break
         radius *= GROWTH
-    return float(found.near(points_mm)[1].mean()), found
+    return float(found.near(_some(points_mm))[1].mean()), found
+
+
+def _some(points_mm: Floats) -> Floats:
+    """Return at most `MOST_POINTS` of points, chosen at random."""
+    if len(points_mm) <= MOST_POINTS:
+        return points_mm
+    return points_mm[np.random.default_rng(SEED).integers(0, len(points_mm), MOST_POINTS)]
 
 
 def _searched(points_mm: Floats, middle: Floats, nominal: Floats, growth: float) -> tuple[Floats, Floats]:

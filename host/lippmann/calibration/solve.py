@@ -26,6 +26,8 @@ Floats = npt.NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 #: Lenslets of each position in trial fits.
 TRIAL = 400
+#: Pixels of a position among which its lattice is looked for: tens for each of 100,000 lenslets.
+MOST_POINTS = 3_000_000
 #: Most scatter of the panel points, pixels and pitches, and most outliers, of a result that is trusted.
 MOST_SCATTER_PX, MOST_SCATTER = 1.5, 0.08
 MOST_OUTLIERS = 0.35
@@ -50,7 +52,7 @@ def calibrate(
         decoded = decode_position(position, patterns, pitch_px, shape, partial(progress, position.name))
         shape = decoded.shape
         rng = np.random.default_rng(1907)
-        some = rng.permutation(len(decoded.panel_px))[:400_000]
+        some = rng.permutation(len(decoded.panel_px))[:MOST_POINTS]
         points = np.stack(frame.panel_from_pixel(*decoded.panel_px[some].astype(np.float64).T), axis=1)
         seen.append(find_lattice(position.name, points, nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
