@@ -278,3 +278,35 @@ def test_rotation_and_shear_come_back():
         rows = py * (math.sqrt(0.75) if grid == "hex" else 1.0)
         steps = np.array([[c, -s], [s, c]]) @ [[px, 0.5 * px * (grid == "hex") + shear * rows], [0.0, rows]]
         np.testing.assert_allclose(array_of(grid, steps, np.zeros(2)), [px, py, shear, turn, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_simulated_camera_photographs_the_display_as_built(case, tmp_path, capfd):
+    """Every pattern, under its name; black is dark, white is not, and the lens is the same from any place."""
+    nominal, built = tmp_path / "nominal.toml", tmp_path / "built.toml"
+    small = dataclasses.replace(case.nominal.panel, width_px=160, height_px=120)
+    for path, display in ((nominal, case.nominal), (built, case.built)):
+        path.write_text(display_text(dataclasses.replace(display, panel=small)))
+    away = 3.0 * small.width_mm
+    asked = ["calibrate", "shoot", str(nominal), "--simulated", str(built), "--width", "96", "--device", "llvm"]
+    folder = tmp_path / "photos" / "position-1"
+    assert run([*asked, "--from", f"0,0,{away}", "-o", str(folder), "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["photographs"] == len(list(folder.glob("*.png")))
+    assert sorted(one.stem for one in folder.glob("*.png")) == [
+        one.stem for one in PatternSet.of(load_display(nominal)).patterns
+    ]
+    seen = {one.stem.split("-", 1)[1]: cv2.imread(str(one)) for one in folder.glob("*.png")}
+    assert seen["white"].shape == (72, 96, 3)
+    assert seen["white"][30:42, 40:56].mean() > 5.0 * seen["black"][30:42, 40:56].mean()
+
+
+def test_a_simulated_camera_that_cannot_be(case, tmp_path, capfd):
+    nominal, built = tmp_path / "nominal.toml", tmp_path / "built.toml"
+    nominal.write_text(display_text(case.nominal))
+    other = dataclasses.replace(case.nominal.panel, width_px=200)
+    built.write_text(display_text(dataclasses.replace(case.built, panel=other)))
+    asked = ["calibrate", "shoot", str(nominal), "-o", str(tmp_path / "photos")]
+    assert run([*asked, "--simulated", str(built)]) == 2
+    assert "needs both --simulated BUILT.toml and --from" in capfd.readouterr().err
+    assert run([*asked, "--simulated", str(built), "--from", "0,0,100"]) == 2
+    assert "give the same panel with its array as mounted" in capfd.readouterr().err
+    assert not (tmp_path / "photos").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -95,17 +96,32 @@ def shoot_command(
     baud: int | None = BAUD,
     settle_s: float = option("Wait between a pattern and its photograph.", 0.4, Finite(0.0), flag="--settle"),
     average: int = option("Frames of the camera that make one photograph.", 4, click.IntRange(1, 64)),
+    built_path: str | None = option("Photograph this display as built by simulation.", None, flag="--simulated"),
+    place: Point | None = option("Place of the simulated camera, mm.", None, Vector(3), flag="--from"),
+    width_px: int = option("Width of simulated photographs.", 1280, click.IntRange(64, 16384), flag="--width"),
+    focal: float = option("Focal length of the simulated lens, in widths of the photograph.", 2.5, Finite(0.1)),
+    seed: int = option("Seed of a simulated camera's rays and noise.", 0, click.IntRange(0)),
+    device: str = DEVICE,
 ) -> None:
-    """Show each pattern and photograph it with a webcam.
+    """Show each pattern and photograph it with a webcam, or by simulation.
 
     Run it once for each place of the camera. The camera must stand still meanwhile.
 
     Example: lippmann calibrate shoot mine.toml -o photos/position-1 --camera 0 --monitor 1
     """
-    from lippmann.calibration.shoot import shoot, webcam
-
     display, folder = load_display(display_path), Path(output)
     patterns = PatternSet.of(display)
+    if built_path is not None or place is not None:
+        if built_path is None or place is None:
+            raise InputError("a simulated camera needs both --simulated BUILT.toml and --from X,Y,Z")
+        built = load_display(built_path)
+        with own_variant(device):
+            files = _simulated(patterns, display, built, place, (width_px, focal), folder, seed)
+        result = {"folder": output, "photographs": len(files), "simulated": built.name, "display": display.name}
+        emit(result, f"{output}: {len(files)} photographs of {built.name}, simulated")
+        return
+    from lippmann.calibration.shoot import shoot, webcam
+
     with (
         webcam(camera) as eye,
         _panel(display, display_path, port, baud, monitor) as show,
@@ -114,6 +130,32 @@ def shoot_command(
         files = shoot(patterns, display, show, eye, folder, settle_s, average, progress)
     result = {"folder": output, "photographs": len(files), "camera": camera, "display": display.name}
     emit(result, f"{output}: {len(files)} photographs")
+
+
+def _simulated(
+    patterns: PatternSet,
+    display: Display,
+    built: Display,
+    place: Point,
+    lens: tuple[int, float],
+    folder: Path,
+    seed: int,
+) -> list[Path]:
+    """Photograph a display as built: the patterns are the nominal display's, the optics those of the other."""
+    from lippmann.photographs.camera import Camera
+    from lippmann.photographs.photograph import photograph_folder
+
+    sizes = [(one.panel.width_px, one.panel.height_px) for one in (display, built)]
+    if sizes[0] != sizes[1]:
+        what = f"the panel has {sizes[1][0]} x {sizes[1][1]} pixels, '{display.name}' has {sizes[0][0]} x {sizes[0][1]}"
+        raise input_error(f"display '{built.name}'", what, "give the same panel with its array as mounted")
+    width_px, focal = lens
+    height_px = round(width_px * 0.75)
+    # One lens for all places: a zoom between them would tell the solver another distance.
+    camera = Camera(place, width_px=width_px, height_px=height_px, focal_px=focal * width_px, pupil_mm=1.0, blur_px=0.5)
+    with tempfile.TemporaryDirectory() as drawn:
+        write_patterns(patterns, display, Path(drawn))
+        return photograph_folder(built, camera, drawn, folder, seed)
 
 
 @make_command("solve", command)
