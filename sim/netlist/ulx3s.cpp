@@ -2,7 +2,7 @@
 // The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_rtl.sv), with what stands around it on the
 // board.
 //
-//   board --line pty|tcp [--port N] --ready FILE [--capture FOLDER] [--step N]
+//   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --ready FILE [--capture FOLDER] [--step N]
 //
 // An oscillator, the PLL's outputs, a UART, an SDRAM chip, and a screen that decodes the TMDS symbols of
 // the GPDI socket. The options are those of sim/board/main.cpp: --step is the UART's bits per system
@@ -42,8 +42,8 @@ std::atomic<bool> stop{false};
 std::atomic<bool> reset{false};
 
 struct Options {
-  std::string line = "tcp", ready, capture;
-  int port = 0;
+  std::string line = "unix", place, ready, capture;
+  int port = 0, idle = 60;
   uint32_t step = 0;
 };
 
@@ -52,12 +52,15 @@ Options parse(int count, char** words) {
       {"line", required_argument, nullptr, 'l'},    {"port", required_argument, nullptr, 'p'},
       {"ready", required_argument, nullptr, 'r'},   {"capture", required_argument, nullptr, 'c'},
       {"step", required_argument, nullptr, 's'},    {"identity", required_argument, nullptr, 'i'},
+      {"place", required_argument, nullptr, 'a'},   {"idle", required_argument, nullptr, 'd'},
       {nullptr, 0, nullptr, 0}};
   Options options;
   for (int key; (key = getopt_long(count, words, "", known, nullptr)) != -1;) {
     switch (key) {
       case 'l': options.line = optarg; break;
       case 'p': options.port = std::stoi(optarg); break;
+      case 'a': options.place = optarg; break;
+      case 'd': options.idle = std::stoi(optarg); break;
       case 'r': options.ready = optarg; break;
       case 'c': options.capture = optarg; break;
       case 's': options.step = static_cast<uint32_t>(std::stoul(optarg)); break;
@@ -133,7 +136,7 @@ class Receiver {
 class Board {
  public:
   explicit Board(const Options& options)
-      : options_(options), line_(options.line, options.port), uart_(options.step),
+      : options_(options), line_(options.line, options.port, options.place, options.idle), uart_(options.step),
         screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
     top_.ftdi_txd = 1;
   }

@@ -237,8 +237,9 @@ def test_a_signal_ends_the_programs_programs_too(tmp_path, number):
         "open(sys.argv[1], 'w').write(f'{os.getpid()} {child.pid} ')\ntime.sleep(60)\n"
     )
     code = """
-        import sys
+        import signal, sys
         from lippmann import interrupts, programs
+        signal.signal(int(sys.argv.pop(1)), signal.SIG_DFL)  # nohup, where the tests may run, has SIGHUP ignored
         programs.GRACE_S = 0.5
         interrupts.install()
         try:
@@ -247,7 +248,7 @@ def test_a_signal_ends_the_programs_programs_too(tmp_path, number):
             sys.exit(interrupts.exit_code())
     """
     told = tmp_path / "pids"
-    words = [sys.executable, "-c", textwrap.dedent(code), tmp_path / "stubborn.py", told]
+    words = [sys.executable, "-c", textwrap.dedent(code), str(int(number)), tmp_path / "stubborn.py", told]
     with subprocess.Popen(words, stderr=subprocess.PIPE) as process:
         until = time.monotonic() + 30
         while not (told.exists() and told.read_text().endswith(" ")) and time.monotonic() < until:

@@ -33,6 +33,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes, write
 from lippmann.integral_image import IntegralImage
 from lippmann.link.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
+from lippmann.link.socket_port import token_of
 from lippmann.patterns import ON_BOARD, draw
 from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim import virtual_board
@@ -582,6 +583,7 @@ def raw_line(url):
     line = socket.socket()
     line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     line.connect(("127.0.0.1", int(url.rsplit(":", 1)[1])))
+    line.sendall(token_of(url))
     return line.detach()
 
 
