@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report report-fixed report-link report-depth report-layers report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-record formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-calibration report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -92,6 +92,9 @@ given = $(if $(filter command line,$(origin $(1))),--$(2) $($(1)))
 bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 LAYERS=4 BILINEAR=)
 	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,LAYERS,layers) $(if $(BILINEAR),--bilinear)
 
+report-bitstream: $(READY) ## clocks and cells of the ULX3S's bitstreams, into docs/reports (hours; kept in build/bitstream)
+	$(BIN)/python -m lippmann.dev.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --report docs/reports
+
 report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
 	$(BIN)/lippmann report -o docs/reports
 
@@ -106,6 +109,9 @@ report-depth: $(READY) ## depths and views of the founding paper's set-ups, into
 
 report-layers: $(READY) ## drawn layers and the streamed frame against the full render, into docs/reports
 	$(BIN)/lippmann bench layers --report docs/reports > /dev/null
+
+report-calibration: $(READY) ## random displays calibrated by simulated photographs, into docs/reports
+	$(BIN)/lippmann bench calibration --seed 10 --report docs/reports > /dev/null
 
 peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/reports
 	$(BIN)/lippmann bench peers --report docs/reports > /dev/null

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lippmann.images import Radiance, check_output, encoded_values, replacing
+from lippmann.files import replacing
+from lippmann.images import Radiance, check_output, encoded_values
 
 if TYPE_CHECKING:
     import PIL.Image

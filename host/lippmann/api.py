@@ -22,7 +22,8 @@ from lippmann.capturing.capture import placement_before
 from lippmann.capturing.setup import Pickup, Setup, load_setup
 from lippmann.display import MAX_SIDE_PX, Display, display_at
 from lippmann.errors import InputError, whole_number
-from lippmann.images import check_output, replacing
+from lippmann.files import replacing
+from lippmann.images import check_output
 from lippmann.integral_image import IntegralImage, check_image
 from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.layers.cost import measured_cuts

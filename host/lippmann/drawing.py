@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lippmann.display import Display
 from lippmann.display_properties import percent
 from lippmann.engines import trace
-from lippmann.images import replacing
+from lippmann.files import replacing
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Floats, Status, gets_through
 from lippmann.optics.system import System

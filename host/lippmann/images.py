@@ -21,8 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
-from lippmann.files import clean_before_writing, not_written
-from lippmann.files import replacing as replacing  # noqa: PLC0414  used with check_output
+from lippmann.files import clean_before_writing, not_written, replacing
 from lippmann.limits import check_expanded
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text

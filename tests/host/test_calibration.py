@@ -107,15 +107,28 @@ def test_three_positions_give_the_display(case, photos, tmp_path, capfd):
     judged = judge(display, case.built)
     assert judged.rms_px < 0.1
     assert judged.worst_px < 0.3
-    # Photographs this small leave the scale open by a per cent, and say so: the interval is that of 95 %.
+    assert judged.rotation_deg < 0.002
     gap = next(one for one in said["parameters"] if one["name"] == "gap")
-    assert abs(gap["value"] - case.built.gap_mm) < 2.0 * gap["uncertainty"]
+    # Its interval is that of 95 %; this draw is one of the others. Three deviations are 1.5 times as much.
+    assert abs(gap["value"] - case.built.gap_mm) < 1.5 * gap["uncertainty"]
     assert gap["uncertainty"] < 0.05 * case.built.gap_mm
     before = judge(case.nominal, case.built)
     assert before.rms_px > 10.0 * judged.rms_px
     # The cameras stand where they stood, but for the scale that few lenslets leave open.
     for camera, found in zip(case.cameras, said["cameras"], strict=True):
         np.testing.assert_allclose(found["place_mm"], camera.position_mm, rtol=0.03, atol=0.03 * camera.position_mm[2])
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(4))
+def test_a_panel_of_640_pixels_is_known_as_well_as_promised(seed, tmp_path):
+    """Lenslets' centres, rotation and gap by docs/how-to/calibrate.md's promise; square and hexagonal, both sides."""
+    case = random_case(seed)
+    judged = judge(calibrate(case.shoot(tmp_path, seed=seed), case.nominal).display, case.built)
+    assert judged.rms_px < 0.1
+    assert judged.worst_px < 0.3
+    assert judged.rotation_deg < 0.002
+    assert judged.gap_percent < 1.0
 
 
 def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):
@@ -201,7 +214,7 @@ def test_a_panel_partly_out_of_view(case, spoiled):
         calibrate(spoiled.parent, case.nominal)
 
 
-def test_photographs_that_are_missing_or_of_other_patterns(case, spoiled, tmp_path):
+def test_simulated_camera_that_are_missing_or_of_other_patterns(case, spoiled, tmp_path):
     patterns = PatternSet.of(case.nominal)
     (spoiled / "02-black.png").rename(spoiled / "99-other.png")
     with pytest.raises(InputError, match=r"99-other.png belongs to no pattern, and the photograph of 02-black is mis"):
@@ -278,6 +291,52 @@ def test_rotation_and_shear_come_back():
         rows = py * (math.sqrt(0.75) if grid == "hex" else 1.0)
         steps = np.array([[c, -s], [s, c]]) @ [[px, 0.5 * px * (grid == "hex") + shear * rows], [0.0, rows]]
         np.testing.assert_allclose(array_of(grid, steps, np.zeros(2)), [px, py, shear, turn, 0.0, 0.0], atol=1e-12)
+
+
+def test_patterns_are_drawn_for_the_panel(case, tmp_path, capfd):
+    (tmp_path / "d.toml").write_text(display_text(case.nominal))
+    out = tmp_path / "patterns"
+    assert run(["calibrate", "patterns", str(tmp_path / "d.toml"), "-o", str(out), "--json"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert said["identity"] == case.nominal.identity
+    assert said["patterns"] == sorted(one.name for one in out.glob("*.png"))
+    assert {cv2.imread(str(one)).shape for one in out.glob("*.png")} == {(PANEL_PX * 3 // 4, PANEL_PX, 3)}
+    assert read_patterns(out / "patterns.toml", case.nominal) == PatternSet.of(case.nominal)
+
+
+def test_the_report_of_a_calibration(case, photos, tmp_path, capfd):
+    out, page = tmp_path / "calibrated.toml", tmp_path / "page"
+    calibrate(photos, case.nominal).save(out)
+    assert run(["calibrate", "report", str(out), "-o", str(page), "--json"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert set(said["files"]) == {one.name for one in page.iterdir()}
+    text = (page / "calibration.md").read_text()
+    for name in ("pitch_x", "rotation", "gap"):
+        assert name in text
+    out.write_text(out.read_text().replace("gap_mm = ", "gap_mm = 1"))
+    assert run(["calibrate", "report", str(out), "-o", str(page)]) == 2
+    assert "belongs to another display file" in capfd.readouterr().err
+
+
+def zoomed(picture, share=0.7):
+    """The picture of a lens of a shorter focal length."""
+    small = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    down, across = (a - b for a, b in zip(picture.shape[:2], small.shape[:2], strict=True))
+    sides = down // 2, down - down // 2, across // 2, across - across // 2
+    return cv2.copyMakeBorder(small, *sides, cv2.BORDER_CONSTANT, value=float(picture[:4, :4].mean()))
+
+
+def test_photographs_that_contradict_each_other_are_told(case, photos, tmp_path, capfd):
+    """A zoom between the places, which one lens for all cannot explain: exit code 4, and no file."""
+    shutil.copytree(photos, tmp_path / "photos")
+    for path in (tmp_path / "photos" / "position-1").glob("*.png"):
+        changed(path, zoomed)
+    (tmp_path / "d.toml").write_text(display_text(case.nominal))
+    out = tmp_path / "out.toml"
+    words = ["calibrate", "solve", str(tmp_path / "photos"), "--display", str(tmp_path / "d.toml"), "-o", str(out)]
+    assert run(words) == 4
+    assert "the photographs do not fit a display like" in capfd.readouterr().err
+    assert not out.exists()
 
 
 def test_a_simulated_camera_photographs_the_display_as_built(case, tmp_path, capfd):

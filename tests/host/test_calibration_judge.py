@@ -9,7 +9,7 @@ from lippmann.calibration.result import Calibration, Parameter
 from lippmann.display import load_display
 from lippmann.measure.calibration import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
 from lippmann.optics.panel import PanelFrame
-from lippmann.photographs.camera import corners_mm
+from lippmann.simulated_camera.camera import corners_mm
 
 
 @pytest.fixture(params=["square", "hex"])

@@ -68,7 +68,7 @@ NOT_RUN = {
     r"lippmann bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
     r"make bitstream|lippmann board program": "an hour; tests/rtl/boards makes bitstreams; and no board is here",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",
-    r"lippmann calibrate ": "needs the reader's camera and photographs; test_calibration.py runs each step",
+    r"lippmann calibrate ": "minutes of photographs; test_calibration.py runs the same steps on a small panel",
 }
 
 

@@ -14,7 +14,8 @@ import pytest
 from lippmann.animation import FRAME_MS, write_animation, write_contact_sheet
 from lippmann.board.frames import Target, load_frame
 from lippmann.errors import InputError
-from lippmann.images import PREFIX, check_output, decode, encode, read_picture, replacing, write_picture
+from lippmann.files import replacing
+from lippmann.images import PREFIX, check_output, decode, encode, read_picture, write_picture
 from PIL import Image
 from scene_cases import generator
 

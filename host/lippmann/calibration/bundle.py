@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
 
 from lippmann import interrupts
 from lippmann.calibration.camera import projected
@@ -39,7 +40,7 @@ PRIOR_GAP, PRIOR_BOW, PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.3, 0.1, 0.
 MOST_LENSLETS = 8000
 #: Residuals beyond this many standard deviations are outliers.
 OUTLIER = 4.5
-#: Residual, in standard deviations, from which on the robust loss is about linear.
+#: Residual, in standard deviations, from which on the robust loss (scipy's soft_l1) is about linear.
 ROBUST = 1.5
 #: Most steps of the least squares, and the share by which the last one lowers the cost.
 MOST_STEPS, SETTLED = 60, 1e-8
@@ -157,7 +158,7 @@ class Solution:
     covariance: Floats
     scatter: list[tuple[float, float]]
     kept: list[npt.NDArray[np.bool_]]
-    #: Mean square of the residuals that were kept, in their variances, before the scatter was known.
+    #: Root mean squares of the residuals that were kept, pixels.
     rms_panel_px: float
     rms_photo_px: float
 
@@ -220,45 +221,26 @@ def _minimised(
     robust: bool,
     free: npt.NDArray[np.bool_] | None = None,
 ) -> Floats:
-    """Return the parameters of least squares by Levenberg and Marquardt's method.
+    """Return the parameters of least squares; `robust` weighs a large residual by its size, not by its square."""
+    chosen = np.arange(len(x)) if free is None else np.flatnonzero(free)
 
-    `robust` weighs residuals as the loss 2 (sqrt(1 + r^2 / c^2) - 1) c^2 does. Rows are many and columns few:
-    the normal equations of scaled columns take a hundredth of the time of scipy's singular values.
-    """
-    chosen = np.flatnonzero(np.ones(len(x), bool) if free is None else free)
+    def whole(part: Floats) -> Floats:
+        at = x.copy()
+        at[chosen] = part
+        return at
 
-    def residuals(at: Floats) -> Floats:
+    def residuals(part: Floats) -> Floats:
         interrupts.check()
+        at = whole(part)
         parts = [_weighted(problem, at, scatter, kept, k) for k in range(len(problem.views))]
         return np.concatenate([*parts, problem.priors(at)])
 
-    def bent(residual: Floats) -> Floats:
-        return np.sqrt(1.0 + (residual / ROBUST) ** 2) if robust else np.ones_like(residual)
-
-    def cost(residual: Floats) -> float:
-        return float(np.sum(2.0 * ROBUST**2 * (bent(residual) - 1.0)) if robust else residual @ residual)
-
-    residual, damping = residuals(x), 1e-3
-    now = cost(residual)
-    for _ in range(MOST_STEPS):
-        weight = np.sqrt(1.0 / bent(residual))
-        matrix = _jacobian(problem, x, scatter, kept)[:, chosen] * weight[:, None]
-        scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-        matrix /= scale
-        square, wanted = matrix.T @ matrix, -(matrix.T @ (residual * weight))
-        before = now
-        while damping < 1e8:
-            step = np.linalg.lstsq(square + damping * np.eye(len(chosen)), wanted, rcond=None)[0]
-            again = x.copy()
-            again[chosen] += step / scale
-            tried = residuals(again)
-            if cost(tried) < now:
-                x, residual, now, damping = again, tried, cost(tried), max(damping * 0.1, 1e-12)
-                break
-            damping *= 10.0
-        if before - now < SETTLED * before:
-            break
-    return x
+    found = least_squares(
+        residuals, x[chosen], lambda part: _jacobian(problem, whole(part), scatter, kept)[:, chosen], x_scale="jac",
+        loss="soft_l1" if robust else "linear", f_scale=ROBUST, ftol=SETTLED, xtol=1e-12, gtol=1e-12,
+        max_nfev=MOST_STEPS,
+    )  # fmt: skip
+    return whole(found.x)
 
 
 def _jacobian(

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from lippmann import __version__, toml
 from lippmann.display import Display, Side
 from lippmann.errors import InputError, input_error
-from lippmann.images import replacing
+from lippmann.files import replacing
 from lippmann.integral_image import IntegralImage
 from lippmann.toml import key
 

@@ -71,7 +71,8 @@ def steps_of(display: Display) -> Floats:
 def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     """Find the lattice of the points (N, 2) that a position sees, mm, near the nominal display's.
 
-    Raises InputError, with the position's name, when there is none, or one beyond the search.
+    Raises InputError, with the position's name, when no lattice is found, or when it differs from the nominal one by
+    more than the search allows.
     """
     nominal = steps_of(display)
     growth = min(0.5, display.aperture_distance_mm / (NEAREST_WIDTHS * display.panel.width_mm))

@@ -15,7 +15,7 @@ from scipy.stats import t as students_t
 from lippmann.calibration.bundle import BOW, Solution
 from lippmann.display import Array, Display, check_radius, display_text, load_display
 from lippmann.errors import InputError, LippmannError, input_error
-from lippmann.images import replacing
+from lippmann.files import replacing
 
 Floats = npt.NDArray[np.float64]
 #: Uncertainties beyond these are not determined: shares of the pitch, of the gap (D), mm of the offset, degrees.

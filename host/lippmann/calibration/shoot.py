@@ -16,7 +16,8 @@ from lippmann import interrupts
 from lippmann.calibration.codes import PatternSet
 from lippmann.display import Display
 from lippmann.errors import DeviceError
-from lippmann.images import encoded_values, replacing
+from lippmann.files import replacing
+from lippmann.images import encoded_values
 
 Pixels = npt.NDArray[np.uint8]
 Progress = Callable[[int, int], None]

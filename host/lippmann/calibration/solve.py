@@ -28,8 +28,9 @@ Progress = Callable[[str, int, int], None]
 TRIAL = 400
 #: Pixels of a position among which its lattice is looked for: tens for each of 100,000 lenslets.
 MOST_POINTS = 3_000_000
-#: Most scatter of the panel points, pixels and pitches, and most outliers, of a result that is trusted.
-MOST_SCATTER_PX, MOST_SCATTER = 1.5, 0.08
+#: Most scatter of the panel points of a result that is trusted, the larger of pixels and pitches; and most outliers.
+#: Random displays scatter by up to 0.3 px; a zoomed position among three by 0.7 px and more.
+MOST_SCATTER_PX, MOST_SCATTER = 0.5, 0.03
 MOST_OUTLIERS = 0.35
 #: A bow is told when it is this many standard deviations, and this high, mm.
 BOW_DEVIATIONS, LEAST_BOW_MM = 6.0, 0.004
@@ -140,11 +141,12 @@ def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple
     pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
     outliers = 1.0 - float(np.mean(np.concatenate(solution.kept)))
     scatter = max(one[0] for one in solution.scatter)
-    limit = min(MOST_SCATTER_PX, max(0.5, MOST_SCATTER * pitch_px))
+    limit = max(MOST_SCATTER_PX, MOST_SCATTER * pitch_px)
     if scatter > limit or outliers > MOST_OUTLIERS:
         raise DoubtError(
             f"the photographs do not fit a display like '{nominal.name}': panel points scatter by {scatter:.2f} px, "
-            f"{100.0 * outliers:.0f} % are outliers; check plano_side, thickness_mm, index and focal length in the file"
+            f"{100.0 * outliers:.0f} % are outliers; use one lens without zoom, and check plano_side, thickness_mm, "
+            "index and focal length in the file"
         )
     display = display_of(nominal, solution)
     parameters = parameters_of(nominal, solution)

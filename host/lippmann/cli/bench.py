@@ -15,6 +15,7 @@ from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options.common import DEVICE, SCENES, SEED
 from lippmann.cli.output import emit, log
 from lippmann.errors import InputError, MissingLibraryError
+from lippmann.files import scratch_folder
 from lippmann.images import check_output
 from lippmann.measure.figures import row_of
 from lippmann.provenance import provenance
@@ -79,7 +80,10 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
             words = [f"lippmann bench {name} --scenes {scenes} --seed {seed}"]
             words += [f"--device {device}"] if needs_device else []
             for key, value in own.items():
-                words += [f"--{key} {one}" for one in value] if isinstance(value, tuple) else [f"--{key}"] * bool(value)
+                if isinstance(value, bool):
+                    words += [f"--{key}"] * value
+                else:
+                    words += [f"--{key} {one}" for one in (value if isinstance(value, tuple) else (value,))]
             chosen = start_mitsuba(device) if needs_device else ""
             origin = provenance(" ".join(words), packages)
             found, written = measure(Bench(folder, seed, chosen, kept, origin), **own)
@@ -239,5 +243,22 @@ def layers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"layers": rows, "builds": builds}, benches.layers_page(bench.origin, rows, builds)
 
 
-for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers):
+@measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))
+def calibration(
+    bench: Bench,
+    displays: int = option("Number of random displays, of the seeds from --seed on.", 12, click.IntRange(1)),
+    solids: bool = option("POV-Ray photographs glass lenslets, in place of our tracer.", False),
+) -> tuple[Mapping[str, Any], Page]:
+    """Calibrate random displays by simulated photographs, and compare with the displays as built.
+
+    Example: lippmann bench calibration --displays 4
+    """
+    from lippmann.measure.calibration import measure
+
+    with scratch_folder() as folder:
+        rows = bench.collect(measure(folder, range(bench.seed, bench.seed + displays), solids=solids))
+    return {"rows": rows}, benches.calibration_page(bench.origin, rows, solids)
+
+
+for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, calibration):
     command.add_command(_one)

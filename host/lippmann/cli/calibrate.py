@@ -142,8 +142,8 @@ def _simulated(
     seed: int,
 ) -> list[Path]:
     """Photograph a display as built: the patterns are the nominal display's, the optics those of the other."""
-    from lippmann.photographs.camera import Camera
-    from lippmann.photographs.photograph import photograph_folder
+    from lippmann.simulated_camera.camera import Camera
+    from lippmann.simulated_camera.photograph import photograph_folder
 
     sizes = [(one.panel.width_px, one.panel.height_px) for one in (display, built)]
     if sizes[0] != sizes[1]:

@@ -17,7 +17,8 @@ from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAM
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import display_text
 from lippmann.errors import input_error
-from lippmann.images import check_output, replacing
+from lippmann.files import replacing
+from lippmann.images import check_output
 from lippmann.rendering.renderer import peak_memory_mb
 from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.sources import Aperture

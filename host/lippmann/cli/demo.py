@@ -18,8 +18,8 @@ from lippmann.cli.options.common import DEVICE, SCENES, Point
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
-from lippmann.files import make_folder
-from lippmann.images import Radiance, decode, psnr_db, replacing
+from lippmann.files import make_folder, replacing
+from lippmann.images import Radiance, decode, psnr_db
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import whole_window
 from lippmann.rendering.renderer import Settings, render_view

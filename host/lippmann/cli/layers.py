@@ -18,7 +18,8 @@ from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
-from lippmann.images import check_output, replacing
+from lippmann.files import replacing
+from lippmann.images import check_output
 from lippmann.layers.cost import row_of
 from lippmann.layers.cut import SLOT, Cut
 from lippmann.layers.drawing import Filter

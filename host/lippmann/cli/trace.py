@@ -20,7 +20,8 @@ from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
 from lippmann.errors import input_error, reason
-from lippmann.images import check_output, replacing
+from lippmann.files import replacing
+from lippmann.images import check_output
 from lippmann.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice

@@ -15,7 +15,8 @@ from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError
-from lippmann.images import check_output, read_picture, replacing
+from lippmann.files import replacing
+from lippmann.images import check_output, read_picture
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye
 from lippmann.rendering.scene import check_scene_file

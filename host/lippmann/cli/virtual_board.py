@@ -21,8 +21,8 @@ from lippmann.cli.options.common import DISPLAY, FRACTION_BITS, Slot
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
+from lippmann.files import replacing
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.images import replacing
 from lippmann.sim import virtual_board
 
 #: Pause between two checks of a running board, s.

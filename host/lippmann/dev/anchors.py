@@ -7,7 +7,6 @@ spread too far for it. Placed alone they meet it; their places (`BEL`) are writt
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from lippmann.sim.tools import repository
 
 #: Placements for a seed, of which the fastest is taken.
 TRIALS = 4
-MET = re.compile(r"Max frequency for clock\s+'\S+': ([\d.]+) MHz \((?:PASS|FAIL) at ([\d.]+) MHz\)")
 #: Cells without a clock, which belong to the registers that they lead to.
 LOGIC = ("LUT4", "PFUMX", "L6MUX21", "CCU2C")
 #: Cells that a place can be written for. Others go with those, or with a pad.
@@ -46,7 +44,7 @@ def anchor(netlist: Path, options: Sequence[str], seed: int, output: Path) -> in
     best, found = 0.0, {}
     for trial in range(TRIALS * seed, TRIALS * (seed + 1)):
         said = flow.run_tool([*command, "--seed", str(trial), "--no-route", "--timing-allow-fail"])
-        share = min(float(met) / float(asked) for met, asked in MET.findall(said))
+        share = min(met / asked for met, asked in flow.clocks(said).values())
         if share > best:
             best, found = share, _top(json.loads(placed.read_text()))[1]["cells"]
             output.with_suffix(".log").write_text(said)

@@ -226,8 +226,7 @@ def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
     A clock without the constraint that it should have is not met, and neither is the way of DVI's symbols to the shift
     clock when it is longer than the clocks that it has.
     """
-    pattern = re.compile(r"Max frequency for clock\s+'(\S+)': ([\d.]+) MHz \((?:PASS|FAIL) at ([\d.]+) MHz\)")
-    last = {clock: (float(mhz), float(asked)) for clock, mhz, asked in pattern.findall(said)}
+    last = flow.clocks(said)
     roles: dict[str, str] = {}
     missed = []
     for clock, (_, asked) in last.items():

@@ -133,6 +133,12 @@ def route(netlist: Path, written: int, options: Sequence[str], seed: int, report
     return found
 
 
+def clocks(said: str) -> dict[str, tuple[float, float]]:
+    """Return what nextpnr said last of each clock: the MHz that it reaches, and those that are asked for."""
+    pattern = r"Max frequency for clock\s+'(\S+)': ([\d.]+) MHz \((?:PASS|FAIL) at ([\d.]+) MHz\)"
+    return {clock: (float(mhz), float(asked)) for clock, mhz, asked in re.findall(pattern, said)}
+
+
 def resources(found: Mapping[str, Any]) -> dict[str, int]:
     """Return the cells of nextpnr's report under the names of the pages' columns."""
     used = {cell: count["used"] for cell, count in found["utilization"].items()}

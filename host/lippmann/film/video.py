@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import MissingLibraryError, to_install
-from lippmann.files import not_written
-from lippmann.images import check_output, replacing
+from lippmann.files import not_written, replacing
+from lippmann.images import check_output
 from lippmann.rendering.sources import Window
 
 Values = npt.NDArray[np.uint8]

@@ -21,8 +21,8 @@ import numpy as np
 from lippmann import toml
 from lippmann.display import Display
 from lippmann.errors import InputError, input_error, likely_file, path_of, reason
-from lippmann.files import make_folder
-from lippmann.images import check_output, replacing
+from lippmann.files import make_folder, replacing
+from lippmann.images import check_output
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
 from lippmann.toml import documented, key
 from lippmann.viewing import viewing_distance

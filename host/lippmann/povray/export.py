@@ -19,8 +19,8 @@ from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
-from lippmann.files import moved, partial_folder, refused
-from lippmann.images import read_picture, replacing
+from lippmann.files import moved, partial_folder, refused, replacing
+from lippmann.images import read_picture
 from lippmann.optics.rays import Floats, Model, gets_through
 from lippmann.povray.camera import SPARE_ROWS, pinhole, write_rays
 from lippmann.povray.program import Run, run_povray

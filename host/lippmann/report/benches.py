@@ -55,6 +55,17 @@ def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
     return Page("fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context)
 
 
+def calibration_page(origin: Origin, rows: Rows, solids: bool) -> Page:
+    """Return the page of `lippmann bench calibration`; `solids`: POV-Ray took the photographs."""
+    solved = [row for row in rows if "refused" not in row]
+    context = {"rows": solved, "refused": [row for row in rows if "refused" in row], "solids": solids}
+    context |= {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
+    labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
+    charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
+    plot = [plots.bar_charts("calibration-accuracy", labels, charts)] if solved else []
+    return Page("calibration-accuracy", origin, plot, {"calibration-accuracy": solved}, context)
+
+
 def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
     """Return the page of `lippmann bench depth`; `views` are the pictures of its contact sheet, and their captions."""
     sheet = []

@@ -20,8 +20,7 @@ from markdown_it import MarkdownIt
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from lippmann.files import make_folder
-from lippmann.images import replacing
+from lippmann.files import make_folder, replacing
 from lippmann.report.plots import Plot
 from lippmann.report.tables import columns, figure, spanned, table, values, where, write_csv
 

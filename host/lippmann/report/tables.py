@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lippmann.images import replacing
+from lippmann.files import replacing
 from lippmann.measure.figures import Measured
 
 Rows = Sequence[Mapping[str, Any]]

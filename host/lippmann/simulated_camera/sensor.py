@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.images import encoded_values
-from lippmann.photographs.sight import Light
+from lippmann.simulated_camera.sight import Light
 from lippmann.tones import Transfer
 
 #: The brightest pixels of a white panel that the exposure does not count, percent.

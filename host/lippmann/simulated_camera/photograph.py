@@ -13,9 +13,10 @@ from PIL import Image
 from lippmann import interrupts
 from lippmann.display import Display, Panel
 from lippmann.errors import input_error
-from lippmann.images import decode, replacing
-from lippmann.photographs.camera import Camera
-from lippmann.photographs.disturbances import (
+from lippmann.files import replacing
+from lippmann.images import decode
+from lippmann.simulated_camera.camera import Camera
+from lippmann.simulated_camera.disturbances import (
     Disturbances,
     blurred,
     disturbed,
@@ -23,8 +24,8 @@ from lippmann.photographs.disturbances import (
     with_outliers,
     without_dead,
 )
-from lippmann.photographs.sensor import Sensor
-from lippmann.photographs.sight import Light, Sight, sight_of
+from lippmann.simulated_camera.sensor import Sensor
+from lippmann.simulated_camera.sight import Light, Sight, sight_of
 
 #: Computes what a camera sees of a display.
 Look = Callable[[Display, Camera], Sight]
@@ -48,7 +49,7 @@ def photograph_folder(
     display
         The display as built; its panel shows the patterns.
     camera
-        Where the camera stands and what it is. See `lippmann.photographs.camera.framed`.
+        Where the camera stands and what it is. See `lippmann.simulated_camera.camera.framed`.
     patterns
         Folder of PNG files of the panel's size, whose names begin with the order in which they are shown.
     output
@@ -60,7 +61,7 @@ def photograph_folder(
     samples
         Rays across each camera pixel, and down.
     look
-        Computes what the camera sees; None: our tracer. `lippmann.photographs.solids.look_at_solids` is POV-Ray's.
+        Computes what the camera sees; None: our tracer. `lippmann.simulated_camera.solids.look_at_solids` is POV-Ray's.
 
     Returns
     -------

@@ -8,9 +8,9 @@ from lippmann.display import load_display
 from lippmann.engines import trace_to_panel
 from lippmann.errors import InputError
 from lippmann.optics.rays import gets_through
-from lippmann.photographs.camera import Camera, framed
-from lippmann.photographs.sight import sight_of
-from lippmann.photographs.solids import (
+from lippmann.simulated_camera.camera import Camera, framed
+from lippmann.simulated_camera.sight import sight_of
+from lippmann.simulated_camera.solids import (
     look_at_solids,
     numbered,
     numbers,

@@ -14,8 +14,8 @@ from lippmann.display import Display
 from lippmann.engines import trace_to_panel
 from lippmann.optics.rays import Engine, Floats, Hits, Indices, Status
 from lippmann.optics.system import System
-from lippmann.photographs.camera import Camera, Point
-from lippmann.photographs.sight import Light, Tracer
+from lippmann.simulated_camera.camera import Camera, Point
+from lippmann.simulated_camera.sight import Light, Tracer
 
 #: Odd constants that spread lenslets' indices over 64 bits (Steele, Lea and Flood, "Fast splittable pseudorandom
 #: number generators", 2014: the finaliser of SplitMix64).

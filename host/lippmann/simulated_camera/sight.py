@@ -18,7 +18,7 @@ from lippmann.display import Display
 from lippmann.engines import trace_to_panel
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Engine, Floats, Hits, Indices, gets_through
-from lippmann.photographs.camera import Camera
+from lippmann.simulated_camera.camera import Camera
 from lippmann.subpixels import layout_of
 
 #: Rays traced at once.

@@ -9,11 +9,11 @@ from lippmann.engines import trace_to_panel
 from lippmann.errors import InputError
 from lippmann.images import decode
 from lippmann.optics.rays import gets_through
-from lippmann.photographs.camera import Camera, corners_mm, framed
-from lippmann.photographs.disturbances import Disturbances, disturbed, hidden
-from lippmann.photographs.photograph import photograph_folder
-from lippmann.photographs.sensor import Sensor
-from lippmann.photographs.sight import sight_of, traced
+from lippmann.simulated_camera.camera import Camera, corners_mm, framed
+from lippmann.simulated_camera.disturbances import Disturbances, disturbed, hidden
+from lippmann.simulated_camera.photograph import photograph_folder
+from lippmann.simulated_camera.sensor import Sensor
+from lippmann.simulated_camera.sight import sight_of, traced
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
@@ -122,7 +122,7 @@ def test_a_lens_blurs_an_edge_as_its_deviation_says(built):
     assert off[1] < 0.8 * min(off[0], off[2])
 
 
-def test_photographs_carry_the_light_with_the_sensors_noise(built, patterns, tmp_path):
+def test_simulated_camera_carry_the_light_with_the_sensors_noise(built, patterns, tmp_path):
     camera = framed(dataclasses.replace(CAMERA, vignetting=0.3, pupil_mm=0.5), built, fill=1.5)
     sensor = Sensor(exposure=0.5, full_well_e=4000.0, read_noise_e=10.0, bits=16, transfer="linear")
     white, black, ramp = photograph_folder(built, camera, patterns, tmp_path / "photos", sensor=sensor)

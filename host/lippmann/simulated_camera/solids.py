@@ -22,12 +22,12 @@ from lippmann import interrupts
 from lippmann.display import Display, Panel
 from lippmann.errors import InputError
 from lippmann.optics.rays import Floats
-from lippmann.photographs.camera import Camera
-from lippmann.photographs.photograph import Look
-from lippmann.photographs.sight import Sight, gathered
 from lippmann.povray.optics import ARRAY_FACES, array_solids
 from lippmann.povray.program import run_povray
 from lippmann.povray.text import block, vector
+from lippmann.simulated_camera.camera import Camera
+from lippmann.simulated_camera.photograph import Look
+from lippmann.simulated_camera.sight import Sight, gathered
 
 Words = npt.NDArray[np.uint16]
 #: Largest value of a 16-bit picture.
