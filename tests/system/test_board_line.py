@@ -105,6 +105,15 @@ def test_a_silent_program_makes_room_for_another(unix):
                 first.read(0)
 
 
+@pytest.mark.parametrize("port", ["unix", "tcp"])
+def test_another_board_takes_no_room(port):
+    """A silent program makes room for a program that connects; that another board starts is none."""
+    with virtual_board.running(small(), port=port, idle_s=1) as one, Board.open(one.url) as board:
+        time.sleep(1.5)
+        with virtual_board.running(small()):
+            assert board.read(0) == [0x4C495042]
+
+
 def test_tcp_asks_for_the_token(tcp, monkeypatch):
     port = int(tcp.url.rsplit(":", 1)[1])
     file = private_path() / f"tcp-{port}.token"
