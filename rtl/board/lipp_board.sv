@@ -218,7 +218,7 @@ module lipp_board #(
   logic ray_valid, ray_ready, trace, sign, exit_valid, exit_ready, trace_ready, sign_ready;
   logic [3:0][31:0] ray;
   logic [8:0][31:0] exit_words;
-  logic sign_start, sign_done, exit_last;
+  logic sign_start, sign_done;
   logic [31:0] sign_rays, sign_crc;
   logic scene_late;     // a pixel was not drawn in time
   logic drawn, update;  // the optics draw the panel; the scene's registers are being written
@@ -405,11 +405,15 @@ module lipp_board #(
   end
 
   // ---- rays ----
-  logic signed [IndexBits-1:0] exit_i, exit_j;
-  logic signed [F+3:0] exit_x, exit_y, exit_z;
-  logic signed [F+1:0] exit_dx, exit_dy, exit_dz;
-  lipp_optics_pkg::ray_status_e exit_status;
-  logic exit_first, unused_ray;
+  typedef struct packed {
+    logic signed [IndexBits-1:0] i, j;
+    logic signed [F+3:0] x, y, z;
+    logic signed [F+1:0] dx, dy, dz;
+    lipp_optics_pkg::ray_status_e status;
+    logic first, last;
+  } exit_t;
+  exit_t left, exit;  // from the optics, and a clock later
+  logic left_valid, left_ready, unused_ray;
   assign unused_ray = ^ray;
   // The stream's rays: a TRACE's, or those of the panel's pixels.
   logic stream_valid, stream_ready, stream_first, stream_last, scene_ready;
@@ -428,20 +432,25 @@ module lipp_board #(
     .ray_valid_i(stream_valid), .ray_ready_o(stream_ready), .ray_u_i(stream_u),
     .ray_v_i(stream_v), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
     .ray_first_i(stream_first), .ray_last_i(stream_last),
-    .exit_valid_o(exit_valid), .exit_ready_i(exit_ready), .exit_i_o(exit_i), .exit_j_o(exit_j),
-    .exit_x_o(exit_x), .exit_y_o(exit_y), .exit_z_o(exit_z), .exit_dx_o(exit_dx),
-    .exit_dy_o(exit_dy), .exit_dz_o(exit_dz), .exit_status_o(exit_status),
-    .exit_first_o(exit_first), .exit_last_o(exit_last), .optics_o(optics)
+    .exit_valid_o(left_valid), .exit_ready_i(left_ready), .exit_i_o(left.i), .exit_j_o(left.j),
+    .exit_x_o(left.x), .exit_y_o(left.y), .exit_z_o(left.z), .exit_dx_o(left.dx),
+    .exit_dy_o(left.dy), .exit_dz_o(left.dz), .exit_status_o(left.status),
+    .exit_first_o(left.first), .exit_last_o(left.last), .optics_o(optics)
+  );
+  // Who takes the rays lies far from who sends them: the way between has a register in both directions.
+  lipp_skid_buffer #(.Width($bits(exit_t))) i_exit_buffer (
+    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(left_valid), .in_ready_o(left_ready),
+    .in_data_i(left), .out_valid_o(exit_valid), .out_ready_i(exit_ready), .out_data_o(exit)
   );
   assign exit_words = {
-    32'(exit_status), 32'(exit_dz), 32'(exit_dy), 32'(exit_dx), 32'(exit_z), 32'(exit_y),
-    32'(exit_x), 32'(exit_j), 32'(exit_i)
+    32'(exit.status), 32'(exit.dz), 32'(exit.dy), 32'(exit.dx), 32'(exit.z), 32'(exit.y),
+    32'(exit.x), 32'(exit.j), 32'(exit.i)
   };
   // Rays of a frame that nobody asked to sign are dropped.
   assign exit_ready = drawn ? scene_ready : trace ? trace_ready : sign_ready || !sign;
   lipp_ray_signature i_ray_signature (
     .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
-    .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit_last), .done_o(sign_done),
+    .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit.last), .done_o(sign_done),
     .rays_o(sign_rays), .crc_o(sign_crc)
   );
 
@@ -449,8 +458,8 @@ module lipp_board #(
   if (Draws) begin : gen_scene
     localparam int Blanking = ((VSync + VBack) * (HSync + HBack + Width + HFront) + HSync + HBack)
         * ClocksPerPixel;
-    // From the start of a frame to its first pixel: draw_frame, optics_block, scene.
-    localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 5
+    // From the start of a frame to its first pixel: draw_frame, optics_block and buffer, scene.
+    localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 6
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking
       $fatal(1, "lipp_board: the scene needs a longer blanking before the first pixel: %0d clocks, not %0d",
@@ -494,9 +503,9 @@ module lipp_board #(
       .clk_i, .rst_ni(core_rst_n), .config_i(config_set), .take_i(take), .busy_o(unused_busy),
       .idle_o(unused_idle), .write_i(slot_write), .write_slot_i(slot), .write_at_i(slot_at),
       .write_data_i(slot_data), .exit_valid_i(exit_valid && drawn), .exit_ready_o(scene_ready),
-      .exit_i_i(exit_i), .exit_j_i(exit_j), .exit_x_i(exit_x), .exit_y_i(exit_y),
-      .exit_z_i(exit_z), .exit_dx_i(exit_dx), .exit_dy_i(exit_dy), .exit_dz_i(exit_dz),
-      .exit_status_i(exit_status), .exit_first_i(exit_first), .exit_last_i(exit_last),
+      .exit_i_i(exit.i), .exit_j_i(exit.j), .exit_x_i(exit.x), .exit_y_i(exit.y),
+      .exit_z_i(exit.z), .exit_dx_i(exit.dx), .exit_dy_i(exit.dy), .exit_dz_i(exit.dz),
+      .exit_status_i(exit.status), .exit_first_i(exit.first), .exit_last_i(exit.last),
       .pixel_valid_o(pixel_valid), .pixel_ready_i(pixel_ready), .pixel_rgb_o(pixel_rgb),
       .pixel_first_o(unused_pixel_first), .pixel_last_o(unused_pixel_last)
     );
@@ -507,7 +516,7 @@ module lipp_board #(
     assign {block_done, block_word_at, blocks_busy, blocks_crc} = '0;
     logic unused_scene;
     assign unused_scene = ^{
-      update, exit_first, psel_scene, paddr[9], block_start, block_slot,
+      update, exit.first, psel_scene, paddr[9], block_start, block_slot,
       block, block_word, blocks_slot, blocks_at
     };
   end

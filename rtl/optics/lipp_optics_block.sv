@@ -194,14 +194,20 @@ module lipp_optics_block #(
   );
 
   // A FIFO beside the pipeline keeps the marks of frames, in the order of the rays; it has a place
-  // for each ray.
+  // for each ray. They are written a clock late, as the source may be far away: the ray is longer
+  // on its way.
   localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
-  logic unused_valid;
+  logic taken_q, unused_valid;
+  logic [1:0] ends_q;
+  always_ff @(posedge clk_i) ends_q <= {first, last};
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) taken_q <= 1'b0;
+    else taken_q <= valid && ready;
+  end
   lipp_fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (
-    .clk_i, .rst_ni, .write_i(valid && ready), .data_i({first, last}),
-    .valid_o(unused_valid), .ready_i(exit_valid_o && exit_ready_i),
-    .data_o({exit_first_o, exit_last_o})
+    .clk_i, .rst_ni, .write_i(taken_q), .data_i(ends_q), .valid_o(unused_valid),
+    .ready_i(exit_valid_o && exit_ready_i), .data_o({exit_first_o, exit_last_o})
   );
 
 endmodule
