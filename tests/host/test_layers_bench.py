@@ -7,6 +7,8 @@ import zlib
 import numpy as np
 import pytest
 from cobs import cobs
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.layers.cut import SLOT as BUILD_SLOT
 from lippmann.layers.cut import cut_scene
 from lippmann.layers.drawing import exit_lines
 from lippmann.layers.stack import light_of
@@ -16,7 +18,6 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import load_scene
 from lippmann.report.benches import layers_page
-from lippmann.report.tables import column_names
 from lippmann.sim.tools import repository
 from scene_cases import focused_display, rgb, write_scene
 
@@ -112,29 +113,21 @@ def test_the_page_of_few_rows():
         for where in (("vga-square", "fish"), ("vga-square", "chart"))
         for drawn, number in (("streamed", 17), *((f, n) for n in (1, 4) for f in ("nearest", "bilinear")))
     ]
-    builds = [{"build": "scene-nearest-compact-square", "drawn": "nearest",
-               "seed": None, "mhz": None, "lut": None, "mult18x18d": None, "dp16kd": None}]  # fmt: skip
-    text = layers_page({"machine": "x"}, rows, builds).text()
+    text = layers_page({"machine": "x"}, rows).text()
     assert "37.0 dB. Its error is" in text
     assert "24.0 dB of the fish (24.0 bilinear), 24.0 dB of the chart" in text
     assert "take 1.00 s once. Then a frame takes 39 bytes" in text
-    assert "Place-and-route has not been run yet" in text
-    assert "| scene-nearest-compact-square | 137 | 61 | 201 | - | - | - | - |" in text
-    placed = [{**builds[0], "seed": seed, "mhz": mhz} for seed, mhz in ((1, 98.5), (2, 93.25))]
-    assert "Placed: 93.2 to 98.5 MHz." in layers_page({"machine": "x"}, rows, placed).text()
+    assert "take 100 block RAMs and 56 multipliers, 100 and 56 with bilinear" in text
 
 
-def test_builds_are_those_that_make_synth_places():
+def test_the_builds_of_the_page_are_those_that_make_synth_places():
     from lippmann.dev.synthesis import SCENES
 
-    assert {name for name, _ in layers.BUILDS} == {design.name for design in SCENES}
-    for name, drawn in layers.BUILDS:
-        (design,) = (design for design in SCENES if design.name == name)
-        assert (design.scene.layers, design.scene.width, design.scene.height) == (4, 256, 192)
-        assert design.scene.bilinear == (drawn == "bilinear")
-    rows = layers.placed_builds()
-    assert column_names(rows) == ["build", "drawn", "seed", "mhz", "lut", "mult18x18d", "dp16kd"]
-    assert list(dict.fromkeys(row["build"] for row in rows)) == [name for name, _ in layers.BUILDS]
+    for drawn in ("nearest", "bilinear"):
+        for design in (design for design in SCENES if f"-{drawn}-" in design.name):
+            scene = design.scene
+            assert (scene.layers, scene.width, scene.height) == (SceneBuild().layers, *BUILD_SLOT) == (4, 256, 192)
+            assert scene.bilinear == (drawn == "bilinear")
 
 
 def test_the_kept_report_is_whole():

@@ -237,10 +237,10 @@ def layers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 
     Example: lippmann bench layers
     """
-    from lippmann.measure.layers import measure, placed_builds
+    from lippmann.measure.layers import measure
 
-    rows, builds = bench.collect(measure(bench.scenes, bench.seed)), placed_builds()
-    return {"layers": rows, "builds": builds}, benches.layers_page(bench.origin, rows, builds)
+    rows = bench.collect(measure(bench.scenes, bench.seed))
+    return {"layers": rows}, benches.layers_page(bench.origin, rows)
 
 
 @measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))

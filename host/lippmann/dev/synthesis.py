@@ -1,8 +1,9 @@
 """Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
 A configuration is placed as the engine `ray_lenslet`; some also as the block with registers, and as the whole board at
-two sizes of panel. `python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md. Results are kept
-under build/synth/ by a hash of their inputs: a design is placed and routed again only when its sources have changed.
+two sizes of panel. `python -m lippmann.dev.synthesis` (`make synth`) writes docs/reports/synthesis.md, and
+synthesis-drawing.md of designs that draw a scene. Results are kept under build/synth/ by a hash of their inputs: a
+design is placed and routed again only when its sources have changed.
 """
 
 from __future__ import annotations
@@ -218,6 +219,12 @@ def _place_of(cell: str) -> str:
 ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point_nm")
 
 
+def drawing_page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
+    """Return the page of the designs that draw a scene."""
+    folder = Path(__file__).with_name("templates")
+    return Page("synthesis-drawing", origin, [], {"synthesis-drawing": rows}, {"rows": rows, "mhz": WANTED_MHZ}, folder)
+
+
 def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Sequence[Mapping[str, Any]]) -> Page:
     """Return the page of the configurations and of the whole designs."""
     shown = rows or whole
@@ -248,12 +255,14 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
         if name not in DESIGNS:
             raise InputError(f"unknown design '{name}'; choose from {', '.join(DESIGNS)}")
     scenes = repository() / "scenes"
-    rows, whole = [], []
+    rows: list[dict[str, Any]] = []
+    whole: list[dict[str, Any]] = []
+    drawn: list[dict[str, Any]] = []
     for design in [DESIGNS[name] for name in names or DESIGNS]:
         for placed in place(design, seeds or ((1,) if design.top == "probe_top" else (1, 2, 3))):
             log(f"{design.name}, seed {placed['seed']}: {placed['mhz']:.1f} MHz, {placed['seconds']:.0f} s")
             if design.top != "probe_top":
-                whole.append(placed)
+                (whole if design.scene is None else drawn).append(placed)
                 continue
             errors = [
                 measure(
@@ -265,8 +274,11 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     options = "".join(f" {name}" for name in names)
     asked = "".join(f" --seed {seed}" for seed in seeds)
     origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", ("numpy",), flow.versions())
-    page(origin, rows, whole).write(Path(report))
-    if Path(report).resolve() == repository() / "docs/reports":
+    if drawn:
+        drawing_page(origin, drawn).write(Path(report))
+    if rows or whole:
+        page(origin, rows, whole).write(Path(report))
+    if rows and Path(report).resolve() == repository() / "docs/reports":
         measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
 
 

@@ -25,13 +25,11 @@ from lippmann.layers.drawing import FILTERS, ExitLines, Filter, draw_golden, exi
 from lippmann.layers.peel import Area, peel
 from lippmann.layers.stack import MAX_LAYERS, LayerStack
 from lippmann.link.packets import Kind, packed
-from lippmann.measure.figures import read_csv
 from lippmann.observer import whole_window
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Part, Scene, load_scene
 from lippmann.select.model import reconstructed_pixel_mm
-from lippmann.sim.tools import repository
 
 #: Scenes, and the shapes that become a layer of their own, to move; displays.
 SCENES: dict[str, tuple[str, str | None]] = {
@@ -46,11 +44,6 @@ TEXEL_SAMPLES, SEEN_SAMPLES = 16, 16
 HOLE = 0.01
 #: The serial line on which times are told, baud, and its bits for each byte.
 BAUD, BITS_A_BYTE = 3_000_000, 10
-#: The builds of the drawing that `make synth` places, with slots and layers as `SceneBuild()` has them: name of the
-#: design, and filter.
-BUILDS: tuple[tuple[str, Filter], ...] = tuple(
-    (f"{part}-{filter}-compact-square", filter) for part in ("scene", "board-1280x720") for filter in FILTERS
-)
 
 
 def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
@@ -173,18 +166,3 @@ def hole_percent(
             solid = binary_erosion(met > 1.0 - 1e-6, np.ones((3, 3)), iterations=around, border_value=1)
             holes[place] |= solid & (view[..., 0] > HOLE)
     return 100.0 * float(holes.mean())
-
-
-def placed_builds() -> list[dict[str, Any]]:
-    """Return the named builds of the drawing, with clock and cells from docs/reports/synthesis-*.csv.
-
-    A build has a row for each placed seed; one that is not placed has a row whose figures are None.
-    """
-    columns = ("seed", "mhz", "lut", "mult18x18d", "dp16kd")
-    tables = (repository() / "docs/reports").glob("synthesis-*.csv")
-    kept = [row for path in sorted(tables) for row in read_csv(path)[1]]
-    found = []
-    for name, filter in BUILDS:
-        rows = [row for row in kept if row.get("configuration") == name] or [{}]
-        found += [{"build": name, "drawn": filter, **{key: row.get(key) for key in columns}} for row in rows]
-    return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,14 +15,14 @@ from lippmann.conditioning.word_sets import SAMPLE
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
-from lippmann.layers.cost import FULL_SAMPLES, cost_of
+from lippmann.layers.cost import FULL_SAMPLES
 from lippmann.layers.cut import SLOT
 from lippmann.measure import depth, fixed, layers
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
 from lippmann.report import plots
 from lippmann.report.pages import Page
-from lippmann.report.tables import Rows, columns, spanned, values, where
+from lippmann.report.tables import Rows, columns, values, where
 from lippmann.sim.tools import repository
 
 Origin = Mapping[str, str]
@@ -137,8 +136,8 @@ def hard_page(origin: Origin, real: Rows, fixed_rows: Rows, formulas: Rows) -> P
     return Page("hard-cases", origin, [plot], tables, {**context, "widest": WIDEST, "compact": COMPACT})
 
 
-def layers_page(origin: Origin, rows: Rows, builds: Rows) -> Page:
-    """Return the page of `lippmann bench layers`: `rows` of `layers.measure`, `builds` of `layers.placed_builds`."""
+def layers_page(origin: Origin, rows: Rows) -> Page:
+    """Return the page of `lippmann bench layers`, of the rows of `layers.measure`."""
     built, drawn = SceneBuild().layers, [row for row in rows if row["drawn"] != "streamed"]
     seen = [
         {**group[0], **{str(row["layers"]): f"{row['view_db']:.1f} ({row['worst_db']:.1f})" for row in group}}
@@ -151,15 +150,11 @@ def layers_page(origin: Origin, rows: Rows, builds: Rows) -> Page:
         sent = {"sent_bytes": row["line_bytes"], "sent_seconds": layers.line_seconds(row["line_bytes"])}
         beside.append({**row, **decibels, **sent, **{key: cut[0][key] for key in ("line_bytes", "frame_bytes")}})
         beside[-1]["line_seconds"] = layers.line_seconds(cut[0]["line_bytes"])
-    named = [
-        {**group[0], **asdict(cost_of(built, SLOT, group[0]["drawn"])), "mhz": spanned(values(group, "mhz"))}
-        for group in groups(builds, "build")
-    ]
     context = {
-        "rows": drawn, "seen": seen, "beside": beside, "named": named, "layers": layers, "slot": SLOT, "built": built,
+        "rows": drawn, "seen": seen, "beside": beside, "layers": layers, "slot": SLOT, "built": built,
         "full_samples": FULL_SAMPLES, "baud": layers.BAUD // 10**6,
     }  # fmt: skip
-    return Page("layers", origin, [plots.layers(rows)], {"layers": rows, "layers-builds": builds}, context)
+    return Page("layers", origin, [plots.layers(rows)], {"layers": rows}, context)
 
 
 #: Measurements of `docs/measured.md`.
