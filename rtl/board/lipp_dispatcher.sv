@@ -168,6 +168,7 @@ module lipp_dispatcher #(
   // ---- may it be executed? The request stands still from two clocks before Judge ----
   logic no_block;  // no such slot, or block of it
   logic no_tile, version, no_block_q, no_tile_q, version_q;
+  logic shown_q;  // the slot is drawn, or will be: a slot becomes one by a WRITE only, which is over by now
   reply_status_e refusal, refusal_q;
   assign version = request.arguments[0] == ProtocolVersion;
   assign no_tile = {1'b0, table_first} + {1'b0, table_count} > 17'(Tiles)
@@ -184,6 +185,7 @@ module lipp_dispatcher #(
   end
   always_ff @(posedge clk_i) begin
     {version_q, no_tile_q, no_block_q} <= {version, no_tile, no_block};
+    shown_q <= slots_i[request.arguments[0][3:0]];
     refusal_q <= refusal;
   end
 
@@ -413,7 +415,7 @@ module lipp_dispatcher #(
               end
               RequestTiles, RequestBlocks: table_start <= 1'b1;
               RequestBlock: begin
-                if (slots_i[request.arguments[0][3:0]]) begin
+                if (shown_q) begin
                   status_q <= StatusBusy;
                 end else begin
                   block_start <= Scene;

@@ -248,16 +248,24 @@ def calibration(
     bench: Bench,
     displays: int = option("Number of random displays, of the seeds from --seed on.", 12, click.IntRange(1)),
     solids: bool = option("POV-Ray photographs glass lenslets, in place of our tracer.", False),
+    swept: int = option(
+        "Number of displays with more and less photographs and noise.", 2, click.IntRange(0), flag="--sweep"
+    ),
 ) -> tuple[Mapping[str, Any], Page]:
     """Calibrate random displays by simulated photographs, and compare with the displays as built.
 
+    A sweep tells the error over photographs, noise and positions; an eye compares pictures of the fish.
+
     Example: lippmann bench calibration --displays 4
     """
-    from lippmann.measure.calibration import measure
+    from lippmann.measure.calibration import measure, sweep, views
 
     with scratch_folder() as folder:
         rows = bench.collect(measure(folder, range(bench.seed, bench.seed + displays), solids=solids))
-    return {"rows": rows}, benches.calibration_page(bench.origin, rows, solids)
+        tried = bench.collect(sweep(folder, range(bench.seed, bench.seed + swept)))
+        seen = bench.collect(views(folder, bench.scenes, ("vga-square", "vga-hex"), bench.seed))
+    tables = {"rows": rows, "sweep": tried, "views": seen}
+    return tables, benches.calibration_page(bench.origin, rows, tried, seen, solids)
 
 
 for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, calibration):

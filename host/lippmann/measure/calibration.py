@@ -17,17 +17,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from lippmann.calibration.codes import PatternSet, write_patterns
+from lippmann.calibration.codes import STEPS, PatternSet, write_patterns
 from lippmann.calibration.result import Calibration
 from lippmann.calibration.solve import calibrate
-from lippmann.display import Array, Display, Grid, Panel, PlanoSide, display_text
+from lippmann.display import Array, Display, Grid, Panel, PlanoSide, display_text, load_display
 from lippmann.engines import trace_to_panel
 from lippmann.errors import LippmannError
+from lippmann.images import Radiance, psnr_db
+from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.rays import Floats, gets_through
 from lippmann.optics.system import System
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import Scene, load_scene
 from lippmann.simulated_camera.camera import Camera, Point, framed
 from lippmann.simulated_camera.disturbances import Disturbances
 from lippmann.simulated_camera.photograph import Look, photograph_folder
@@ -45,6 +50,14 @@ DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 #: Deviations of their lenses' point spread, pixels.
 BLUR_PX = (0.4, 0.7)
+#: What a sweep tries, each beside the defaults (`POSITIONS`, `STEPS`, noise 1): numbers of positions, phase pictures for
+#: each direction, and factors of the noise.
+SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
+POSITIONS = 3
+#: The misalignment of the pictures that an eye compares: degrees, and a share of the pitch.
+SEEN_DEG, SEEN_PITCH = 0.3, 0.002
+#: mm for each unit of the fish, samples for each pixel of its pictures and of the reference, rays for a view's pixel.
+SCALE, PICTURE_SAMPLES, REFERENCE_SAMPLES, EYE_SAMPLES = 0.25, 4, 16, 64
 
 
 @dataclass(frozen=True)
@@ -63,13 +76,14 @@ class Case:
         seed: int = 0,
         disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
         look: Look | None = None,
+        steps: int = STEPS,
     ) -> Path:
         """Write `nominal.toml`, `built.toml`, and the folder `photographs` with patterns and positions; return it."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "nominal.toml").write_text(display_text(self.nominal))
         (folder / "built.toml").write_text(display_text(self.built))
         patterns, photographs = folder / "patterns", folder / "photographs"
-        write_patterns(PatternSet.of(self.nominal), self.nominal, patterns)
+        write_patterns(replace(PatternSet.of(self.nominal), steps=steps), self.nominal, patterns)
         for number, camera in enumerate(self.cameras, 1):
             photograph_folder(
                 self.built, camera, patterns, photographs / f"position-{number}", seed + number, self.sensor,
@@ -291,3 +305,73 @@ def measure(
             yield {"display": case.name, "refused": str(error)}
         finally:
             shutil.rmtree(place)
+
+
+def sweep(folder: Path, seeds: Sequence[int], **sizes: int) -> Iterator[dict[str, Any]]:
+    """Solve random displays from more and fewer photographs, positions and with more noise; yield a row for each.
+
+    `over` is what changes, `value` what it is, `photographs` their number; `eye_px` is how far (px, rms) the panel
+    points that an eye at the first camera sees are from those expected there.
+    """
+    for seed in seeds:
+        case = random_case(seed, **sizes, positions=max(SWEPT["positions"]))
+        for over, values in SWEPT.items():
+            for value in values:
+                tried = {"positions": POSITIONS, "steps": STEPS, "noise": 1} | {over: value}
+                sensor = replace(
+                    case.sensor,
+                    full_well_e=case.sensor.full_well_e / tried["noise"] ** 2,
+                    read_noise_e=case.sensor.read_noise_e / tried["noise"],
+                )
+                one = replace(case, cameras=case.cameras[: tried["positions"]], sensor=sensor)
+                place = folder / f"{case.name}-{over}-{value}"
+                photographs = one.shoot(place, seed, steps=tried["steps"])
+                row = {"display": case.name, "over": over, "value": value, "photographs": _count(photographs)}
+                try:
+                    found = calibrate(photographs, case.nominal)
+                except LippmannError as error:
+                    yield {**row, "refused": str(error)}
+                else:
+                    x, y, z = found.cameras[0]["place_mm"]
+                    eye = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
+                    judged = judge(found.display, case.built)._asdict()
+                    yield {**row, **judged, "eye_px": float(np.sqrt((eye**2).mean()))}
+                finally:
+                    shutil.rmtree(place)
+
+
+def _count(photographs: Path) -> int:
+    return len(list(photographs.glob("*/*.png")))
+
+
+def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> Iterator[dict[str, Any]]:
+    """Calibrate displays that are mounted a little wrong, and yield what an eye sees of the fish, in decibels.
+
+    `before_db` is the picture made for the file, `after_db` for the calibrated one, `ideal_db` for the display as
+    built. All are seen through the display as built, and compared with a picture made for it with more samples. The eye
+    is at the first camera.
+    """
+    scene = load_scene(scenes / "fish/fish.xml", Placement(SCALE))
+    for name in names:
+        nominal = load_display(scenes / f"displays/{name}.toml")
+        built = nominal.misaligned(rotation_deg=SEEN_DEG, pitch_scale=1.0 + SEEN_PITCH)
+        rng = np.random.default_rng((seed, 0xF15))
+        case = Case(name, nominal, built, _cameras(built, rng, 1000, POSITIONS), _sensor(rng))
+        found = calibrate(case.shoot(folder / name, seed), nominal).display
+        eye = Eye(case.cameras[0].position_mm)
+        reference = _seen(scene, built, built, eye, Settings(samples=REFERENCE_SAMPLES, seed=seed + 1))
+        settings, made = (
+            Settings(samples=PICTURE_SAMPLES, seed=seed),
+            {"before": nominal, "after": found, "ideal": built},
+        )
+        decibels = {
+            f"{when}_db": psnr_db(_seen(scene, display, built, eye, settings), reference)
+            for when, display in made.items()
+        }
+        yield {"display": name, **judge(found, built)._asdict(), **decibels}
+
+
+def _seen(scene: Scene, made: Display, built: Display, eye: Eye, settings: Settings) -> Radiance:
+    """Return an eye's view, on a display as built, of a scene's picture that was made for another."""
+    picture = render_integral(scene, made, "exact", settings).radiance
+    return observe(np.minimum(picture, 1.0), built, eye, whole_window(built), EYE_SAMPLES).radiance

@@ -54,15 +54,18 @@ def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
     return Page("fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context)
 
 
-def calibration_page(origin: Origin, rows: Rows, solids: bool) -> Page:
-    """Return the page of `lippmann bench calibration`; `solids`: POV-Ray took the photographs."""
+def calibration_page(origin: Origin, rows: Rows, tried: Rows, seen: Rows, solids: bool) -> Page:
+    """Return the page of `lippmann bench calibration`: its three tables; `solids`: POV-Ray took the photographs."""
     solved = [row for row in rows if "refused" not in row]
     context = {"rows": solved, "refused": [row for row in rows if "refused" in row], "solids": solids}
+    context |= {"tried": tried, "seen": seen}
     context |= {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
     labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
     charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
     plot = [plots.bar_charts("calibration-accuracy", labels, charts)] if solved else []
-    return Page("calibration-accuracy", origin, plot, {"calibration-accuracy": solved}, context)
+    plot += [plots.calibration_sweep(tried)] if tried else []
+    tables = {"calibration-accuracy": solved, "calibration-sweep": tried, "calibration-views": seen}
+    return Page("calibration-accuracy", origin, plot, {k: v for k, v in tables.items() if v}, context)
 
 
 def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:

@@ -21,6 +21,12 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 MARKS = ("o", "s", "^", "x", "D", "v", "+")
 DPI = 100
 GRIDS = tuple(DISPLAYS)
+#: Column and label over which a calibration's errors are drawn, by what is swept.
+SWEPT = {
+    "positions": ("value", "places of the camera"),
+    "steps": ("photographs", "photographs from three places"),
+    "noise": ("value", "noise, times the sensor's"),
+}
 #: Labels of the sizes over which growth is measured. The others are called as in the rows.
 GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
@@ -218,3 +224,18 @@ def layers(rows: Rows) -> Plot:
             axis.set(xlabel=label, ylabel="the eye's view, dB", title=scene[0]["scene"])
     picture.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Plot("layers", finish(picture))
+
+
+def calibration_sweep(rows: Rows) -> Plot:
+    """Draw the errors of a calibration over the photographs, the positions and the noise, one picture for each."""
+    solved = [row for row in rows if "refused" not in row]
+    kinds = groups(solved, "over")
+    picture, axes = drawn(2, len(kinds), (3.6, 2.8))
+    for across, kind in enumerate(kinds):
+        for axis, key, label in zip(
+            axes[:, across], ("rms_px", "gap_percent"), ("centres, px rms", "gap, %"), strict=True
+        ):
+            column, heading = SWEPT[kind[0]["over"]]
+            lines(axis, kind, "display", column, key)
+            axis.set(xlabel=heading, ylabel=label, yscale="log", ylim=(0.5 * min(values(solved, key)), None))
+    return Plot("calibration-sweep", finish(picture))
