@@ -8,7 +8,15 @@ import pytest
 from lippmann.cli import bench, cli, run
 from lippmann.measure import animate, renderer
 from lippmann.measure.figures import read_csv
-from lippmann.report.benches import MEASURED, fixed_page, hard_page, layers_page, link_page, measured_page
+from lippmann.report.benches import (
+    MEASURED,
+    calibration_page,
+    fixed_page,
+    hard_page,
+    layers_page,
+    link_page,
+    measured_page,
+)
 from lippmann.sim.tools import repository
 
 SCENES = str(repository() / "scenes")
@@ -120,6 +128,26 @@ def test_ratios_of_two_renders_are_taken_within_a_round(monkeypatch):
     row = renderer.lenslet_growth(None, None, None)
     assert (row["ratio"], row["ratio_least"], row["ratio_most"]) == (3.0, 2.0, 4.0)
     assert (row["seconds_10404_lenslets"], row["seconds_121_lenslets"]) == (4.0, 1.0)
+
+
+def test_the_page_of_calibrations():
+    errors = {"rms_px": 0.01, "worst_px": 0.02, "rotation_deg": 1e-4, "pitch_ppm": 7.0, "gap_percent": 0.5}
+    row = {**errors, "display": "one", "grid": "hex", "plano_side": "panel", "lenslets": 9, "outside": 1, "numbers": 7,
+           "seconds": 3.0}  # fmt: skip
+    tried = [
+        {**errors, "display": "one", "over": "noise", "value": k, "photographs": 99, "eye_px": 0.003} for k in (1, 2)
+    ]
+    tried.append({"display": "one", "over": "noise", "value": 4, "photographs": 99, "refused": "too dark"})
+    seen = [{**errors, "display": "two", "before_db": 25.5, "after_db": 35.7, "ideal_db": 35.4}]
+    page = calibration_page({}, [row, {"display": "bad", "refused": "blurred"}], tried, seen, False, 1280)
+    text = page.text()
+    assert {plot.name for plot in page.plots} == {"calibration-accuracy", "calibration-sweep"}
+    assert "6 of 7 numbers lie inside" in text
+    assert "1 of 2 displays were refused: blurred" in text
+    assert "1280 pixels wide" in text
+    assert "with 2000 pixels across" in text
+    assert "with 25.5 dB before, 35.7 dB after, and 35.4 dB" in text
+    assert "| one | noise | 4 | 99 | - | - | - | - | - | - | too dark |" in text
 
 
 # ---- kept pages ----

@@ -18,7 +18,7 @@ from lippmann.calibration.solve import calibrate
 from lippmann.cli import run
 from lippmann.display import display_text, load_display
 from lippmann.errors import InputError
-from lippmann.measure.calibration import judge, random_case
+from lippmann.measure.calibration import eye_difference, judge, random_case
 
 SEED = 2
 #: Width of the panel and of the photographs, pixels: 20 x 15 lenslets of about 20 pixels.
@@ -132,12 +132,17 @@ def test_a_panel_of_640_pixels_is_known_as_well_as_promised(seed, tmp_path):
 
 
 def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):
-    shutil.copytree(photos / "position-2", tmp_path / "position-2")
+    shutil.copytree(photos / "position-1", tmp_path / "position-1")
     found = calibrate(tmp_path, case.nominal)
     text = " ".join(found.remarks)
     assert "not determined" in text
     assert "photograph from 2 more" in text
     assert not found.parameter("gap").determined
+    # What is not determined is not guessed; an eye at the camera sees what the file says.
+    assert found.display.gap_mm == pytest.approx(case.nominal.gap_mm, rel=1e-4)
+    x, y, z = found.cameras[0]["place_mm"]
+    off = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
+    assert np.sqrt((off**2).mean()) < 0.2
     # What this camera sees is right all the same.
     kept = found.field[found.field[:, 7] > 0]
     assert np.sqrt((kept[:, 5:7] ** 2).mean()) < 0.2

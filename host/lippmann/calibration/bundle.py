@@ -36,6 +36,8 @@ POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_
 #: Priors: standard deviations of the gap (share of D), of the bow (share of D), of the focal length (of its
 #: logarithm), of the principal point (share of the photograph's longer side), and of the distortion.
 PRIOR_GAP, PRIOR_BOW, PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.3, 0.1, 0.7, 0.02, 0.3
+#: That of a gap that is held.
+HELD_GAP = 1e-5
 #: Most lenslets of a position in the least squares.
 MOST_LENSLETS = 8000
 #: Residuals beyond this many standard deviations are outliers.
@@ -64,6 +66,8 @@ class Problem:
     views: Sequence[Lenslets]
     shape: tuple[int, int]
     bow: bool = False
+    #: The gap stays that of the file: the photographs do not determine it.
+    held: bool = False
 
     @cached_property
     def names(self) -> list[str]:
@@ -128,7 +132,7 @@ class Problem:
         focal, mx, my, k1, k2 = x[self.shared - len(LENS) : self.shared]
         bow = list(x[7:12] / (PRIOR_BOW * depth)) if self.bow else []
         return np.array([
-            (x[6] - display.gap_mm) / (PRIOR_GAP * depth), *bow,
+            (x[6] - display.gap_mm) / ((HELD_GAP if self.held else PRIOR_GAP) * depth), *bow,
             np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL,
             (mx - 0.5 * self.shape[1]) / (PRIOR_MIDDLE * longer), (my - 0.5 * self.shape[0]) / (PRIOR_MIDDLE * longer),
             k1 / PRIOR_DISTORTION, k2 / PRIOR_DISTORTION,
@@ -191,6 +195,12 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
     if not robust_only:
         x = _minimised(problem, x, scatter, kept, False)
     return _judged(problem, x, scatter, kept)
+
+
+def released(solution: Solution) -> Solution:
+    """Return a solution with the covariance that its gap has when it is not held."""
+    problem = replace(solution.problem, held=False)
+    return _judged(problem, solution.x, solution.scatter, solution.kept)
 
 
 def first_fit(problem: Problem, x: Floats) -> Floats:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Problem, Solution, first_fit, solve
+from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Problem, Solution, first_fit, released, solve
 from lippmann.calibration.decode import decode_position
 from lippmann.calibration.landing import Landing, landing_of
 from lippmann.calibration.lattice import SeenLattice, find_lattice
@@ -29,6 +29,8 @@ TRIAL = 400
 #: Pixels of a position among which its lattice is looked for: tens for each of 100,000 lenslets.
 MOST_POINTS = 3_000_000
 #: Most scatter of the panel points of a result that is trusted, the larger of pixels and pitches; and most outliers.
+#: Half of the gap's 95 % interval, as a share of D, beyond which the gap stays that of the file.
+GAP_KNOWN = 0.1
 #: Random displays scatter by up to 0.3 px; a zoomed position among three by 0.7 px and more.
 MOST_SCATTER_PX, MOST_SCATTER = 0.5, 0.03
 MOST_OUTLIERS = 0.35
@@ -82,12 +84,18 @@ def solve_views(
     progress("least squares", 0, 3)
     whole = Problem(nominal, [landing] * len(views), start.views, shape)
     solution = solve(whole.thinned(MOST_LENSLETS), x, robust_only=True)
+    if 1.96 * solution.deviation("gap") > GAP_KNOWN * nominal.aperture_distance_mm:
+        # Left alone, it would follow what the model lacks, and take pitch and offset with it.
+        whole = replace(whole, held=True)
+        solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
     # The rays again, through the array and the gap that were found, from where each camera stands.
     whole = replace(whole, landings=again(solution, landing))
     solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
     progress("least squares", 2, 3)
+    if whole.held:
+        solution, bowed = released(solution), released(bowed)
     height = bow_mm(bowed)
     remarks = []
     if bow:

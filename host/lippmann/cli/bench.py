@@ -248,9 +248,8 @@ def calibration(
     bench: Bench,
     displays: int = option("Number of random displays, of the seeds from --seed on.", 12, click.IntRange(1)),
     solids: bool = option("POV-Ray photographs glass lenslets, in place of our tracer.", False),
-    swept: int = option(
-        "Number of displays with more and less photographs and noise.", 2, click.IntRange(0), flag="--sweep"
-    ),
+    swept: int = option("Number of displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
+    width_px: int = option("Width of the panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
 ) -> tuple[Mapping[str, Any], Page]:
     """Calibrate random displays by simulated photographs, and compare with the displays as built.
 
@@ -261,11 +260,12 @@ def calibration(
     from lippmann.measure.calibration import measure, sweep, views
 
     with scratch_folder() as folder:
-        rows = bench.collect(measure(folder, range(bench.seed, bench.seed + displays), solids=solids))
+        seeds = range(bench.seed, bench.seed + displays)
+        rows = bench.collect(measure(folder, seeds, solids=solids, panel_px=width_px))
         tried = bench.collect(sweep(folder, range(bench.seed, bench.seed + swept)))
         seen = bench.collect(views(folder, bench.scenes, ("vga-square", "vga-hex"), bench.seed))
     tables = {"rows": rows, "sweep": tried, "views": seen}
-    return tables, benches.calibration_page(bench.origin, rows, tried, seen, solids)
+    return tables, benches.calibration_page(bench.origin, rows, tried, seen, solids, width_px)
 
 
 for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, calibration):

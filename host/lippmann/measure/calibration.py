@@ -50,12 +50,14 @@ DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
 #: Deviations of their lenses' point spread, pixels.
 BLUR_PX = (0.4, 0.7)
-#: What a sweep tries, each beside the defaults (`POSITIONS`, `STEPS`, noise 1): numbers of positions, phase pictures for
-#: each direction, and factors of the noise.
+#: What a sweep tries, each beside the defaults (`POSITIONS`, `STEPS`, noise 1): numbers of positions, phase pictures
+#: for each direction, and factors of the noise.
 SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
 POSITIONS = 3
 #: The misalignment of the pictures that an eye compares: degrees, and a share of the pitch.
 SEEN_DEG, SEEN_PITCH = 0.3, 0.002
+#: Width of the photographs from which that is calibrated, pixels.
+VIEWS_PHOTO_PX = 2000
 #: mm for each unit of the fish, samples for each pixel of its pictures and of the reference, rays for a view's pixel.
 SCALE, PICTURE_SAMPLES, REFERENCE_SAMPLES, EYE_SAMPLES = 0.25, 4, 16, 64
 
@@ -91,6 +93,11 @@ class Case:
             )  # fmt: skip
         (photographs / "patterns.toml").write_text((patterns / "patterns.toml").read_text())
         return photographs
+
+
+def photo_width(panel_px: int) -> int:
+    """Return the width of the photographs of a panel, pixels: some 25 for each of its smallest lenslets."""
+    return round(25.0 / 16.0 * panel_px)
 
 
 def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions: int = 3) -> Case:
@@ -289,14 +296,14 @@ def measure(
     seeds: Sequence[int],
     disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
     solids: bool = False,
-    **sizes: int,
+    panel_px: int = 640,
 ) -> Iterator[dict[str, Any]]:
     """Photograph random displays, solve them, and yield a row for each; `solids` lets POV-Ray take the photographs.
 
     A display that is refused has a row with the reason as `refused`. The photographs are removed after each.
     """
     for seed in seeds:
-        case = random_case(seed, **sizes)
+        case = random_case(seed, panel_px, photo_width(panel_px))
         place = folder / case.name
         photographs = case.shoot(place, seed, disturbances, look_at_solids(seed=seed) if solids else None)
         try:
@@ -307,14 +314,14 @@ def measure(
             shutil.rmtree(place)
 
 
-def sweep(folder: Path, seeds: Sequence[int], **sizes: int) -> Iterator[dict[str, Any]]:
+def sweep(folder: Path, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
     """Solve random displays from more and fewer photographs, positions and with more noise; yield a row for each.
 
     `over` is what changes, `value` what it is, `photographs` their number; `eye_px` is how far (px, rms) the panel
     points that an eye at the first camera sees are from those expected there.
     """
     for seed in seeds:
-        case = random_case(seed, **sizes, positions=max(SWEPT["positions"]))
+        case = random_case(seed, positions=max(SWEPT["positions"]))
         for over, values in SWEPT.items():
             for value in values:
                 tried = {"positions": POSITIONS, "steps": STEPS, "noise": 1} | {over: value}
@@ -356,7 +363,7 @@ def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> It
         nominal = load_display(scenes / f"displays/{name}.toml")
         built = nominal.misaligned(rotation_deg=SEEN_DEG, pitch_scale=1.0 + SEEN_PITCH)
         rng = np.random.default_rng((seed, 0xF15))
-        case = Case(name, nominal, built, _cameras(built, rng, 1000, POSITIONS), _sensor(rng))
+        case = Case(name, nominal, built, _cameras(built, rng, VIEWS_PHOTO_PX, POSITIONS), _sensor(rng))
         found = calibrate(case.shoot(folder / name, seed), nominal).display
         eye = Eye(case.cameras[0].position_mm)
         reference = _seen(scene, built, built, eye, Settings(samples=REFERENCE_SAMPLES, seed=seed + 1))

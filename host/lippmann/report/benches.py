@@ -18,6 +18,7 @@ from lippmann.images import Radiance
 from lippmann.layers.cost import FULL_SAMPLES
 from lippmann.layers.cut import SLOT
 from lippmann.measure import depth, fixed, layers
+from lippmann.measure.calibration import photo_width
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
 from lippmann.report import plots
@@ -54,11 +55,14 @@ def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
     return Page("fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context)
 
 
-def calibration_page(origin: Origin, rows: Rows, tried: Rows, seen: Rows, solids: bool) -> Page:
-    """Return the page of `lippmann bench calibration`: its three tables; `solids`: POV-Ray took the photographs."""
+def calibration_page(origin: Origin, rows: Rows, tried: Rows, seen: Rows, solids: bool, panel_px: int) -> Page:
+    """Return the page of `lippmann bench calibration`: displays, sweep, views.
+
+    `solids`: POV-Ray took the photographs; `panel_px`: width of the panels.
+    """
     solved = [row for row in rows if "refused" not in row]
     context = {"rows": solved, "refused": [row for row in rows if "refused" in row], "solids": solids}
-    context |= {"tried": tried, "seen": seen}
+    context |= {"tried": tried, "seen": seen, "panel_px": panel_px, "photo_px": photo_width(panel_px)}
     context |= {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
     labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
     charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
