@@ -212,7 +212,11 @@ module lipp_dispatcher #(
   assign on_scene = Scene && is_write && first >= AtScene;
   // Nothing before it in its block can be written, so a WRITE that has it begins with it.
   assign draws = on_scene && first == AtDraw && request.odd;
-  assign update_o = on_scene && state_q == Execute;
+  // A clock late: the first register changes later than that, and the last one has changed by then.
+  always_ff @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) update_o <= 1'b0;
+    else update_o <= on_scene && state_q == Execute;
+  end
   lipp_register_access #(.Layers(Layers)) i_registers (
     .clk_i, .rst_ni, .start_i(register_start), .write_i(is_write),
     .first_i(is_hello ? AtBuild : first),
