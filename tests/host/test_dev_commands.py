@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from lippmann.cli import run
 from lippmann.dev import mutation
+from lippmann.sim.tools import repository
 
 COMMANDS = (
     "bitstream",
@@ -23,6 +24,8 @@ COMMANDS = (
     "synthesis",
     "test_record",
 )
+
+REPORTS = repository() / "docs/reports"
 
 
 def process(place, module, *arguments):
@@ -73,6 +76,12 @@ def test_a_report_that_cannot_be_written_is_refused_before_the_work(module, tmp_
     code, out, err = called(tmp_path, module, "--report", folder)
     assert (code, out) == (2, [])
     assert err == [f"lippmann: {folder / module}.md: the folder {folder} does not exist; make it first"]
+
+
+def test_a_run_of_some_designs_does_not_replace_the_page_of_all(tmp_path):
+    code, out, err = called(tmp_path, "synthesis", "pinhole-compact", "--report", REPORTS)
+    assert (code, out) == (2, [])
+    assert err == [f"lippmann: {REPORTS}: its page has all designs, and would have 1; give --report FOLDER"]
 
 
 def test_an_interrupt_leaves_no_traceback(tmp_path, monkeypatch, capfd):

@@ -254,6 +254,10 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     for name in names:
         if name not in DESIGNS:
             raise InputError(f"unknown design '{name}'; choose from {', '.join(DESIGNS)}")
+    asked = [DESIGNS[name] for name in names or DESIGNS if DESIGNS[name].scene is None]
+    kept = Path(report).resolve() == repository() / "docs/reports"
+    if kept and 0 < len(asked) < sum(design.scene is None for design in DESIGNS.values()):
+        raise InputError(f"{report}: its page has all designs, and would have {len(asked)}; give --report FOLDER")
     scenes = repository() / "scenes"
     rows: list[dict[str, Any]] = []
     whole: list[dict[str, Any]] = []
@@ -272,13 +276,13 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
             ]
             rows.append(placed | {name: max(error[name] for error in errors) for name in ERRORS})
     options = "".join(f" {name}" for name in names)
-    asked = "".join(f" --seed {seed}" for seed in seeds)
-    origin = provenance(f"python -m lippmann.dev.synthesis{asked}{options}", ("numpy",), flow.versions())
+    chosen = "".join(f" --seed {seed}" for seed in seeds)
+    origin = provenance(f"python -m lippmann.dev.synthesis{chosen}{options}", ("numpy",), flow.versions())
     if drawn:
         drawing_page(origin, drawn).write(Path(report))
     if rows or whole:
         page(origin, rows, whole).write(Path(report))
-    if rows and Path(report).resolve() == repository() / "docs/reports":
+    if rows and kept:
         measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
 
 
