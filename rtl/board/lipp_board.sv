@@ -412,11 +412,11 @@ module lipp_board #(
     lipp_optics_pkg::ray_status_e status;
     logic first, last;
   } exit_t;
-  exit_t left, exit;  // from the optics, and a clock later
-  logic left_valid, left_ready, unused_ray;
-  assign unused_ray = ^ray;
+  exit_t left, sent, exit;  // from the optics, a clock later, and two clocks later
+  logic left_valid, left_ready, sent_valid, exit_open, scene_open, unused_ray;
+  assign unused_ray = ^{ray, exit.first};
   // The stream's rays: a TRACE's, or those of the panel's pixels.
-  logic stream_valid, stream_ready, stream_first, stream_last, scene_ready;
+  logic stream_valid, stream_ready, stream_first, stream_last;
   logic draw_valid, draw_first, draw_last;
   logic signed [PixelBits-1:0] stream_u, stream_v, draw_u, draw_v;
   assign stream_valid = drawn ? draw_valid : ray_valid;
@@ -437,17 +437,24 @@ module lipp_board #(
     .exit_dy_o(left.dy), .exit_dz_o(left.dz), .exit_status_o(left.status),
     .exit_first_o(left.first), .exit_last_o(left.last), .optics_o(optics)
   );
-  // Who takes the rays lies far from who sends them: the way between has a register in both directions.
-  lipp_skid_buffer #(.Width($bits(exit_t))) i_exit_buffer (
+  // Who takes the rays lies far from who sends them, and the scene far from the others: registers in both directions
+  // where the rays leave, and where they arrive.
+  lipp_skid_buffer #(.Width($bits(exit_t))) i_left_buffer (
     .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(left_valid), .in_ready_o(left_ready),
-    .in_data_i(left), .out_valid_o(exit_valid), .out_ready_i(exit_ready), .out_data_o(exit)
+    .in_data_i(left), .out_valid_o(sent_valid), .out_ready_i(drawn ? scene_open : exit_open),
+    .out_data_o(sent)
+  );
+  lipp_skid_buffer #(.Width($bits(exit_t))) i_exit_buffer (
+    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(sent_valid && !drawn),
+    .in_ready_o(exit_open), .in_data_i(sent), .out_valid_o(exit_valid), .out_ready_i(exit_ready),
+    .out_data_o(exit)
   );
   assign exit_words = {
     32'(exit.status), 32'(exit.dz), 32'(exit.dy), 32'(exit.dx), 32'(exit.z), 32'(exit.y),
     32'(exit.x), 32'(exit.j), 32'(exit.i)
   };
   // Rays of a frame that nobody asked to sign are dropped.
-  assign exit_ready = drawn ? scene_ready : trace ? trace_ready : sign_ready || !sign;
+  assign exit_ready = trace ? trace_ready : sign_ready || !sign;
   lipp_ray_signature i_ray_signature (
     .clk_i, .rst_ni(core_rst_n), .start_i(sign_start), .ray_valid_i(exit_valid && sign),
     .ray_ready_o(sign_ready), .ray_i(exit_words), .ray_last_i(exit.last), .done_o(sign_done),
@@ -458,8 +465,8 @@ module lipp_board #(
   if (Draws) begin : gen_scene
     localparam int Blanking = ((VSync + VBack) * (HSync + HBack + Width + HFront) + HSync + HBack)
         * ClocksPerPixel;
-    // From the start of a frame to its first pixel: draw_frame, optics_block and buffer, scene.
-    localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 6
+    // From the start of a frame to its first pixel: draw_frame, optics_block, buffers, scene.
+    localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 7
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking
       $fatal(1, "lipp_board: the scene needs a longer blanking before the first pixel: %0d clocks, not %0d",
@@ -499,24 +506,31 @@ module lipp_board #(
       .write_slot_o(slot), .write_at_o(slot_at), .write_data_o(slot_data), .busy_o(blocks_busy),
       .read_slot_i(blocks_slot), .read_at_i(blocks_at), .read_crc_o(blocks_crc)
     );
+    exit_t seen;
+    logic seen_valid, seen_ready;
+    lipp_skid_buffer #(.Width($bits(exit_t))) i_seen_buffer (
+      .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(sent_valid && drawn),
+      .in_ready_o(scene_open), .in_data_i(sent), .out_valid_o(seen_valid),
+      .out_ready_i(seen_ready), .out_data_o(seen)
+    );
     lipp_scene #(.F(F), .Scene(Scene)) i_scene (
       .clk_i, .rst_ni(core_rst_n), .config_i(config_set), .take_i(take), .busy_o(unused_busy),
       .idle_o(unused_idle), .write_i(slot_write), .write_slot_i(slot), .write_at_i(slot_at),
-      .write_data_i(slot_data), .exit_valid_i(exit_valid && drawn), .exit_ready_o(scene_ready),
-      .exit_i_i(exit.i), .exit_j_i(exit.j), .exit_x_i(exit.x), .exit_y_i(exit.y),
-      .exit_z_i(exit.z), .exit_dx_i(exit.dx), .exit_dy_i(exit.dy), .exit_dz_i(exit.dz),
-      .exit_status_i(exit.status), .exit_first_i(exit.first), .exit_last_i(exit.last),
+      .write_data_i(slot_data), .exit_valid_i(seen_valid), .exit_ready_o(seen_ready),
+      .exit_i_i(seen.i), .exit_j_i(seen.j), .exit_x_i(seen.x), .exit_y_i(seen.y),
+      .exit_z_i(seen.z), .exit_dx_i(seen.dx), .exit_dy_i(seen.dy), .exit_dz_i(seen.dz),
+      .exit_status_i(seen.status), .exit_first_i(seen.first), .exit_last_i(seen.last),
       .pixel_valid_o(pixel_valid), .pixel_ready_i(pixel_ready), .pixel_rgb_o(pixel_rgb),
       .pixel_first_o(unused_pixel_first), .pixel_last_o(unused_pixel_last)
     );
   end else begin : gen_no_scene
-    assign {drawn, scene_shown, scene_late, scene_rgb, shown_slots, scene_ready} = '0;
+    assign {drawn, scene_shown, scene_late, scene_rgb, shown_slots, scene_open} = '0;
     assign {draw_valid, draw_u, draw_v, draw_first, draw_last} = '0;
     assign {pready_scene, prdata_scene, pslverr_scene} = '0;
     assign {block_done, block_word_at, blocks_busy, blocks_crc} = '0;
     logic unused_scene;
     assign unused_scene = ^{
-      update, exit.first, psel_scene, paddr[9], block_start, block_slot,
+      update, psel_scene, paddr[9], block_start, block_slot,
       block, block_word, blocks_slot, blocks_at
     };
   end
