@@ -32,7 +32,6 @@ math/lipp_low_product.sv
 math/lipp_multiplier.sv
 math/lipp_digit_product.sv
 math/lipp_row_product.sv
-math/lipp_logic_product.sv
 math/lipp_byte_square.sv
 math/lipp_saturate.sv
 math/lipp_quadratic.sv

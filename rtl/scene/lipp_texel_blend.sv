@@ -29,9 +29,6 @@ module lipp_texel_blend #(
 
   // ---- shares and squares, then their products ----
   localparam int Wp = LightBits + 8;  // of a product, and of the sum
-  // Channels whose products are in logic cells: a whole board of four bilinear layers would else take 154 of the 156
-  // multipliers of an ECP5-85, and its wires be long.
-  localparam int InLogic = Taps == 1 ? 0 : 2;
   logic [Taps-1:0][ShareBits-1:0] share;
   logic [2:0][Taps-1:0][Wp-1:0] product;
   for (genvar n = 0; n < Taps; n++) begin : gen_tap
@@ -59,26 +56,16 @@ module lipp_texel_blend #(
     for (genvar c = 0; c < 3; c++) begin : gen_channel
       // Red is the lowest byte, and light_o's highest part.
       logic [LightBits-1:0] square;
+      logic signed [2*MulBits-1:0] whole;
       lipp_byte_square i_square (
         .clk_i, .value_i(colour_i[n][8*(2-c)+:8]), .square_o(square)
       );
-      if (c < InLogic) begin : gen_logic
-        logic [ShareBits+LightBits-1:0] whole;
-        lipp_logic_product #(.Wa(ShareBits)) i_product (
-          .clk_i, .a_i(share[n]), .b_i(square), .p_o(whole)
-        );
-        assign product[c][n] = whole[8+:Wp];
-        logic unused_whole;
-        assign unused_whole = ^whole;
-      end else begin : gen_cell
-        logic signed [2*MulBits-1:0] whole;
-        lipp_mult18 i_product (
-          .clk_i, .a_i($signed({1'b0, share[n]})), .b_i($signed({2'b00, square})), .p_o(whole)
-        );
-        assign product[c][n] = whole[8+:Wp];
-        logic unused_whole;
-        assign unused_whole = ^whole;
-      end
+      lipp_mult18 i_product (
+        .clk_i, .a_i($signed({1'b0, share[n]})), .b_i($signed({2'b00, square})), .p_o(whole)
+      );
+      assign product[c][n] = whole[8+:Wp];
+      logic unused_whole;
+      assign unused_whole = ^whole;
     end
   end
 

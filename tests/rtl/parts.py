@@ -12,7 +12,6 @@ MULTIPLIERS = [
 LOWS = [(low, None) for low in (*range(1, 10), 17)] + [(1, 1), (2, 4), (5, 6), (9, 5)]
 #: Widths of a and places dropped.
 SMALL_PRODUCTS = [(17, 8), (17, 0), (16, 8), (9, 0), (3, 0), (3, 8)]
-LOGIC_PRODUCTS = [3, 9, 16, 17]
 #: Multipliers that are made of rows, and those of words that only they take.
 ROW_MULTIPLIERS = [p for p in MULTIPLIERS if min(p[:2]) >= 3] + [
     (28, 25, 17, 0),
@@ -71,10 +70,6 @@ def small_product(wa: int, drop: int) -> Instance:
     return Instance("small_product", {"a_i": wa, "b_i": 9}, {"p_o": wa + 9 - drop}, latency, {"Wa": wa, "Drop": drop})
 
 
-def logic_product(wa: int) -> Instance:
-    return Instance("logic_product", {"a_i": wa, "b_i": 16}, {"p_o": wa + 16}, "lipp_math_pkg::cell_latency()", {"Wa": wa})
-
-
 def row_multiplier(wa: int, wb: int, drop: int, square: int) -> Instance:
     return Instance(
         "row_multiplier", {"a_i": wa, "b_i": wb}, {"p_o": wa + wb - drop}, f"lipp_math_pkg::row_latency({wa}, {wb})",
@@ -111,7 +106,6 @@ PARTS = [
     *(delay("delay", *p) for p in DELAYS),
     *(rings(w, c) for w, c in DELAYS if w != 1),
     *(small_product(*p) for p in SMALL_PRODUCTS),
-    *(logic_product(wa) for wa in LOGIC_PRODUCTS),
     *(row_multiplier(*p) for p in ROW_MULTIPLIERS),
     *(row_product(*p) for p in ROW_PRODUCTS),
     *(gated_sum(w) for w in GATED_SUMS),

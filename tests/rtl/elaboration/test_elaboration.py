@@ -139,7 +139,6 @@ PARAMETERS = {
     "move_lenslet": [*GRID_SETS, *SHEARED],
     "mult18": [{}],
     "small_product": [{"Wa": a, "Drop": d} for a, d in ((3, 0), (17, 8))],
-    "logic_product": [{"Wa": a} for a in (3, 17)],
     "gated_sum": [{"W": n} for n in (1, 37)],
     "digit_product": [{"W": w, "Digit": d, "Signed": s} for w in (3, 18) for d in (1, 2, 3, 4) for s in (0, 1)],
     "row_product": [{"W": w, "Low": n} for w, n in ((18, 1), (18, 4), (3, 7), (18, 10), (12, 14), (18, 16))],
@@ -272,7 +271,6 @@ REFUSED = [
         ("small_product", {a: n}, "small_product: Wa must be 3 to 17 and Drop 0 or 8")
         for a, n in (("Wa", 2), ("Wa", 18), ("Drop", -1), ("Drop", 7))
     ),
-    *(("logic_product", {"Wa": n}, "logic_product: Wa must be 3 to 17") for n in (2, 18)),
     ("gated_sum", {"W": 0}, "gated_sum: W must be 1 or more"),
     *(
         ("digit_product", {a: n}, "digit_product: W must be 3 or more and Digit 1 to 4")
