@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import math
 import os
 import time
 import zlib
 
 import numpy as np
 import pytest
+from board_scenes import HEIGHT, USUAL, WIDTH, display_of, moved, random_layer, random_stack, twin
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.check_rays import check_rays
@@ -19,72 +19,21 @@ from lippmann.board.drawn_loop import frames_differ
 from lippmann.board.film_player import load_textures, play_film
 from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.board.stream import send_frame
-from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, NoBoardError
 from lippmann.film.layer_film import LayerFilm
-from lippmann.fixed.drawing import draw
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
-from lippmann.layers.stack import Layer, LayerStack
+from lippmann.layers.stack import LayerStack
 from lippmann.link.packets import Kind
 from lippmann.sim import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
-WIDTH, HEIGHT = 112, 80
-#: Few blocks: three of texels and the palette's.
-USUAL = SceneBuild(layers=3, slots=4, width=64, height=48)
 BUILDS = {
     "square-nearest": ("square", USUAL),
     "hex-bilinear-2": ("hex", SceneBuild(layers=2, width=64, height=32, bilinear=True, samples=2)),
     "square-bilinear-4": ("square", SceneBuild(layers=1, slots=1, width=32, height=32, bilinear=True, samples=4)),
     "hex-nearest-8": ("hex", SceneBuild(layers=8, width=32, height=32)),
 }
-
-
-def display_of(grid, size=(WIDTH, HEIGHT), rotation_deg=1.5):
-    display = load_display(f"scenes/displays/paper-{grid}.toml")
-    panel = dataclasses.replace(display.panel, width_px=size[0], height_px=size[1])
-    array = dataclasses.replace(display.array, rotation_deg=rotation_deg)
-    return dataclasses.replace(display, name=f"small {grid}", panel=panel, array=array)
-
-
-def random_layer(rng, display, build, sky=False):
-    """A texture of noise that lies over the panel, turned, sheared and scaled by chance; one colour is clear."""
-    palette = rng.integers(0, 256, (256, 4), np.uint8)
-    palette[rng.integers(256), 3] = 0
-    texels = rng.integers(0, 256, (build.height, build.width), np.uint8)
-    size = np.array([display.panel.width_mm, display.panel.height_mm]) * rng.uniform(0.5, 1.5, 2)
-    if sky:
-        size = np.array([0.6, 0.6])
-    angle = rng.uniform(-math.pi, math.pi)
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    linear = np.diag([build.width, -build.height] / size) @ turn @ np.array([[1.0, rng.uniform(-0.3, 0.3)], [0.0, 1.0]])
-    zero = np.array([build.width, build.height]) * rng.uniform(0.3, 0.7, 2)
-    depth = math.inf if sky else rng.uniform(-15.0, 15.0)
-    return Layer(texels, palette, depth, np.column_stack([linear, zero]), rng.uniform(0.2, 1.0), rng.random() < 0.9)
-
-
-def random_stack(rng, display, build):
-    count = int(rng.integers(1, build.layers + 1))
-    layers = [random_layer(rng, display, build, sky=k == count - 1 and rng.random() < 0.5) for k in range(count)]
-    return LayerStack(tuple(layers), rng.random(3))
-
-
-def moved(rng, display, build, stack):
-    """The same textures at other places; the background stays."""
-    layers = []
-    for layer in stack.layers:
-        other = random_layer(rng, display, build, layer.sky)
-        layers.append(
-            dataclasses.replace(
-                layer, depth_mm=other.depth_mm, matrix=other.matrix, brightness=other.brightness, visible=other.visible
-            )
-        )
-    return dataclasses.replace(stack, layers=tuple(layers))
-
-
-def twin(display, stack, build):
-    return draw(display, virtual_board.board_build(display, build), stack, build)
 
 
 def captured(folder):
