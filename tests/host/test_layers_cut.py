@@ -291,6 +291,41 @@ def test_a_folder_of_pictures_becomes_layers(place, capfd):
     assert named.stack.background.tolist() == [0.0, 0.0, 1.0]
 
 
+def test_the_pictures_themselves_are_not_overwritten(place, capfd):
+    before = {path.name: path.read_bytes() for path in (place / "book").iterdir()}
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "book", "--slot", "64x64"]) == 2
+    assert "book/front.png: is there" in capfd.readouterr().err
+    assert {path.name: path.read_bytes() for path in (place / "book").iterdir()} == before
+
+
+def test_names_are_made_different(place):
+    """Of pictures in several folders, one of which has the name that another would get."""
+    for name in ("a.png", "x/a.png", "a_1.png", "A_0.png"):
+        (place / "book" / name).parent.mkdir(exist_ok=True)
+        Image.new("RGB", (8, 8), (200, 9, 9)).save(place / "book" / name)
+    keys = "".join(
+        f'[[picture]]\nfile = "{name}"\ndepth_mm = 0\n' for name in ("a.png", "x/a.png", "a_1.png", "A_0.png")
+    )
+    (place / "book/pictures.toml").write_text(keys)
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    names = load_named_layers("out").names
+    assert names[2:] == ("a_1", "A_0")
+    assert len({name.casefold() for name in names}) == 4
+
+
+def test_grey_of_16_bits_keeps_its_levels(place):
+    ramp = np.repeat(np.linspace(0, 65535, 16).astype(np.uint16)[None], 16, axis=0)
+    Image.fromarray(ramp).save(place / "book/ramp.png")
+    (place / "book/pictures.toml").write_text('[[picture]]\nfile = "ramp.png"\ndepth_mm = 0\nwidth_mm = 4\n')
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    (layer,) = load_layers("out").layers
+    row = layer.palette[layer.texels[layer.height // 2], 0].astype(int)
+    # The palette's bytes follow the square root of light.
+    light = (ramp[0] / 65535.0 + 0.055) / 1.055
+    wanted = np.where(ramp[0] / 65535.0 <= 0.04045, ramp[0] / 65535.0 / 12.92, light**2.4) ** 0.5 * 255
+    assert abs(row - wanted).max() <= 1.0
+
+
 def test_a_picture_of_which_little_is_reached_is_remarked_upon(place, capfd):
     file = place / "book/pictures.toml"
     file.write_text(file.read_text().replace("depth_mm = -20\n", "depth_mm = -20\nwidth_mm = 1e5\n"))

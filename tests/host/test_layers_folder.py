@@ -55,6 +55,16 @@ def test_saving_again_removes_the_former_pictures_and_nothing_else(folder):
     assert len(load_layers(folder).layers) == 1
 
 
+def test_a_picture_that_is_not_ours_is_never_replaced(folder):
+    stack = LayerStack((load_layers(folder).layers[0],) * 2)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(
+        InputError, match=r"one\.png: is there, and is no layer of an earlier run; choose another folder"
+    ):
+        save_layers(folder, stack, ["other", "one"])
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
 @pytest.mark.parametrize("alpha", [[255] * 256, [0] * 256, [255] * 5 + [0] + [255] * 250, [0] + [255] * 255])
 def test_palettes_that_png_writes_in_a_short_form(tmp_path, alpha):
     palette = np.zeros((256, 4), np.uint8)

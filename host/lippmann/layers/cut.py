@@ -81,7 +81,8 @@ def check_slot(slot: tuple[int, int]) -> None:
         raise InputError(f"{what}: {width} texels across; give a power of two from {MIN_ROW} to {MAX_SIDE}")
     step = max(1, BLOCK_BYTES // width)
     if not 2 <= height <= MAX_SIDE or height % step:
-        raise InputError(f"{what}: a slot is loaded in blocks of {BLOCK_BYTES} texels; give a multiple of {step} rows")
+        remedy = f"give a multiple of {step} rows, from 2 to {MAX_SIDE}"
+        raise InputError(f"{what}: a slot is loaded in blocks of {BLOCK_BYTES} texels; {remedy}")
     if width * height > MAX_BLOCKS * BLOCK_BYTES:
         raise InputError(f"{what}: a slot has at most {MAX_BLOCKS} blocks of {BLOCK_BYTES} texels; give fewer rows")
 

@@ -116,9 +116,10 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     """Write a stack as a folder, which is made when it is not there; return the path of its `layers.toml`.
 
     `names` are those of the layers; without them they are called layer_0, layer_1, ... from front to back. Pictures of
-    the folder's former layers are removed, when this function had written them.
+    the folder's former layers are removed, when this function had written them; no other file is replaced.
 
-    Raises InputError for names that are not files' names, and when a file cannot be written.
+    Raises InputError for names that are not files' names, before anything is written for a picture of that name that
+    this function has not written, and when a file cannot be written.
     """
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
     if len(names) != len(stack.layers) or len({name.casefold() for name in names}) != len(names):
@@ -131,9 +132,13 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     folder = Path(path)
     make_folder(folder)
     file = check_output(folder / FILE, (".toml",))
+    pictures = [folder / f"{name}.png" for name in names]
+    for picture in pictures:
+        if picture.exists() and not _is_written(picture):
+            raise input_error(str(picture), "is there, and is no layer of an earlier run", "choose another folder")
     former = _written_pictures(file)
-    for name, layer in zip(names, stack.layers, strict=True):
-        _write_png(folder / f"{name}.png", layer)
+    for picture, layer in zip(pictures, stack.layers, strict=True):
+        _write_png(picture, layer)
     with replacing(file) as partial:  # last: it names pictures that are whole
         partial.write_text(layers_text(stack, names))
     for picture in former:
@@ -143,18 +148,23 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
 
 
 def _written_pictures(file: Path) -> list[Path]:
-    """Return the pictures that a `layers.toml` names and `save_layers` has written: their gamma chunk tells."""
+    """Return the pictures that a `layers.toml` names and `save_layers` has written."""
+    named: Sequence[LayerKeys] = ()
+    with contextlib.suppress(InputError):  # no folder of layers: nothing in it is ours
+        named = toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer
+    pictures = [file.parent / one.picture for one in named if one.picture.name == str(one.picture)]
+    return [picture for picture in pictures if _is_written(picture)]
+
+
+def _is_written(path: Path) -> bool:
+    """Tell whether `save_layers` has written a picture: its gamma chunk tells."""
     from PIL import Image
 
-    written = []
-    with contextlib.suppress(InputError, OSError, SyntaxError):  # no folder of layers: nothing in it is ours
-        for one in toml.read(LayersFile, toml.load(file, "layers"), str(file)).layer:
-            path = file.parent / one.picture
-            if one.picture.name == str(one.picture) and path.is_file():
-                with Image.open(path, formats=("PNG",)) as picture:
-                    if picture.info.get("gamma") == GAMMA / 1e5:
-                        written.append(path)
-    return written
+    try:
+        with Image.open(path, formats=("PNG",)) as picture:
+            return bool(picture.info.get("gamma") == GAMMA / 1e5)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return False
 
 
 def layers_text(stack: LayerStack, names: Sequence[str]) -> str:

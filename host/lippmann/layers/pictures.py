@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,7 +93,13 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
 def _different(names: list[str]) -> tuple[str, ...]:
     """Return names made of the characters that layers' names have, each one once."""
     plain = ["".join(c if c.isascii() and (c.isalnum() or c in "_-") else "_" for c in name)[:48] for name in names]
-    return tuple(f"{name}_{k}" if plain.count(name) > 1 or not name else name for k, name in enumerate(plain))
+    folded = [name.casefold() for name in plain]  # as files: some systems do not tell the case
+    taken = set(folded)
+    for k, name in enumerate(plain):
+        if not name or folded.count(folded[k]) > 1:
+            plain[k] = next(one for n in itertools.count(k) if (one := f"{name}_{n}").casefold() not in taken)
+            taken.add(plain[k].casefold())
+    return tuple(plain)
 
 
 def _read(path: Path) -> Floats:
@@ -106,7 +113,11 @@ def _read(path: Path) -> Floats:
             if picture.width * picture.height > MAX_PIXELS:
                 what = f"has {picture.width} x {picture.height} pixels"
                 raise input_error(str(path), what, f"make it smaller, at most {MAX_PIXELS} pixels")
-            values = np.asarray(picture.convert("RGBA"), np.float64) / 255.0
+            if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
+                grey = np.asarray(picture, np.float64) / 65535.0
+                values = np.stack([grey, grey, grey, np.ones_like(grey)], axis=-1)
+            else:
+                values = np.asarray(picture.convert("RGBA"), np.float64) / 255.0
     except UnidentifiedImageError:
         raise input_error(str(path), "is not a whole PNG picture", "give a PNG") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:

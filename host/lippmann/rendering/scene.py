@@ -84,7 +84,8 @@ def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or not .xml."""
     path = path_of(path, "a scene")
     if path.is_dir():
-        raise input_error(str(path), "is a folder", "give a Mitsuba scene (.xml)")
+        remedy = "give a Mitsuba scene (.xml), or a folder with layers.toml or pictures.toml where layers are taken"
+        raise input_error(str(path), "is a folder", remedy)
     if not path.is_file():
         raise input_error(str(path), "no such scene", likely_file(path, (".xml",)) or "give a Mitsuba scene (.xml)")
     if path.suffix.lower() != ".xml":
