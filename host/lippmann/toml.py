@@ -303,9 +303,12 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
 
 
 def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
-    most = node.get("maxItems", math.inf)
-    if isinstance(value, list) and len(value) > most and "x-shape" not in node and "prefixItems" not in node:  # tables
-        return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {most}")
+    least, most = node.get("minItems", 0), node.get("maxItems", math.inf)
+    if isinstance(value, list) and "x-shape" not in node and "prefixItems" not in node:  # tables
+        if len(value) > most:
+            return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {most}")
+        if len(value) < least:
+            return input_error(f"{source}: {name}", "is empty", f"give at least {least}")
     shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
     meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]

@@ -103,12 +103,12 @@ def test_order_and_visibility_change_at_their_keys(place):
             '[[layer]]\nname = "fish"\nkeys = [{ frame = 3 }, { frame = 3 }]\n',
             r"keys\[1\].frame: 3 does not come after 3",
         ),
-        ('[[layer]]\nname = "fish"\nkeys = []\n', "keys"),
+        ('[[layer]]\nname = "fish"\nkeys = []\n', r"film.toml: layer\[0\].keys: is empty; give at least 1"),
         ('[[layer]]\nname = "fish"\nkeys = [{ frame = 0, brightness = 1.5 }]\n', "brightness"),
         ('[[layer]]\nname = "fish"\nkeys = [{ frame = 0, scale = 0 }]\n', "scale"),
         ('[[layer]]\nname = "water"\nkeys = [{ frame = 0, offset_mm = [0, 0, 1] }]\n', "'water' is a sky"),
         ('[[layer]]\nname = "fish"\nkeys = [{ frame = 0 }]\n' * 2, r"layer\[1\].name: 'fish' moves already"),
-        ("", "no folder of layers|is no folder"),
+        ("", r"film.toml: layers: .*cut: is no folder of layers; give a folder with layers.toml"),
     ],
 )
 def test_bad_films_are_refused(place, text, says):

@@ -266,7 +266,30 @@ def test_the_command_names_what_is_apart(place, capfd):
     out, err = capfd.readouterr()
     assert load_named_layers("out").names == ("apart", "layer_1")
     assert out.splitlines()[0] == "out/layers.toml: 2 layers, front to back"
-    assert "note: fine detail is lost at -40 mm: the display's depth range is z = -20 to 20 mm" in err
+    beyond = "note: fine detail is lost in 'layer_1' (-40 mm): the display's depth range is z = -20 to 20 mm"
+    assert beyond in err
+    # The command that draws them says so, too; a move may mend it.
+    drawn = ["render", "out", "--display", "tiny.toml", "--samples", "1", "-o", "a.png"]
+    assert run(drawn) == 0
+    assert beyond in capfd.readouterr().err
+    assert run([*drawn, "--scale", "0.4"]) == 0
+    assert "note" not in capfd.readouterr().err
+
+
+def test_an_engine_that_draws_no_layers_is_refused(place, capfd):
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", "--engine", "fast", "-o", "a.png"]) == 2
+    assert "engine 'fast'; choose from golden, twin, rtl" in capfd.readouterr().err
+    assert not (place / "a.png").exists()
+
+
+def test_a_picture_that_shows_nothing_is_told_and_one_without_loss_is_exact(place, capfd):
+    Image.new("RGBA", (20, 16)).save("book/front.png")
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    out, err = capfd.readouterr()
+    assert "note: layer 'front' is transparent all over: it shows nothing" in err
+    assert re.search(r"^front .* palette exact$", out, re.M)
+    assert "hill' is transparent" not in err
 
 
 def test_a_folder_of_pictures_becomes_layers(place, capfd):

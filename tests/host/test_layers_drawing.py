@@ -293,6 +293,19 @@ def test_bad_options_are_refused(options, message):
         lp.draw(LayerStack((numbered(),)), HAND, **options)
 
 
+def test_a_texture_that_no_board_holds_is_named():
+    """260 blocks of 1024 texels; a slot has 255 at most. Golden has no slots."""
+    small, big = (
+        Layer(np.zeros(size, np.uint8), np.zeros((256, 4), np.uint8), 1.0, np.eye(3)[:2])
+        for size in ((4, 4), (259, 1000))
+    )
+    stack = LayerStack((small, big))
+    says = r"layers: layer\[1\]: 1000 x 259 texels need slots of 1024 x 260, .* at most 261120 texels"
+    with pytest.raises(InputError, match=says):
+        lp.draw(stack, focused_display("square"), engine="twin")
+    assert lp.draw(stack, focused_display("square")).radiance.shape[2] == 3
+
+
 def test_layers_at_the_eyes_are_refused_before_drawing():
     with pytest.raises(InputError, match=r"layers: layer\[0\].depth_mm: 600 mm is not in front of the eyes"):
         lp.draw(LayerStack((numbered(600.0),)), HAND)

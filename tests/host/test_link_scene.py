@@ -17,7 +17,7 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.register_file import build_word
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.folder import save_layers
+from lippmann.layers.folder import load_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.sim.tools import repository
 from model_board import DRAW, LOOK, ModelBoard
@@ -189,6 +189,11 @@ def test_slots_are_chosen_by_what_they_hold_and_what_is_shown(model):
             scene.load({0: contents[0]})
         with pytest.raises(DeviceError, match="while its optics draw a scene"):
             board.write(0x240, [0])
+        # What a shown slot holds takes no free one, also when a free one holds it too.
+        board.write(DRAW, [0])
+        scene.load({0: contents[0], 3: contents[2], 4: contents[0]})
+        model.registers[0x428] = 0b11110 << 16
+        assert scene.free_slots([contents[0], contents[1]]) == [4, 0]
 
 
 @pytest.mark.parametrize(
@@ -334,6 +339,18 @@ def test_motion_beyond_a_register_names_the_film(playing, capfd, tmp_path, key, 
     assert run(["play", "film.toml", *playing]) == 2
     (line,) = [one for one in capfd.readouterr().err.splitlines() if not one.startswith("note:")]
     assert re.match(rf"lippmann: film.toml: {says}", line)
+
+
+def test_depths_that_a_film_reaches_beyond_the_display_are_told(playing, capfd, tmp_path):
+    """At rest the layers are within 9 mm; (far, near) is pitch D / pixel pitch to both sides."""
+    reach = DISPLAY.array.finest_mm * DISPLAY.aperture_distance_mm / DISPLAY.panel.coarsest_mm
+    assert run(["play", "stack", *playing]) == 0
+    assert "note" not in capfd.readouterr().err
+    (tmp_path / "film.toml").write_text(FILM.replace("[1, 0, 0]", f"[0, 0, {-2.0 * reach}]"))
+    assert run(["play", "film.toml", *playing]) == 0
+    (note,) = [line for line in capfd.readouterr().err.splitlines() if line.startswith("note:")]
+    worst = load_layers("stack").layers[0].depth_mm - 2.0 * reach
+    assert f"fine detail is lost in 'one' ({worst:+.4g} mm): the display's depth range is z = {-reach:.4g}" in note
 
 
 def test_crcs_are_those_of_the_blocks(model):

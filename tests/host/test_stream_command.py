@@ -9,12 +9,14 @@ from fault_line import Proxy
 from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.images import decode, write_picture
-from lippmann.registers import BOARD_REGISTERS
+from lippmann.registers import BOARD_REGISTERS, SCENE_REGISTERS
 from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, RESET, ModelBoard, RefusedError
 from scene_cases import generator
 
 SEED = 4507
 DISPLAY, FRAMES, SHOWN_CRC = (BOARD_REGISTERS[name].address for name in ("display", "frames", "shown_crc"))
+
+SCENE_STATUS = 0x400 + SCENE_REGISTERS["status"].address
 
 
 @pytest.fixture(autouse=True)
@@ -85,6 +87,27 @@ def test_a_line_that_is_lost_while_the_frame_is_verified_is_waited_for_too(pictu
     frame = json.loads(capsys.readouterr().out.splitlines()[-1])["frames"][0]
     assert (frame["sends"], frame["verified"], frame["unchanged"]) == (9, True, False)
     np.testing.assert_array_equal(model.shown, [image])
+
+
+@pytest.mark.parametrize("shown", [False, True])
+def test_a_frame_behind_a_scene_is_stored_and_said_so(picture, capsys, shown):
+    """It cannot be verified there, and nothing is sent then."""
+    with ModelBoard(scene=(4, 5, 6, 48)) as model:
+        path, image = picture(model)
+        model.registers[SCENE_STATUS] = int(shown)
+        words = ["stream", path, "--port", model.url]
+        if shown:
+            assert run([*words, "--verify"]) == 1
+            err = capsys.readouterr().err
+            assert "cannot be verified there; end the scene first: lippmann board write scene.source scene=0" in err
+            assert not model.tile_writes
+        assert run([*words, "--json"]) == 0
+        out, err = capsys.readouterr()
+        assert json.loads(out.splitlines()[-1])["behind_scene"] is shown
+        assert ("the frame is stored, and shown when the scene ends" in err) is shown
+        np.testing.assert_array_equal(model.shown, [image])
+        assert run(words) == 0
+        assert ("stored already" if shown else "already on the panel") in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("kind", ["tile", "present", "optics"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 
 import numpy as np
@@ -85,9 +86,13 @@ def test_a_load_that_was_cut_sends_one_packet_again(patient, monkeypatch, cut_at
     assert len(packets) == loaded.sends == loaded.blocks + 1
 
 
+#: Whole frames of 1280 x 720 on a saturated line; 1000 take more than half an hour.
+WHOLE_FRAMES = int(os.environ.get("LIPPMANN_FRAMES", "20"))
+
+
 #: Rows of the panel, and frames: the simulated clocks are alike. Each has the lines of 1280 x 720, 1650 clocks.
 @pytest.mark.full
-@pytest.mark.parametrize(("rows", "frames"), [(16, 1000), (144, 100), (720, 20)])
+@pytest.mark.parametrize(("rows", "frames"), [(16, 1000), (144, 100), (720, WHOLE_FRAMES)])
 def test_no_pixel_is_late_on_a_saturated_line(monkeypatch, rows, frames):
     """Blocks, updates and reads on a line that carries more than 3 Mbaud do, while each clock draws a pixel."""
     rng = np.random.default_rng([SEED, 23, rows])

@@ -20,10 +20,10 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
 from lippmann.fixed.words import Ints
 from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
+from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, SCENE_VERSION, VERSIONS, Kind, ReplyStatus, packed
 from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.link.round_trip import RoundTrip
-from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
+from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS
 from lippmann.toml import documented, key
 
 #: Longest silence of a board before a request fails, s.
@@ -64,6 +64,7 @@ SIGNATURE = struct.Struct("<II")
 BUSY_REPLY = struct.Struct("<BI")
 
 UPDATE = "update the board or this host"
+END_SCENE = "end the scene first: lippmann board write scene.source scene=0"
 #: Cause and remedy of each refusal.
 REFUSALS = {
     ReplyStatus.UNKNOWN_TYPE: ("it does not know this request", "update the board"),
@@ -349,6 +350,13 @@ class Board:
             )
             raise self._error(what, "end it with lippmann board write display pattern=0")
 
+    def shows_scene(self) -> bool:
+        """Return whether the panel shows the scene that the board draws, not the stored frame."""
+        if self.info.version < SCENE_VERSION:
+            return False
+        status = SCENE_REGISTERS["status"]
+        return bool(status.fields["shown"].value(self.read(SCENE_BASE + status.address)[0]))
+
     def panel_crc(self) -> int:
         """Return the CRC-32 of a frame that was scanned out, from first to last pixel, after this call.
 
@@ -373,7 +381,7 @@ class Board:
         remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
         raise self._error(
             f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}",
-            remedy if changed else "stream the frame again, or end the scene that the board draws (scene.source)",
+            remedy if changed else "stream the frame again",
         )
 
     def next_seq(self) -> int:
@@ -386,7 +394,8 @@ class Board:
         counts = self.line.reader.counts
         what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
         if counts.accepted:
-            what, remedy = f"the board has not answered for {self.patience_s:g} s", "check its power and the cable"
+            what = f"the board has not answered for {self.patience_s:g} s"
+            remedy = "check its power and the cable; of a virtual board, that its machine is not overloaded"
         elif counts.bytes:
             what = (
                 f"{counts.bytes} bytes came, but no packet: no board, or one at another baud rate than {self.line.baud}"
@@ -400,8 +409,7 @@ class Board:
         if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
             runs, rays = BUSY_REPLY.unpack(body)
             if runs == SCENE_RUNS:
-                remedy = "end the scene first: lippmann board write scene.source scene=0"
-                return self._error(f"the board refuses {name} while its optics draw a scene", remedy)
+                return self._error(f"the board refuses {name} while its optics draw a scene", END_SCENE)
             if runs == SLOT_SHOWN:
                 what = f"the board refuses {name}: the slot is shown, or a written layer is about to show it"
                 return self._error(what, "load another slot, or hide the layer first")

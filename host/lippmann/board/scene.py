@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.board.board import QUERY_S, SCENE_BASE, UPDATE, Board
+from lippmann.board.board import END_SCENE, QUERY_S, SCENE_BASE, UPDATE, Board
 from lippmann.board.stream import Progress
 from lippmann.board.window import Flight, Window
 from lippmann.display import Display
@@ -208,23 +208,21 @@ class SceneBoard:
             [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
             for content in contents
         ]
-        # The most alike slot first: what a cut load has stored stays.
+        # Shown slots first, which only their own content can use; then the most alike: a cut load goes on.
         found: dict[int, int] = {}
         alike = sorted(
-            (-sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
+            (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
             for slot in crcs
             for k, one in enumerate(wanted)
             if slot not in busy or crcs[slot] == one
         )
-        for _, slot, k in alike:
+        for _, _, slot, k in alike:
             if k not in found and slot not in found.values():
                 found[k] = slot
         if len(found) < len(contents):
             what = f"{len(contents)} textures need slots, and the board shows {len(busy - {CURVE_SLOT})} of its "
             what += f"{self.build.slots_built}"
-            raise DeviceError.at(
-                self.board.line.url, what, "end the scene first: lippmann board write scene.source scene=0"
-            )
+            raise DeviceError.at(self.board.line.url, what, END_SCENE)
         return [found[k] for k in range(len(contents))]
 
     # ---- registers ----

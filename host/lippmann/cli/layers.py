@@ -15,8 +15,7 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Slot
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import Display, load_display
-from lippmann.display_properties import display_properties
+from lippmann.display import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.files import replacing
 from lippmann.images import check_output
@@ -25,14 +24,13 @@ from lippmann.layers.cut import SLOT, Cut
 from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_for_display, save_layers
 from lippmann.layers.pictures import cut_pictures, is_pictures
+from lippmann.layers.remarks import depth_remarks, texture_remarks
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import check_scene_file
 
 #: Layers of a scene, unless --count tells.
 COUNT = 4
-#: Texels across or down below which a layer is remarked upon.
-FEW_TEXELS = 4
 #: Numbers of layers that --costs measures, up to --count.
 MEASURED = (1, 2, 3, 4, 6, 8)
 
@@ -92,7 +90,8 @@ def command(
             writer = csv.DictWriter(stream, rows[-1])
             writer.writeheader()
             writer.writerows(rows)
-    for remark in _remarks(cut, names, display):
+    depths = [(name, layer.depth_mm) for name, layer in zip(names, cut.stack.layers, strict=True)]
+    for remark in (*texture_remarks(cut.stack, names), *depth_remarks(depths, display)):
         log(remark)
     emit(
         {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
@@ -114,23 +113,16 @@ def _json(cut: Cut, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any]]) -> Iterator[str]:
-    yield f"{file}: {len(names)} layers, front to back"
+    yield f"{file}: {_layers(len(names))}, front to back"
     for name, layer, palette_db in zip(names, cut.stack.layers, cut.palette_db, strict=True):
         where = "sky" if layer.sky else f"z = {layer.depth_mm:+.1f} mm"
-        yield f"{name:<16} {where:<14} {layer.width:>4} x {layer.height:<4} palette {palette_db:.1f} dB"
+        quality = "exact" if math.isinf(palette_db) else f"{palette_db:.1f} dB"
+        yield f"{name:<16} {where:<14} {layer.width:>4} x {layer.height:<4} palette {quality}"
     for row in rows:
         seen = f"the eye's view {row['view_db']:.1f} dB (at least {row['worst_db']:.1f}), " if "view_db" in row else ""
         spent = f"{row['load_bytes']} bytes, {row['block_rams']} block RAMs, {row['multipliers']} multipliers"
-        yield f"{row['layers']} layers: {seen}{spent}"
+        yield f"{_layers(row['layers'])}: {seen}{spent}"
 
 
-def _remarks(cut: Cut, names: tuple[str, ...], display: Display) -> Iterator[str]:
-    for name, layer in zip(names, cut.stack.layers, strict=True):
-        if min(layer.width, layer.height) < FEW_TEXELS:
-            size = f"{layer.width} x {layer.height} texels"
-            yield f"note: layer '{name}' has {size} only: check the size and place of what it shows"
-    far, near = display_properties(display).depth_range_mm
-    outside = [layer.depth_mm for layer in cut.stack.layers if layer.sky or not far <= layer.depth_mm <= near]
-    if outside:
-        depths = ", ".join("the sky" if math.isinf(z) else f"{z:+.0f} mm" for z in outside)
-        yield f"note: fine detail is lost at {depths}: the display's depth range is z = {far:.4g} to {near:.4g} mm"
+def _layers(count: int) -> str:
+    return f"{count} layer" + ("s" if count != 1 else "")

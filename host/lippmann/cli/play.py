@@ -14,10 +14,10 @@ from lippmann.cli.options.common import DISPLAY
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import load_display
-from lippmann.display_properties import depth_reach_mm
 from lippmann.errors import input_error
 from lippmann.film.layer_film import check_keys, load_layer_film
 from lippmann.layers.folder import check_for_display
+from lippmann.layers.remarks import depth_remarks
 
 
 @make_command("play")
@@ -40,11 +40,8 @@ def command(
     film = load_layer_film(film_path)
     check_for_display(film.stack, display, film_path)
     check_keys(film, display, film_path)
-    far, near = depth_reach_mm(display)
-    blurred = [name for name, layer in zip(film.names, film.stack.layers, strict=True)
-               if not (layer.sky or far <= layer.depth_mm <= near)]  # fmt: skip
-    if blurred:
-        log(f"note: beyond the display's depth range, {far:.4g} to {near:.4g} mm, and so blurred: {', '.join(blurred)}")
+    for remark in depth_remarks(film.depths_mm(), display):
+        log(remark)
     with open_board() as board:
         if not force:
             check_board(board, display, display_path, ", or play with --force")

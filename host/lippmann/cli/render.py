@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import click
+from click.core import ParameterSource
+
 from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
@@ -11,7 +14,8 @@ from lippmann.errors import InputError
 from lippmann.images import check_output
 from lippmann.integral_image import IntegralImage
 from lippmann.layers.drawing import Filter
-from lippmann.layers.folder import is_layers, load_layers
+from lippmann.layers.folder import is_layers, load_named_layers
+from lippmann.layers.remarks import depth_remarks
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import peak_memory_mb
 from lippmann.rendering.scene import check_scene_file
@@ -31,7 +35,7 @@ def command(
 ) -> None:
     """Render the integral image of a Mitsuba scene, or of a folder of layers, for a display.
 
-    Layers take --engine golden, twin or rtl, --samples 1, 2 or 4, --scale and --offset.
+    Layers take --engine golden (their default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
 
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
@@ -77,10 +81,12 @@ def _drawn(path: str, display_path: str, options: RenderOptions, moved: Moved, f
         if given != getattr(plain.settings, name):
             raise InputError(f"--{name} is for scenes; leave it out with layers")
     scale = 1.0 if moved.scale is None else moved.scale
-    stack = load_layers(path).moved(scale, moved.offset or (0.0, 0.0, 0.0))
+    named = load_named_layers(path)
+    stack = named.stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
     model = "exact" if options.model == "auto" else options.model
-    engine = "golden" if options.engine == "fast" else options.engine
-    return api.draw(
+    by_default = click.get_current_context().get_parameter_source("engine") is ParameterSource.DEFAULT
+    engine = "golden" if by_default else options.engine
+    image = api.draw(
         stack,
         display_path,
         filter=filter,
@@ -89,3 +95,7 @@ def _drawn(path: str, display_path: str, options: RenderOptions, moved: Moved, f
         engine=engine,
         fraction_bits=options.fraction_bits,
     )
+    depths = [(name, layer.depth_mm) for name, layer in zip(named.names, stack.layers, strict=True)]
+    for remark in depth_remarks(depths, image.display):
+        log(remark)
+    return image

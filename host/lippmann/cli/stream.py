@@ -6,7 +6,7 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from lippmann.board.board import Board
+from lippmann.board.board import END_SCENE, Board
 from lippmann.board.frames import load_frame
 from lippmann.board.stream import Sent, send_frame
 from lippmann.cli.frame import argument, make_command, option
@@ -14,7 +14,7 @@ from lippmann.cli.options.common import Finite
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import TransferName, load_display
-from lippmann.errors import NoBoardError
+from lippmann.errors import NoBoardError, device_error
 from lippmann.images import check_input
 from lippmann.link.packets import RESET_VERSION
 
@@ -62,6 +62,7 @@ def command(
         if display is not None and not force:
             check_board(board, display, str(display_path), ", or stream with --force")
         board.check_no_pattern()
+        behind = _is_behind_scene(board, verify)
         panel = None if display is None else display.panel
         # All files are read before the first frame is sent: when one is refused, nothing changes on the panel.
         notes: list[str] = []
@@ -102,7 +103,20 @@ def command(
     finally:
         board.close()
 
-    emit({"port": url, "identity": f"{hello.identity:016x}", "frames": results}, map(_line, results))
+    result = {"port": url, "identity": f"{hello.identity:016x}", "behind_scene": behind, "frames": results}
+    emit(result, (_line(one, behind) for one in results))
+
+
+def _is_behind_scene(board: Board, verify: bool) -> bool:
+    """Return whether a streamed frame is stored behind the scene that a board draws; refuse to verify it there."""
+    if not board.shows_scene():
+        return False
+    shows = "the panel shows the scene that the board draws"
+    if verify:
+        what = f"{shows}, so that a frame cannot be verified there"
+        raise device_error(board.line.url, what, f"{END_SCENE}; or stream without --verify")
+    log(f"note: {shows}; the frame is stored, and shown when the scene ends")
+    return True
 
 
 def _opened(url: str, baud: int, seconds: float) -> Board:
@@ -119,10 +133,10 @@ def _opened(url: str, baud: int, seconds: float) -> Board:
         time.sleep(RETRY_S)
 
 
-def _line(result: dict[str, Any]) -> str:
+def _line(result: dict[str, Any], behind: bool) -> str:
     """Return a frame's result as one line."""
     if result["unchanged"]:
-        text = "already on the panel"
+        text = "stored already" if behind else "already on the panel"
     else:
         kinds = ", ".join(
             f"{result[kind]} {kind}" for kind in ("raw", "solid", "qoi", "copied", "skipped") if result[kind]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -88,6 +89,14 @@ class LayerFilm:
         numbers = tuple(sorted(range(len(layers)), key=lambda number: (order[number], number)))
         return replace(self.stack, layers=tuple(layers[number] for number in numbers)), numbers
 
+    def depths_mm(self) -> Iterator[tuple[str, float]]:
+        """Yield the name and the depth of each layer that is drawn, frame by frame."""
+        for frame in range(self.frames):
+            stack, numbers = self.at(frame)
+            for number, layer in zip(numbers, stack.layers, strict=True):
+                if layer.visible:
+                    yield self.names[number], layer.depth_mm
+
 
 def load_layer_film(path: str | Path) -> LayerFilm:
     """Read a film of layers, or a folder of layers as a film of one frame; InputError names file, key and remedy."""
@@ -96,7 +105,10 @@ def load_layer_film(path: str | Path) -> LayerFilm:
         named = load_named_layers(path)
         return LayerFilm(named.stack, named.names)
     film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))))
-    named = load_named_layers(path.parent / film.layers)
+    try:
+        named = load_named_layers(path.parent / film.layers)
+    except InputError as error:
+        raise InputError(f"{path}: layers: {error}") from None
     seen: set[str] = set()
     for place, one in enumerate(film.layer):
         where = f"{path}: layer[{place}]"

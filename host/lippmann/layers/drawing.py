@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.engines import trace
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.fixed import drawing as fixed_drawing
 from lippmann.fixed.build import Build
-from lippmann.fixed.scene_build import SceneBuild
+from lippmann.fixed.scene_build import MAX_TEXEL_BLOCKS, SceneBuild
 from lippmann.fixed.words import WIDEST
 from lippmann.images import decode, encoded_values
 from lippmann.layers.stack import BLOCK_BYTES, MIN_ROW, Bytes, Floats, Layer, LayerStack, light_of, opacity_of
@@ -135,12 +135,21 @@ def draw_layers(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the least build of the drawing that holds a stack."""
+    """Return the least build of the drawing that holds a stack.
+
+    Raises InputError, with the largest layer's number and size, when no build does.
+    """
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)
     height = -(-max(layer.height for layer in stack.layers) // step) * step
-    return SceneBuild(len(stack.layers), None, width, height, filter == "bilinear", samples)
+    try:
+        return SceneBuild(len(stack.layers), None, width, height, filter == "bilinear", samples)
+    except InputError:
+        number, layer = max(enumerate(stack.layers), key=lambda one: one[1].width * one[1].height)
+        what = f"{layer.width} x {layer.height} texels need slots of {width} x {height}, larger than a board can have"
+        remedy = f"make it smaller, at most {MAX_TEXEL_BLOCKS * BLOCK_BYTES} texels with a slot's filling"
+        raise input_error(f"layers: layer[{number}]", what, f"{remedy}, or draw it with golden") from None
 
 
 def check_options(filter: str, samples: object) -> None:
