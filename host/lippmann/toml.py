@@ -297,7 +297,8 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
         similar = similar or (list(missing) if len(missing) == 1 else [])
     if similar:
         meant, unit = here["properties"].get(similar[0], {}), re.search(UNITS, unknown)
-        takes = f" ({meant['description']})" if unit and meant and not similar[0].endswith(unit[0]) else ""
+        meaning = meant.get("description", "")
+        takes = f" ({meaning})" if unit and meaning and not similar[0].endswith(unit[0]) else ""
         hints.append(f"did you mean {similar[0]}{takes}?")
     return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
 

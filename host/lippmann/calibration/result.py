@@ -6,16 +6,18 @@ import json
 import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as students_t
 
 from lippmann.calibration.bundle import BOW, Solution
 from lippmann.display import Array, Display, check_radius, display_text, load_display
-from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.errors import InputError, LippmannError, input_error, reason
 from lippmann.files import replacing
+from lippmann.limits import load_arrays
 
 Floats = npt.NDArray[np.float64]
 #: Uncertainties beyond these are not determined: shares of the pitch, of the gap (D), mm of the offset, degrees.
@@ -24,6 +26,8 @@ OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation
 ALIKE = 0.98
 #: Positions of the camera that determine everything.
 ENOUGH_POSITIONS = 3
+#: Columns of the field (see `Calibration`).
+FIELD_COLUMNS = 8
 
 
 class DoubtError(LippmannError):
@@ -44,6 +48,32 @@ class Parameter:
     determined: bool
 
 
+class Camera(TypedDict):
+    """A position of the camera: its place, and what was seen from there."""
+
+    name: str
+    place_mm: Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
+    uncertainty_mm: list[float]
+    lenslets: int
+    agree: float
+    modulation: float
+
+
+class Summary(TypedDict):
+    """What `Calibration.summary` holds, as it is read again."""
+
+    display: str
+    identity: str
+    parameters: list[Parameter]
+    remarks: list[str]
+    cameras: Annotated[list[Camera], msgspec.Meta(min_length=1)]
+    lens: dict[str, float]
+    rms_panel_px: float
+    rms_photo_px: float
+    outliers: float
+    lenslets: int
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The display as mounted, and how well it is known."""
@@ -52,9 +82,9 @@ class Calibration:
     nominal: Display
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]
-    #: Camera positions, mm, and the lens: focal length and principal point, px, and distortion.
-    cameras: tuple[dict[str, Any], ...]
-    lens: dict[str, Any]
+    cameras: tuple[Camera, ...]
+    #: The lens: focal length and principal point, px, and distortion.
+    lens: dict[str, float]
     rms_panel_px: float
     rms_photo_px: float
     outliers: float
@@ -86,24 +116,37 @@ class Calibration:
         with replacing(path) as partial:
             partial.write_text(display_text(self.display), encoding="utf-8")
         with replacing(beside) as partial:
-            np.savez_compressed(
-                partial, field=self.field, summary=json.dumps(self.summary()), nominal=display_text(self.nominal)
-            )
+            summary, nominal = _bytes(json.dumps(self.summary())), _bytes(display_text(self.nominal))
+            np.savez_compressed(partial, field=self.field, summary=summary, nominal=nominal)
         return beside
+
+
+def _bytes(text: str) -> npt.NDArray[np.uint8]:
+    """Return a text as an array, which numpy reads without its pickles."""
+    return np.frombuffer(text.encode(), np.uint8)
+
+
+def _text(array: npt.NDArray[Any]) -> str:
+    if array.dtype != np.uint8:
+        raise ValueError(f"a text is stored as {array.dtype}")
+    return array.tobytes().decode()
 
 
 def load_calibration(path: Path) -> tuple[Display, dict[str, Any], Floats, str]:
     """Return a calibrated file's display, and from its .npz the summary, the field, and the nominal file's text."""
     display = load_display(path)
     beside = path.with_suffix(".npz")
+    remedy = "give a display file that lippmann calibrate solve wrote"
+    kept, _ = load_arrays(beside, ("summary", "nominal", "field"), remedy)
     try:
-        with np.load(beside) as kept:
-            summary = json.loads(str(kept["summary"]))
-            field, nominal = np.array(kept["field"]), str(kept["nominal"])
-    except (OSError, KeyError, ValueError):
-        raise input_error(
-            str(beside), "cannot be read", "give a display file that lippmann calibrate solve wrote"
-        ) from None
+        summary = json.loads(_text(kept["summary"]))
+        msgspec.convert(summary, Summary)
+        field, nominal = np.asarray(kept["field"], np.float64), _text(kept["nominal"])
+        if field.ndim != 2 or field.shape[1] != FIELD_COLUMNS or len(field) != summary["lenslets"]:
+            raise ValueError(f"the field has the shape {field.shape}")
+    except (KeyError, ValueError, RecursionError) as error:
+        why = f"it lacks {error}" if isinstance(error, KeyError) else reason(error)
+        raise input_error(str(beside), f"cannot be read ({why})", remedy) from None
     if summary["identity"] != display.identity:
         raise input_error(str(beside), "belongs to another display file", "solve again, and keep both files together")
     return display, summary, field, nominal

@@ -18,7 +18,7 @@ from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
 from lippmann.calibration.numbering import Start, starts
 from lippmann.calibration.photographs import pattern_set, positions
-from lippmann.calibration.result import Calibration, DoubtError, display_of, parameters_of, remarks_of
+from lippmann.calibration.result import Calibration, Camera, DoubtError, display_of, parameters_of, remarks_of
 from lippmann.display import Display
 from lippmann.optics.panel import PanelFrame
 
@@ -160,14 +160,14 @@ def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple
     parameters = parameters_of(nominal, solution)
     lens = {name: solution.value(name) for name in LENS}
     cameras = tuple(
-        {
-            "name": view.name,
-            "place_mm": [solution.value(f"place_{axis}_{k}") for axis in "xyz"],
-            "uncertainty_mm": [1.96 * solution.deviation(f"place_{axis}_{k}") for axis in "xyz"],
-            "lenslets": len(view.index),
-            "agree": view.agree,
-            "modulation": view.modulation,
-        }
+        Camera(
+            name=view.name,
+            place_mm=[solution.value(f"place_{axis}_{k}") for axis in "xyz"],
+            uncertainty_mm=[1.96 * solution.deviation(f"place_{axis}_{k}") for axis in "xyz"],
+            lenslets=len(view.index),
+            agree=view.agree,
+            modulation=view.modulation,
+        )
         for k, view in enumerate(whole.views)
     )
     rows = []

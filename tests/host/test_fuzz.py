@@ -1,0 +1,303 @@
+"""Every reader of files, given broken ones: what it refuses is an InputError, in little time and memory.
+
+Files of the right kind are changed at random. `LIPPMANN_INPUTS` is the number of files for each reader; a failing
+file is kept under build/fuzz. Those that failed once are in tests/host/fuzz, and are tried first.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.errors import LippmannError
+from lippmann.sim.tools import repository
+
+SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
+INPUTS = int(os.environ.get("LIPPMANN_INPUTS", "150"))
+CORPUS = Path(__file__).parent / "fuzz"
+#: Longest time for a file, s; most memory of a process that has read all of them, MB.
+SECONDS, MOST_MB = 30, 1000.0
+SCENES = repository() / "scenes"
+
+#: What is inserted: numbers at the ends of their types, and signs that formats give a meaning.
+TOKENS = [
+    *(b"0", b"-1", b"1e308", b"-1e-320", b"nan", b"inf", b"9223372036854775807", b"99999999999999999999", b"1e6"),
+    *(b'"', b"'''", b"[", b"]", b"[[", b"{", b"}", b"=", b".", b",", b"#", b"\\", b"\\u0000", b"\n", b"\r\n", b"\0"),
+    *(b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\0\0\0\0", b"\x80", b"\xc3", b"<", b">", b"&", b"]]>", b"-->"),
+    *(b"true", b"[[layer]]\n", b"[panel]\n", b'"../.."', b'"/dev/zero"', b"<!DOCTYPE a [", b"x" * 5000),
+]
+
+
+def changed(rng, seeds):
+    """Return one of the files, changed at some places."""
+    data = bytearray(seeds[rng.integers(len(seeds))])
+    for _ in range(rng.integers(1, 6)):
+        at = int(rng.integers(len(data) + 1))
+        length = int(min(len(data) - at, rng.geometric(0.05)))
+        match int(rng.integers(8)):
+            case 0:
+                data[at:at] = TOKENS[rng.integers(len(TOKENS))]
+            case 1:
+                data[at : at + length] = TOKENS[rng.integers(len(TOKENS))]
+            case 2:
+                del data[at : at + length]
+            case 3:
+                data[at:at] = data[at : at + length] * int(rng.integers(1, 4))
+            case 4 if at < len(data):
+                data[at] ^= 1 << int(rng.integers(8))
+            case 5:
+                data[at : at + length] = rng.bytes(length)
+            case 6:
+                other = seeds[rng.integers(len(seeds))]
+                start = int(rng.integers(len(other) + 1))
+                data[at:] = other[start:]
+            case _:
+                del data[at:]
+    return bytes(with_right_sums(data) if rng.random() < 0.5 else data)
+
+
+def with_right_sums(data):
+    """Return a PNG whose chunks have the right CRC-32, so that more than its sums is read; others as they are."""
+    at = 8
+    while data.startswith(b"\x89PNG") and at + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        if at + 12 + length > len(data):
+            break
+        struct.pack_into(">I", data, at + 8 + length, zlib.crc32(data[at + 4 : at + 8 + length]))
+        at += 12 + length
+    return data
+
+
+# ---- the readers, in a child: a library may crash ----
+
+
+def display_file(path):
+    from lippmann.display import load_display
+    from lippmann.display_properties import display_properties
+
+    display_properties(load_display(path))
+
+
+def placement_file(path):
+    from lippmann.rendering.placement import load_placement
+
+    load_placement(path)
+
+
+def film_file(path):
+    from lippmann.film.film import load_film
+
+    load_film(path)
+
+
+def layer_film_file(path):
+    from lippmann.film.layer_film import check_keys, load_layer_film
+
+    check_keys(load_layer_film(path), _display(), path)
+
+
+def setup_file(path):
+    from lippmann.capturing.setup import load_setup
+
+    load_setup(path)
+
+
+def layers_file(path):
+    from lippmann.layers.folder import load_layers
+
+    load_layers(path)
+
+
+def layer_picture(path):
+    from lippmann.layers.folder import load_layers
+
+    load_layers(path.parent)
+
+
+def pictures_file(path):
+    from lippmann.layers.pictures import cut_pictures
+
+    cut_pictures(path, _display(), (32, 32))
+
+
+def placed_picture(path):
+    from lippmann.layers.pictures import cut_pictures
+
+    cut_pictures(path.parent, _display(), (32, 32))
+
+
+def image_file(path):
+    from lippmann.images import read_picture
+
+    read_picture(path)
+
+
+def scene_file(path):
+    from lippmann.rendering.scene import load_scene
+
+    load_scene(path)
+
+
+def foreign_rays(path):
+    from lippmann.diagnose.foreign import read_foreign
+
+    read_foreign(path, _display(), "exact", 16)
+
+
+def bitstream_file(path):
+    from lippmann.board.bitfile import read_bitfile
+
+    read_bitfile(path)
+
+
+def photograph(path):
+    from lippmann.calibration.photographs import read_photograph
+
+    read_photograph(path)
+
+
+def patterns_file(path):
+    from lippmann.calibration.codes import read_patterns
+
+    read_patterns(path, _display())
+
+
+def calibration_file(path):
+    from lippmann.calibration.result import load_calibration
+
+    load_calibration(path.with_suffix(".toml"))
+
+
+def _display():
+    from lippmann.display import load_display
+
+    return load_display(Path("vga-square.toml"))
+
+
+#: By reader the file's name, and the kind of its seeds where readers take several.
+READERS = {
+    (display_file, "d.toml"), (placement_file, "p.toml"), (film_file, "f.toml"), (layer_film_file, "l.toml"),
+    (setup_file, "s.toml"), (layers_file, "layers/layers.toml"), (layer_picture, "layers/fish.png"),
+    (pictures_file, "pictures/pictures.toml"), (placed_picture, "pictures/one.png"), (image_file, "i.png"),
+    (image_file, "i.exr"), (image_file, "i.tif"), (scene_file, "scene.xml"), (foreign_rays, "rays.npz"),
+    (foreign_rays, "rays.csv"), (foreign_rays, "rays.mem"), (bitstream_file, "b.bit"), (photograph, "p.png"),
+    (photograph, "p.jpg"), (photograph, "p.tif"), (patterns_file, "patterns.toml"), (calibration_file, "c.npz"),
+}  # fmt: skip
+CASES = {f"{reader.__name__}, {Path(name).suffix[1:]}": (reader, name) for reader, name in READERS}
+
+
+def make_seeds(place):
+    """Make a folder with a good file for every reader, by the commands that make them."""
+    import cv2
+    import lippmann as lp
+    from lippmann.board.bitfile import comment
+    from lippmann.calibration.codes import PatternSet
+    from lippmann.calibration.result import Calibration, Camera, Parameter
+    from lippmann.cli import run
+    from PIL import Image
+
+    rng = np.random.default_rng(1)
+    os.chdir(place)
+    shutil.copy(SCENES / "displays/vga-square.toml", "vga-square.toml")
+    shutil.copy(SCENES / "displays/measured-hex.toml", "d.toml")
+    shutil.copy(SCENES / "chart/chart.xml", "chart.xml")
+    Path("p.toml").write_text(
+        "[placement]\nscale = 2.0\nrotation_deg = [0, 30, 0]\noffset_mm = [1, 2, 3]\nnear_mm = 70\n"
+    )
+    Path("f.toml").write_text((SCENES / "films/swim.toml").read_text().replace("../fish/fish.xml", "chart.xml"))
+    setup = (SCENES / "setups/pickup.toml").read_text()
+    Path("s.toml").write_text(setup.replace("../displays/paper-square-real.toml", "vga-square.toml"))
+    shutil.copytree(SCENES / "layers/fish", "layers")
+    film = (SCENES / "films/swim-layers.toml").read_text()
+    Path("l.toml").write_text(film.replace("../layers/fish", "layers"))
+    Path("pictures").mkdir()
+    Image.fromarray(rng.integers(0, 256, (12, 16, 4), np.uint8), "RGBA").save("pictures/one.png")
+    Path("pictures/pictures.toml").write_text('[[picture]]\nfile = "one.png"\ndepth_mm = 5.0\nwidth_mm = 10.0\n')
+    vga = lp.load_display("vga-square.toml")
+    small = replace(vga, panel=replace(vga.panel, width_px=24, height_px=16))
+    light = rng.random((16, 24, 3)).astype(np.float32) ** 8
+    for suffix in ("png", "exr", "tif"):
+        lp.IntegralImage(light, small, {}, {}).save(f"i.{suffix}")
+    things = '<shape type="sphere" id="a"><bsdf type="diffuse"/></shape><emitter type="constant"/>'
+    Path("scene.xml").write_text(f'<scene version="3.0.0">{things}</scene>')
+    common = ["--display", "vga-square.toml", "--seed", "1"]
+    assert run(["trace", *common, "--pixels", "20", "-o", "rays.npz"]) == 0
+    assert run(["vectors", *common, "--case", "cell-edges", "--fraction-bits", "16", "-o", "words"]) == 0
+    for found, name in (("words.csv", "rays.csv"), ("expected.mem", "rays.mem"), ("inputs.mem", "inputs.mem")):
+        shutil.copy(next(Path("words").rglob(found)), name)
+    text = b"\xff\x00" + comment("ulx3s", "vga", "0" * 16, 1).encode() + b"\x00\xff\xff\xff\xbd\xb3"
+    Path("b.bit").write_bytes(text + b"\xff" * 4 + b"\xe2\x00\x00\x00" + struct.pack(">I", 0x41113043) + bytes(64))
+    for name in ("p.png", "p.jpg", "p.tif"):
+        cv2.imwrite(name, rng.integers(0, 256, (20, 30, 3), np.uint8))
+    Path("patterns.toml").write_text(PatternSet.of(vga).text(vga))
+    shutil.copy("d.toml", "c.toml")
+    camera = Camera(name="a", place_mm=(0, 0, 600), uncertainty_mm=(1, 1, 1), lenslets=2, agree=1.0, modulation=0.5)
+    parameter = Parameter("gap", 3.0, 0.1, "mm", 3.1, True)
+    found = Calibration(lp.load_display("c.toml"), vga, (parameter,), (), (camera,), {}, 0.1, 0.1, 0.0, np.ones((2, 8)))
+    found.save(Path("c.toml"))
+
+
+def child(case, place, kept, seed, inputs):
+    """Read the kept files, then changed ones; ends with a traceback, whose file stays in `kept`, at the first fault."""
+    reader, name = CASES[case]
+    os.chdir(place)
+    path, rng = Path(name), np.random.default_rng([seed, zlib.crc32(case.encode())])
+    seeds = [path.read_bytes()]
+    reader(path.resolve())  # the good file is read, and libraries are loaded
+    failing = Path(kept, case.replace(", ", "."))
+    known = sorted((CORPUS / case.replace(", ", ".")).glob("*"))
+    for number in range(len(known) + inputs):
+        data = known[number].read_bytes() if number < len(known) else changed(rng, seeds)
+        path.write_bytes(data)
+        failing.write_bytes(data)  # it is there when the process is no more
+        signal.alarm(SECONDS)
+        try:
+            reader(path.resolve())
+        except LippmannError as error:
+            if "\n" in str(error):
+                raise AssertionError("more than one line") from error
+        finally:
+            signal.alarm(0)
+    failing.unlink()
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory):
+    place = tmp_path_factory.mktemp("fuzz")
+    before = Path.cwd()
+    try:
+        make_seeds(place)
+    finally:
+        os.chdir(before)
+    return place
+
+
+@pytest.mark.parametrize("case", sorted(CASES))
+def test_broken_files_are_refused_in_one_line(seeds, tmp_path, case):
+    print(f"seed {SEED}")
+    kept = repository() / "build" / "fuzz"
+    kept.mkdir(parents=True, exist_ok=True)
+    place = tmp_path / "place"
+    shutil.copytree(seeds, place)
+    program = [sys.executable, __file__, case, str(place), str(kept), str(SEED), str(INPUTS)]
+    began = time.monotonic()
+    done = subprocess.run(program, capture_output=True, text=True, errors="replace", check=False)
+    print(f"{INPUTS} files, {time.monotonic() - began:.1f} s")
+    assert done.returncode == 0, f"{kept}: {done.stdout[-500:]}{done.stderr[-3000:]}"
+    assert float(done.stdout.split()[-1]) < MOST_MB
+
+
+if __name__ == "__main__":
+    child(sys.argv[1], *sys.argv[2:4], *map(int, sys.argv[4:6]))
