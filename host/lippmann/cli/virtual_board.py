@@ -27,6 +27,8 @@ from lippmann.sim import virtual_board
 
 #: Pause between two checks of a running board, s.
 CHECK_S = 0.1
+#: Variable of a board in the background: the process that waits for it, without which it ends before it is ready.
+LAUNCHER = "LIPPMANN_LAUNCHER"
 #: Longest time to write the last captured frames, after the simulator has ended, s.
 CAPTURE_SECONDS = 10.0
 #: Errors by their exit code.
@@ -111,8 +113,7 @@ def start_command(
         end.callback(lambda: done.update(board.stop()))
         try:
             if ready:
-                with replacing(ready) as partial:
-                    partial.write_text(json.dumps(result) + "\n")
+                _write_ready(ready, result)
             emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
             with interrupts.held() as ended:
@@ -165,8 +166,11 @@ def _in_background(ready: Path) -> None:
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
     words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words()]
+    own = {**os.environ, LAUNCHER: str(os.getpid())}
     with output.open("wb") as both:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True)
+        process = subprocess.Popen(
+            words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True, env=own
+        )
     try:
         with interrupts.held() as ended:
             while process.poll() is None and not ready.exists() and not ended:
@@ -206,6 +210,14 @@ def _failure(output: Path) -> LippmannError | None:
         return ERRORS.get(last["exit_code"], DeviceError)(last["error"])
     except (OSError, ValueError, LookupError, TypeError):
         return None
+
+
+def _write_ready(ready: Path, result: dict[str, Any]) -> None:
+    """Tell where the board is; DeviceError when nobody waits for it any more."""
+    if os.environ.get(LAUNCHER) not in (None, str(os.getppid())):
+        raise DeviceError(f"{ready}: the command that waited for this board was killed; start it again")
+    with replacing(ready) as partial:
+        partial.write_text(json.dumps(result) + "\n")
 
 
 def _remove_ready(ready: Path) -> None:
