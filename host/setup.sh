@@ -121,8 +121,17 @@ root_command() {
   fi
 }
 
+# Where Python cannot make an environment is told before anything is installed.
+check_folder() {
+  case $PWD in
+    *:*) fail "a folder whose path has a colon cannot hold .venv ($PWD): move the checkout" ;;
+  esac
+  [ -w . ] || fail "$PWD cannot be written: clone into a folder of your own"
+}
+
 setup_system() {
   [ "$(uname -s)" = Linux ] || fail "$(uname -s) is not supported: use Linux (Debian 12 is tested)"
+  check_folder
   if command -v "$python" >/dev/null; then
     check_python_version
   elif [ "$python" != python3 ]; then

@@ -1,8 +1,13 @@
 """SECURITY.md names the limits that hold, and tests that are there."""
 
+import os
 import re
+import shutil
+import subprocess
 
+import pytest
 from lippmann import images, limits, toml
+from lippmann.calibration import photographs
 from lippmann.sim.tools import repository
 from lippmann.sim.virtual_board import IDLE_S
 from lippmann.viewer import serve
@@ -27,6 +32,25 @@ def test_the_limits_are_those_of_the_code():
     assert limits.MAX_RAYS == 10**8
     assert limits.SHARE == 0.8
     assert f"{images.MAX_CHANNELS} channels; {images.MAX_TEXT_BYTES >> 10} KB" in row("image")
+    assert row("photograph of a calibration") == f"{photographs.MAX_PIXELS // 10**6} million pixels"
     assert row("bitstream") == f"{limits.MAX_BITSTREAM_BYTES >> 20} MB"
     assert IDLE_S == 60
     assert serve.MAX_REQUESTS == 8
+
+
+@pytest.mark.parametrize("name", ["a:b", "read-only"])
+def test_setup_refuses_folders_before_it_installs_anything(tmp_path, name):
+    """As another user where this one is root, who may write everywhere."""
+    for folder in (tmp_path, *tmp_path.parents[:2]):
+        folder.chmod(0o755)
+    checkout = tmp_path / name
+    (checkout / "host").mkdir(parents=True)
+    shutil.copy(repository() / "host/setup.sh", checkout / "host")
+    checkout.chmod(0o555 if name == "read-only" else 0o777)
+    user = {"user": 65534} if os.getuid() == 0 else {}
+    words = ["bash", str(checkout / "host/setup.sh"), "system"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd="/", **user)
+    assert (done.returncode, done.stdout) == (3, "")
+    (line,) = done.stderr.splitlines()
+    assert str(checkout) in line
+    assert line.endswith("move the checkout" if name == "a:b" else "clone into a folder of your own")
