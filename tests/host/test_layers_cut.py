@@ -283,6 +283,26 @@ def test_an_engine_that_draws_no_layers_is_refused(place, capfd):
     assert not (place / "a.png").exists()
 
 
+@pytest.mark.parametrize("option", ["--memory-mb=9", "--device=llvm", "--tolerance=1", "--max-depth=3", "--depth=2"])
+def test_options_of_scenes_are_refused_with_layers(place, capfd, option):
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", option, "-o", "a.png"]) == 2
+    assert f"{option.partition('=')[0]} is for scenes; leave it out with layers" in capfd.readouterr().err
+    assert run(["render", "cards.xml", "--display", "tiny.toml", "--filter", "bilinear", "-o", "a.png"]) == 2
+    assert "--filter is for layers; leave it out with a scene" in capfd.readouterr().err
+
+
+def test_layers_that_no_board_can_draw_are_told(place, capfd):
+    """Depths of a board end at 2048 radii of the lenslets; golden draws farther ones."""
+    pictures = (place / "book/pictures.toml").read_text()
+    (place / "book/pictures.toml").write_text(pictures.replace("depth_mm = -20", "depth_mm = -900000"))
+    assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
+    err = capfd.readouterr().err
+    assert "note: no board can draw this: layer 'hill', register depth: -900000" in err.replace("-9e+05", "-900000")
+    assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", "--engine", "twin", "-o", "a.png"]) == 2
+    assert "lippmann: out: layer 1, register depth" in capfd.readouterr().err
+
+
 def test_a_picture_that_shows_nothing_is_told_and_one_without_loss_is_exact(place, capfd):
     Image.new("RGBA", (20, 16)).save("book/front.png")
     assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0

@@ -138,7 +138,7 @@ def test_a_folder_written_by_hand(folder):
         ("one.png", "ones.png", "ones.png", "/one.png?"),
         ("one.png", "../one.png", "layer[0].picture", "give the name of a .png in the same folder"),
         ("one.png", "one.gif", "layer[0].picture", "give the name of a .png in the same folder"),
-        (r"\[\[layer(.|\n)*", "layer = []", "layer", "[[layer]]"),
+        (r"\[\[layer(.|\n)*", "layer = []", "layer", "is empty; give at least 1"),
         (r"\Z", GOOD.partition("\n")[2], "layer[1].picture", "copy it under another name"),
         (r"\Z", GOOD.partition("\n")[2] * 8, "layers.toml: layer: 9 layers; ", "give at most 8"),
     ],
@@ -169,7 +169,10 @@ def beyond_palette():
 WRONG = {
     "colours": (lambda path: Image.new("RGB", (4, 2)).save(path), "is a RGB picture without a palette; cut it into"),
     "grey": (lambda path: Image.new("L", (4, 2)).save(path), "is a grey picture without a palette"),
-    "large": (lambda path: Image.new("P", (1025, 2)).save(path), "has 1025 x 2 texels, more than a board's slot can"),
+    "large": (
+        lambda path: Image.new("P", (1025, 2)).save(path),
+        "has 1025 x 2 texels, more across or down",
+    ),
     "cut": (lambda path: path.write_bytes(path.read_bytes()[:-30]), "is not a whole PNG picture"),
     "text": (lambda path: path.write_text("no picture"), "is not a whole PNG picture"),
     "gif": (lambda path: Image.new("P", (4, 2)).save(path, "GIF"), "is not a whole PNG picture"),

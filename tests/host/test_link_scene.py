@@ -19,6 +19,7 @@ from lippmann.fixed.register_file import build_word
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.folder import load_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
+from lippmann.registers import BOARD_REGISTERS
 from lippmann.sim.tools import repository
 from model_board import DRAW, LOOK, ModelBoard
 from scene_cases import generator
@@ -297,11 +298,11 @@ keys = [{ frame = 0 }, { frame = 2, offset_mm = [1, 0, 0] }]
 def test_play_says_what_a_folder_cost(playing, capfd):
     assert run(["play", "stack", *playing]) == 0
     blocks, shown = capfd.readouterr().out.splitlines()
-    assert re.fullmatch(r"8 of 8 blocks in [\d.]+ s, \d{3} bytes of registers", blocks)
+    assert re.fullmatch(r"16 of 16 blocks in [\d.]+ s, \d{3} bytes of registers", blocks)
     assert shown == "1 frame; 0 pixels late"
     assert run(["play", "stack", *playing, "--json"]) == 0
     told = json.loads(capfd.readouterr().out)
-    assert (told["frames"], told["bytes"], told["load"]["skipped"]) == (1, 0, 8)
+    assert (told["frames"], told["bytes"], told["load"]["skipped"]) == (1, 0, 16)
     assert told["first_bytes"] > 60
 
 
@@ -351,6 +352,36 @@ def test_depths_that_a_film_reaches_beyond_the_display_are_told(playing, capfd, 
     (note,) = [line for line in capfd.readouterr().err.splitlines() if line.startswith("note:")]
     worst = load_layers("stack").layers[0].depth_mm - 2.0 * reach
     assert f"fine detail is lost in 'one' ({worst:+.4g} mm): the display's depth range is z = {-reach:.4g}" in note
+
+
+def test_nothing_is_played_behind_a_test_pattern(playing, model, capfd):
+    model.registers[BOARD_REGISTERS["display"].address] = 0x0400 | 0xFF
+    assert run(["play", "stack", *playing]) == 1
+    assert "shows test pattern" in capfd.readouterr().err
+    assert not model.block_writes
+
+
+def test_layers_behind_the_eyes_are_refused_by_every_write(model):
+    """They are 600 mm before the display."""
+    rng = generator(SEED, "eyes")
+    behind = layer(rng, depth_mm=600.0)
+    stack = LayerStack((layer(rng), behind))
+    with Board.open(model.url, FAST_BAUD) as board:
+        scene = SceneBoard(board)
+        for wrong in (
+            lambda: scene.prepare(DISPLAY, stack),
+            lambda: scene.set_stack(DISPLAY, stack),
+            lambda: scene.set_layer(DISPLAY, behind, 1),
+            lambda: scene.move_layer(DISPLAY, behind, 1),
+        ):
+            with pytest.raises(InputError, match=r"600 mm is not in front of the eyes .*; give less than 600"):
+                wrong()
+    assert not model.writes
+
+
+def test_a_film_that_is_not_there_is_told_with_what_can_be_given(playing, capfd):
+    assert run(["play", "nothing", *playing]) == 2
+    assert "give a film of layers (.toml), or a folder that lippmann layers made" in capfd.readouterr().err
 
 
 def test_crcs_are_those_of_the_blocks(model):

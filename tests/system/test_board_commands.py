@@ -362,6 +362,14 @@ def test_frames_of_another_panel_are_left_alone(place, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"frame-00000001.png", "frame-00000002.rgb"}
 
 
+def test_the_frames_of_the_next_board_come_after_those_of_the_last(place, tmp_path):
+    display = load_display(place / "small.toml")
+    for name, after in (("frame-00000001.png", 0), ("frame-00000002.png", 1)):
+        assert virtual_board.last_frame(tmp_path) == after
+        (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))
+        assert virtual_board.keep_as_png(tmp_path, display, after) == [tmp_path / name]
+
+
 def test_a_start_that_is_ended_takes_the_board_with_it(place, tmp_path):
     """A panel that no board was compiled for: while it waits for the compiler."""
     (tmp_path / "odd.toml").write_text((place / "small.toml").read_text().replace(f"= {WIDTH}", f"= {WIDTH + 1}"))

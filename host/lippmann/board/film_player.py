@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 from lippmann.board.scene import Loaded, SceneBoard, SceneStatus
@@ -51,15 +51,14 @@ def load_textures(
             scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
         except InputError as error:
             raise InputError(f"{where}: frame {frame}: {error}") from None
-    loaded = Loaded()
     scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)
-    scene.load(dict(zip(slots, contents, strict=True)), progress, loaded=loaded)
+    textures = scene.load(dict(zip(slots, contents, strict=True)), progress)
     curve = curve_table(display).tobytes()
     if CURVE_SLOT in scene.status().slots and not scene.holds(CURVE_SLOT, curve):
         scene.draw(False)
-    scene.load({CURVE_SLOT: curve})
-    return loaded, slots
+    table = scene.load({CURVE_SLOT: curve})
+    return Loaded(*(getattr(textures, one.name) + getattr(table, one.name) for one in fields(Loaded))), slots
 
 
 def play_film(

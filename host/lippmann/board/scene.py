@@ -22,6 +22,7 @@ from lippmann.fixed.register_file import optics_writes, write
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import curve_table, layer_words, scene_words, slot_bytes
 from lippmann.fixed.scene_words import LayerWords, SceneWords
+from lippmann.layers.folder import check_depth, check_for_display
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.link.packets import SCENE_VERSION, Kind, ReplyStatus
 from lippmann.registers import SCENE_REGISTERS
@@ -231,8 +232,10 @@ class SceneBoard:
         """Write the layers' registers that have changed, in one request; return the number of its words.
 
         The panel changes from one frame to the next, as a whole. Layers of the build behind the stack's are hidden.
-        Lattice and background are those of `prepare`.
+        Lattice and background are those of `prepare`. Raises InputError for layers at or behind the eyes, and for what
+        the registers cannot hold.
         """
+        check_for_display(stack, display)
         return self.set_words(scene_words(display, stack, self.build, tuple(self._slots(stack, slots))))
 
     def set_words(self, words: SceneWords) -> int:
@@ -251,19 +254,25 @@ class SceneBoard:
         return last + 1 - first
 
     def set_layer(self, display: Display, layer: Layer, number: int, slot: int | None = None) -> None:
-        """Write the eight registers of a layer in one request: its place and its look."""
+        """Write the eight registers of a layer in one request: its place and its look; raises as `set_stack`."""
+        check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
         words = layer_words(display, layer, self._number(number), number if slot is None else slot)
         self._held = None
         self.board.write(self._address(number), words.words)
 
     def move_layer(self, display: Display, layer: Layer, number: int) -> None:
-        """Write the seven registers of a layer's place in one request; slot, brightness and visibility stay."""
+        """Write the seven registers of a layer's place; slot, brightness, visibility stay. Raises as `set_stack`."""
+        check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
         words = layer_words(display, layer, self._number(number), 0)
         self._held = None
         self.board.write(self._address(number), words.words[:MOVE_WORDS])
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write a display's optics and lattice, the background and all layers, while no scene is shown."""
+        """Write a display's optics and lattice, the background and all layers, while no scene is shown.
+
+        Raises as `set_stack`.
+        """
+        check_for_display(stack, display)
         build = self.board.optics_build()
         config = configuration(display, build, build.model)
         self.board.write_all([*optics_writes(config), write("control", apply=1)])

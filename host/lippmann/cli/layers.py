@@ -15,13 +15,14 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Slot
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import load_display
+from lippmann.display import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.files import replacing
+from lippmann.fixed.scene_configuration import scene_words
 from lippmann.images import check_output
 from lippmann.layers.cost import row_of
 from lippmann.layers.cut import SLOT, Cut
-from lippmann.layers.drawing import Filter
+from lippmann.layers.drawing import Filter, scene_build_of
 from lippmann.layers.folder import check_for_display, save_layers
 from lippmann.layers.pictures import cut_pictures, is_pictures
 from lippmann.layers.remarks import depth_remarks, texture_remarks
@@ -91,7 +92,7 @@ def command(
             writer.writeheader()
             writer.writerows(rows)
     depths = [(name, layer.depth_mm) for name, layer in zip(names, cut.stack.layers, strict=True)]
-    for remark in (*texture_remarks(cut.stack, names), *depth_remarks(depths, display)):
+    for remark in (*texture_remarks(cut.stack, names), *depth_remarks(depths, display), *_undrawn(cut, display, names)):
         log(remark)
     emit(
         {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
@@ -122,6 +123,14 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any
         seen = f"the eye's view {row['view_db']:.1f} dB (at least {row['worst_db']:.1f}), " if "view_db" in row else ""
         spent = f"{row['load_bytes']} bytes, {row['block_rams']} block RAMs, {row['multipliers']} multipliers"
         yield f"{_layers(row['layers'])}: {seen}{spent}"
+
+
+def _undrawn(cut: Cut, display: Display, names: tuple[str, ...]) -> Iterator[str]:
+    """Yield a line when the registers of a board cannot hold the layers, which golden draws."""
+    try:
+        scene_words(display, cut.stack, scene_build_of(cut.stack, "nearest", 1), names=names)
+    except InputError as error:
+        yield f"note: no board can draw this: {error}"
 
 
 def _layers(count: int) -> str:

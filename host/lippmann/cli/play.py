@@ -45,6 +45,7 @@ def command(
     with open_board() as board:
         if not force:
             check_board(board, display, display_path, ", or play with --force")
+        board.check_no_pattern()
         scene = SceneBoard(board)
         if len(film.stack.layers) > scene.build.layers:
             what = f"has {len(film.stack.layers)} layers, the board draws {scene.build.layers}"

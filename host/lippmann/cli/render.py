@@ -10,16 +10,20 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
 from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit, log, progress_bar
+from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import check_output
 from lippmann.integral_image import IntegralImage
 from lippmann.layers.drawing import Filter
-from lippmann.layers.folder import is_layers, load_named_layers
+from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.remarks import depth_remarks
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import peak_memory_mb
 from lippmann.rendering.scene import check_scene_file
 from lippmann.variant import current_device
+
+#: Options that only scenes have.
+OF_SCENES = ("aperture", "integrator", "max_depth", "tolerance", "memory_mb", "device")
 
 
 @make_command("render")
@@ -43,6 +47,8 @@ def command(
     if is_layers(scene_path):
         image = _drawn(scene_path, display_path, options, moved, filter)
     else:
+        if _given("filter"):
+            raise InputError("--filter is for layers; leave it out with a scene")
         placement, arrange = moved.placement(check_scene_file(scene_path)), moved.arrange
         with progress_bar("render") as progress:
             image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
@@ -72,30 +78,33 @@ def command(
     emit(result, text)
 
 
+def _given(name: str) -> bool:
+    return click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT
+
+
 def _drawn(path: str, display_path: str, options: RenderOptions, moved: Moved, filter: Filter) -> IntegralImage:
     """Return the picture of a folder of layers; refuse options that only scenes have."""
-    settings, plain = options.settings, RenderOptions()
-    for name in moved.given.keys() - {"scale", "offset"}:
-        raise InputError(f"--{name.replace('_', '-')} is for scenes; layers take --scale and --offset")
-    for name, given in (("aperture", settings.aperture), ("integrator", settings.integrator)):
-        if given != getattr(plain.settings, name):
-            raise InputError(f"--{name} is for scenes; leave it out with layers")
-    scale = 1.0 if moved.scale is None else moved.scale
+    for name in moved.given.keys() - {"scale", "offset"} | {name for name in OF_SCENES if _given(name)}:
+        raise InputError(f"--{name.replace('_', '-')} is for scenes; leave it out with layers")
+    display = load_display(display_path)
     named = load_named_layers(path)
-    stack = named.stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
-    model = "exact" if options.model == "auto" else options.model
-    by_default = click.get_current_context().get_parameter_source("engine") is ParameterSource.DEFAULT
-    engine = "golden" if by_default else options.engine
-    image = api.draw(
-        stack,
-        display_path,
-        filter=filter,
-        samples=settings.samples,
-        model=model,
-        engine=engine,
-        fraction_bits=options.fraction_bits,
-    )
+    scale = 1.0 if moved.scale is None else moved.scale
+    try:
+        stack = named.stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
+        for name, layer in zip(named.names, stack.layers, strict=True):
+            check_depth(layer.depth_mm, display, f"layer '{name}': depth")
+        image = api.draw(
+            stack,
+            display,
+            filter=filter,
+            samples=options.settings.samples,
+            model="exact" if options.model == "auto" else options.model,
+            engine=options.engine if _given("engine") else "golden",
+            fraction_bits=options.fraction_bits,
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     depths = [(name, layer.depth_mm) for name, layer in zip(named.names, stack.layers, strict=True)]
-    for remark in depth_remarks(depths, image.display):
+    for remark in depth_remarks(depths, display):
         log(remark)
     return image

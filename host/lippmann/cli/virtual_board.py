@@ -83,8 +83,9 @@ def start_command(
     display = load_display(display_path)
     virtual_board.check_panel(display)
     drawing = SceneBuild(layers or 1, slots, *(slot or (SceneBuild.width, SceneBuild.height)), bilinear, samples or 1)
-    if layers is None and (bilinear or (slots, slot, samples) != (None, None, None)):
-        raise input_error("--slots, --slot, --bilinear, --samples", "are of a board that draws", "add --layers N")
+    of_scenes = {"--slots": slots, "--slot": slot, "--bilinear": bilinear or None, "--samples": samples}
+    if layers is None and (given := [name for name, value in of_scenes.items() if value is not None]):
+        raise input_error(", ".join(given), "only a board that draws has this", "add --layers N")
     scene = None if layers is None else drawing
     _check_places(capture, ready, trace)
     if background and not ready:
@@ -109,7 +110,8 @@ def start_command(
         if ready:
             end.callback(_remove_ready, ready)
         if capture:
-            end.callback(virtual_board.keep_as_png, capture, display)
+            after = virtual_board.last_frame(capture)
+            end.callback(virtual_board.keep_as_png, capture, display, after)
         end.callback(lambda: done.update(board.stop()))
         try:
             if ready:
@@ -119,7 +121,7 @@ def start_command(
             with interrupts.held() as ended:
                 while board.process.poll() is None and not ended:
                     if capture:
-                        virtual_board.keep_as_png(capture, display)
+                        virtual_board.keep_as_png(capture, display, after)
                     time.sleep(CHECK_S)
         except KeyboardInterrupt:
             interrupts.received.clear()  # the usual end of this command

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from lippmann import toml
 from lippmann.display import Display
-from lippmann.errors import InputError, did_you_mean, input_error
+from lippmann.errors import InputError, did_you_mean, input_error, likely_file
 from lippmann.film.film import MAX_FRAMES
 from lippmann.film.path import Motion, interpolated
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
@@ -104,6 +104,9 @@ def load_layer_film(path: str | Path) -> LayerFilm:
     if is_layers(path) or path.is_dir():
         named = load_named_layers(path)
         return LayerFilm(named.stack, named.names)
+    if not path.exists():
+        remedy = likely_file(path, (".toml",)) or "give a film of layers (.toml), or a folder that lippmann layers made"
+        raise input_error(str(path), "no such file", remedy)
     film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))))
     try:
         named = load_named_layers(path.parent / film.layers)

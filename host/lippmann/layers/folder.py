@@ -203,8 +203,8 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
         with Image.open(path, formats=("PNG",)) as picture:
             size = f"{picture.width} x {picture.height}"
             if max(picture.size) > MAX_SIDE:
-                what = f"has {size} texels, more than a board's slot can have"
-                raise input_error(str(path), what, f"make it at most {MAX_SIDE} x {MAX_SIDE}")
+                what = f"has {size} texels, more across or down than a board's slot can have"
+                raise input_error(str(path), what, f"make each side at most {MAX_SIDE}")
             if picture.mode != "P" or picture.palette is None:
                 kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
                 what = f"is a {kind} picture without a palette"

@@ -222,4 +222,6 @@ class Line:
             if self.url.startswith("socket://") and not token_of(self.url):
                 remedy += ", or give the board's token: socket://HOST:PORT?token=..."
             return no_board_error(self.url, what, remedy)
-        return no_board_error(self.url, f"the connection is lost ({error})", "plug the board in; it keeps what arrived")
+        first = "see whether the board runs: if so," if self.url.startswith(SCHEMES) else "plug the board in;"
+        remedy = f"{first} it keeps what arrived"
+        return no_board_error(self.url, f"the connection is lost ({error})", remedy)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 import secrets
 import signal
 import socket
@@ -302,10 +303,17 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
                 board.stop()
 
 
-def keep_as_png(folder: Path, display: Display) -> list[Path]:
+def last_frame(folder: Path) -> int:
+    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without."""
+    found = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
+    return max((int(one[1]) for one in found if one), default=0)
+
+
+def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
 
-    Raises CaptureError when a file cannot be written; its captured frame stays.
+    `after` is added to their numbers, so that a folder's last frame is the latest, whichever board has shown it. Raises
+    CaptureError when a file cannot be written; its captured frame stays.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
@@ -315,7 +323,7 @@ def keep_as_png(folder: Path, display: Display) -> list[Path]:
             continue  # left by a board with another panel
         values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
         metadata = {"identity": display.identity, "display": display.name}
-        made.append(raw.with_suffix(".png"))
+        made.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
         try:
             write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
         except LippmannError as error:
