@@ -378,6 +378,8 @@ def display_of(keys: Any, name: str, where: str) -> Display:
         check_radius(made, f"{where}array.radius_mm")
         made = replace(made, thickness_mm=made.sag_mm)
     named = keys.name if keys.name is not None else name
+    if len(named.splitlines()) > 1 or named != named.strip("\r\n"):
+        raise input_error(f"{where}name", "has a line break", "give a name of one line")
     display = Display(named, Panel(**panel), made, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)
     return display

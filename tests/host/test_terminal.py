@@ -31,6 +31,13 @@ def test_control_characters_of_names_are_shown(tmp_path, capsys):
     assert not output.OBEYED.search(err)
 
 
+def test_a_name_of_two_lines_is_refused(tmp_path, capsys):
+    (tmp_path / "d.toml").write_text(NAMED.replace("evil", r"two\nlines"))
+    assert run(["inspect", str(tmp_path / "d.toml")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("d.toml: name: has a line break; give a name of one line")
+
+
 def test_bytes_that_are_no_text_in_a_name(tmp_path):
     """In a process of its own: its arguments are bytes."""
     done = subprocess.run(

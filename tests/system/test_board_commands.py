@@ -364,10 +364,16 @@ def test_frames_of_another_panel_are_left_alone(place, tmp_path):
 
 def test_the_frames_of_the_next_board_come_after_those_of_the_last(place, tmp_path):
     display = load_display(place / "small.toml")
+    old, new = tmp_path / "frame-00000007.rgb.part", tmp_path / "frame-00000008.rgb.part"
+    for path in (old, new):
+        path.write_bytes(b"half")
+    os.utime(old, (0, 0))
     for name, after in (("frame-00000001.png", 0), ("frame-00000002.png", 1)):
         assert virtual_board.last_frame(tmp_path) == after
         (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))
         assert virtual_board.keep_as_png(tmp_path, display, after) == [tmp_path / name]
+    assert new.exists()
+    assert not old.exists()
 
 
 def test_a_start_that_is_ended_takes_the_board_with_it(place, tmp_path):

@@ -50,6 +50,8 @@ MAX_SIDE_PX = 16383
 CLOCKS_OF_A_BIT = 8
 #: A program that is silent for so long makes room for another one that connects, s.
 IDLE_S = 60
+#: A captured frame that has not been whole for so long, s, is what a killed simulator left.
+PART_S = 60.0
 #: State of a TCP socket that waits for connections, in /proc/net/tcp.
 LISTENS = "0A"
 #: Longest time until a simulator is ready, and until it has ended, s.
@@ -304,7 +306,14 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
 
 
 def last_frame(folder: Path) -> int:
-    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without."""
+    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without.
+
+    Half-written frames of killed boards are removed.
+    """
+    for part in folder.glob("frame-*.rgb.part"):  # of a simulator that was killed
+        with contextlib.suppress(FileNotFoundError):
+            if time.time() - part.stat().st_mtime > PART_S:
+                part.unlink()
     found = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
     return max((int(one[1]) for one in found if one), default=0)
 
