@@ -12,7 +12,7 @@ from lippmann.calibration import check
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.lattice import find_lattice, steps_of
 from lippmann.calibration.photographs import positions
-from lippmann.calibration.result import load_calibration
+from lippmann.calibration.result import DoubtError, load_calibration
 from lippmann.calibration.shoot import shoot
 from lippmann.calibration.solve import calibrate
 from lippmann.cli import run
@@ -129,6 +129,32 @@ def test_a_panel_of_640_pixels_is_known_as_well_as_promised(seed, tmp_path):
     assert judged.worst_px < 0.3
     assert judged.rotation_deg < 0.002
     assert judged.gap_percent < 1.0
+
+
+def test_the_radius_is_found_where_asked(case, tmp_path, capfd):
+    """Lenslets 3 % rounder than the file's: without --radius its radius stays."""
+    array = case.built.array
+    rounder = dataclasses.replace(case.built, array=dataclasses.replace(array, radius_mm=0.97 * array.radius_mm))
+    photos = dataclasses.replace(case, built=rounder).shoot(tmp_path / "bench", seed=SEED)
+    out = tmp_path / "calibrated.toml"
+    words = ["calibrate", "solve", str(photos), "--display", str(photos.parent / "nominal.toml"), "-o", str(out)]
+    assert run([*words, "--radius", "--json"]) == 0
+    parameters = {one["name"]: one for one in json.loads(capfd.readouterr().out)["parameters"]}
+    found = parameters["radius"]
+    assert found["nominal"] == case.nominal.array.radius_mm
+    assert found["determined"]
+    assert found["uncertainty"] < 0.02 * found["value"]
+    assert abs(found["value"] - rounder.array.radius_mm) < 1.5 * found["uncertainty"]
+    assert load_display(out).array.radius_mm == pytest.approx(found["value"], rel=1e-9)
+    assert judge(load_display(out), rounder).rms_px < 0.1
+
+
+def test_a_radius_far_from_the_files_is_told(case, photos):
+    array = case.nominal.array
+    wrong = dataclasses.replace(case.nominal, array=dataclasses.replace(array, radius_mm=1.5 * array.radius_mm))
+    says = r"no radius from .* as photographed; correct radius_mm|do not fit"
+    with pytest.raises((InputError, DoubtError), match=says):
+        calibrate(photos, wrong, radius=True)
 
 
 def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):

@@ -76,8 +76,7 @@ def _powers(slope: Floats, count: int = 3) -> Floats:
 
 def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
     """Trace a display's lenslet from cameras at a distance, with slopes up to `steepest`."""
-    array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
-    plain = replace(display, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+    plain = _plain(display)
     radii = np.linspace(0.0, max(steepest, 0.05), SLOPES + 1)[1:]
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
     slopes = np.stack([np.outer(radii, f(angles)).ravel() for f in (np.cos, np.sin)], axis=1)
@@ -100,6 +99,28 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
         errors.append(float(np.hypot(*(means + (design @ numbers).reshape(-1, 2)).T).max()))
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
     return Landing(fits[0] - gaps[0] * per_gap, per_gap, np.asarray(aside, np.float64), height, steepest, max(errors))
+
+
+def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
+    """Return how far panel points move over the inner cell, mm a mm, for cameras in directions of slopes (N, 2)."""
+    plain, height = _plain(display), outline_mm(display)
+    turn = np.deg2rad(display.array.rotation_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    slopes = slopes @ [[c, -s], [s, c]]  # in the array's axes
+    inner = _inner(plain)
+    through = _middles(plain, slopes, height, distance_mm)[:, None] + inner[None]
+    seen, at = _traced(plain, slopes, through, height, distance_mm)
+    number = np.maximum(seen.sum(axis=1), 1)
+    across = [one - (one * seen[..., None]).sum(axis=1, keepdims=True) / number[:, None, None]
+              for one in (np.broadcast_to(inner, at.shape), at)]  # fmt: skip
+    moves = np.linalg.lstsq(across[0][seen], across[1][seen], rcond=None)[0]
+    return 0.5 * float(np.trace(moves))
+
+
+def _plain(display: Display) -> Display:
+    """Return the display whose lenslet (0, 0) is in the middle, not turned, its image right behind it."""
+    array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
+    return replace(display, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:

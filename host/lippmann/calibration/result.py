@@ -20,8 +20,8 @@ from lippmann.files import replacing
 from lippmann.limits import load_arrays
 
 Floats = npt.NDArray[np.float64]
-#: Uncertainties beyond these are not determined: shares of the pitch, of the gap (D), mm of the offset, degrees.
-OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01}
+#: Uncertainties beyond these are not determined: shares of the pitch, gap (D) and radius; mm of the offset; degrees.
+OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
 #: Correlation from which on two parameters cannot be told apart.
 ALIKE = 0.98
 #: Positions of the camera that determine everything.

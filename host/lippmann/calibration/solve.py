@@ -18,7 +18,17 @@ from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
 from lippmann.calibration.numbering import Start, starts
 from lippmann.calibration.photographs import pattern_set, positions
-from lippmann.calibration.result import Calibration, Camera, DoubtError, display_of, parameters_of, remarks_of
+from lippmann.calibration.radius import Radius, radius_of
+from lippmann.calibration.result import (
+    OPEN,
+    Calibration,
+    Camera,
+    DoubtError,
+    Parameter,
+    display_of,
+    parameters_of,
+    remarks_of,
+)
 from lippmann.display import Display
 from lippmann.optics.panel import PanelFrame
 
@@ -36,12 +46,20 @@ MOST_SCATTER_PX, MOST_SCATTER = 0.5, 0.03
 MOST_OUTLIERS = 0.35
 #: A bow is told when it is this many standard deviations, and this high, mm.
 BOW_DEVIATIONS, LEAST_BOW_MM = 6.0, 0.004
+#: Rounds in which the radius is found for the gap, and the gap for the radius.
+RADIUS_ROUNDS = 2
 
 
 def calibrate(
-    folder: Path, nominal: Display, bow: bool = False, progress: Progress = lambda what, done, total: None
+    folder: Path,
+    nominal: Display,
+    bow: bool = False,
+    progress: Progress = lambda what, done, total: None,
+    radius: bool = False,
 ) -> Calibration:
     """Return the calibration that the photographs of a folder give for a nominal display.
+
+    With `bow` and `radius` tilts and curvatures of the array, and the lenslets' radius, are found too.
 
     Raises InputError for photographs that cannot be used, with the photograph and a remedy; DoubtError when the
     photographs contradict each other or the display file.
@@ -60,7 +78,7 @@ def calibrate(
         seen.append(find_lattice(position.name, points, nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
     assert shape is not None
-    return solve_views(nominal, views, seen, shape, bow, progress)
+    return solve_views(nominal, views, seen, shape, bow, progress, radius)
 
 
 def solve_views(
@@ -70,6 +88,7 @@ def solve_views(
     shape: tuple[int, int],
     bow: bool = False,
     progress: Progress = lambda what, done, total: None,
+    radius: bool = False,
 ) -> Calibration:
     """Return the calibration that the lenslets seen from some positions give."""
     likely, landing = starts(nominal, views, seen, shape)
@@ -91,6 +110,13 @@ def solve_views(
     # The rays again, through the array and the gap that were found, from where each camera stands.
     whole = replace(whole, landings=again(solution, landing))
     solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
+    round_lens = None
+    for _ in range(RADIUS_ROUNDS if radius else 0):
+        round_lens = radius_of(display_of(whole.display, solution), solution)
+        array = replace(nominal.array, radius_mm=round_lens.value_mm)
+        whole = replace(whole, display=replace(nominal, array=array))
+        whole = replace(whole, landings=again(replace(solution, problem=whole), landing))
+        solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
     progress("least squares", 2, 3)
@@ -103,7 +129,7 @@ def solve_views(
         remarks.append(f"bow: the array is {1000.0 * height:+.0f} um higher at the panel's corners than in its middle")
     elif _bow_is_sure(bowed) and abs(height) > LEAST_BOW_MM:
         remarks.append(f"the array is bowed or tilted ({1000.0 * height:+.0f} um at the corners); solve with --bow")
-    made = _result(nominal, replace_views(solution, start), solution, tuple(remarks))
+    made = _result(nominal, replace_views(solution, start), solution, tuple(remarks), round_lens)
     progress("least squares", 3, 3)
     return made
 
@@ -144,7 +170,9 @@ def _bow_is_sure(solution: Solution) -> bool:
     return any(abs(solution.value(name)) > BOW_DEVIATIONS * solution.deviation(name) for name in BOW)
 
 
-def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple[str, ...]) -> Calibration:
+def _result(
+    nominal: Display, whole: Problem, solution: Solution, remarks: tuple[str, ...], radius: Radius | None
+) -> Calibration:
     """Return the calibration; refuse one that the data contradict."""
     pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
     outliers = 1.0 - float(np.mean(np.concatenate(solution.kept)))
@@ -156,8 +184,12 @@ def _result(nominal: Display, whole: Problem, solution: Solution, remarks: tuple
             f"{100.0 * outliers:.0f} % are outliers; use one lens without zoom, and check plano_side, thickness_mm, "
             "index and focal length in the file"
         )
-    display = display_of(nominal, solution)
+    display = display_of(whole.display, solution)
     parameters = parameters_of(nominal, solution)
+    if radius is not None:
+        half = 1.96 * radius.deviation_mm
+        known = half < OPEN["radius"] * radius.value_mm
+        parameters += (Parameter("radius", radius.value_mm, half, "mm", nominal.array.radius_mm, known),)
     lens = {name: solution.value(name) for name in LENS}
     cameras = tuple(
         Camera(

@@ -164,6 +164,7 @@ def solve_command(
     display_path: str = DISPLAY,
     output: str = option("The calibrated display file, .toml; a .npz for `report` beside it.", flag="-o"),
     bow: bool = option("Fit tilts and curvatures of the array over the panel, too.", False),
+    radius: bool = option("Find the lenslets' radius, too.", False),
 ) -> None:
     """Solve photographs for the array: rotation, pitches, shear, offset and gap, with their uncertainties.
 
@@ -188,7 +189,7 @@ def solve_command(
                 log(what)
             progress(done, total)
 
-        found = calibrate(Path(photos), nominal, bow, told)
+        found = calibrate(Path(photos), nominal, bow, told, radius)
     beside = found.save(path)
     lines = [
         f"{one.name:<10}{one.value:+12.6f} +- {one.uncertainty:.6f} {one.unit}"
