@@ -238,6 +238,19 @@ def test_a_moved_camera(case, spoiled):
         calibrate(spoiled.parent, case.nominal)
 
 
+@pytest.mark.parametrize("kind", ["gray", "coded"])
+def test_a_camera_that_moved_and_came_back(case, spoiled, kind):
+    """By three pixels, in the middle of the photographs: the marks, first and last, stay where they were."""
+    files = sorted(spoiled.glob("*-gray-*") if kind == "gray" else spoiled.glob("*.png"))
+    move = np.float32([[1, 0, 3], [0, 1, 0]])
+    for path in files[3:7] if kind == "gray" else files[6:14]:
+        changed(path, lambda light: cv2.warpAffine(light, move, light.shape[1::-1], borderMode=cv2.BORDER_REPLICATE))
+    with pytest.raises(
+        InputError, match=r"position-1: the photographs do not fit together: only \d+ % of the lenslets"
+    ):
+        calibrate(spoiled.parent, case.nominal)
+
+
 def test_a_panel_partly_out_of_view(case, spoiled):
     for path in spoiled.iterdir():
         changed(path, lambda picture: picture[:, 110:])
