@@ -27,7 +27,7 @@ SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
 WHOLE = 0.95
 #: Photographs are not of one place when both are less: the share of the lenslets inside the panel that are seen whole,
-#: and that of the pixels that see the lenslet in front. Clean ones have 0.79 and 0.98, with 10 % of wrong pixels 0.69 and
+#: and that of the pixels that see the lenslet in front. Clean ones have 0.79 and 0.98, with a tenth wrong 0.69 and
 #: 0.93, blurred by 3 pixels 0.39 and 0.99, moved by 3 pixels 0.25 and 0.85.
 STEADY, AGREE = 0.45, 0.96
 #: Least share of the usual number of pixels that a lenslet must have.
