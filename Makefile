@@ -90,7 +90,7 @@ synth: $(READY) ## place and route the RTL's named configurations and boards (ho
 # X11 has a variable DISPLAY too: only what is given to make counts.
 given = $(if $(filter command line,$(origin $(1))),--$(2) $($(1)))
 bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 LAYERS=4 BILINEAR=)
-	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,LAYERS,layers) $(if $(BILINEAR),--bilinear)
+	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,LAYERS,layers) $(if $(filter-out 0 no false,$(BILINEAR)),--bilinear)
 
 report-bitstream: $(READY) ## clocks and cells of the ULX3S's bitstreams, into docs/reports (hours; kept in build/bitstream)
 	$(BIN)/python -m lippmann.dev.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --report docs/reports

@@ -1,5 +1,6 @@
 """`make bitstream`: what a board cannot show is refused in one line, and what nextpnr says is read as it is meant."""
 
+import re
 import subprocess
 import sys
 
@@ -61,6 +62,29 @@ def test_a_display_that_the_board_cannot_show(board, size, said, tmp_path, capsy
     assert "; " in line
 
 
+def test_a_display_of_other_bits_and_one_whose_line_is_too_slow(tmp_path, capsys):
+    deep = shown(640, 480, tmp_path)
+    deep.write_text(deep.read_text().replace("[panel]", "[panel]\nbits = 10"))
+    assert "the panel has 10 bits a colour, ulx3s sends 8; give bits = 8" in refused(capsys, "--display", deep)
+    line = refused(capsys, "--display", shown(480, 272, tmp_path))
+    assert re.search(r"display '480x272' on ulx3s: 3000000 baud does not fit a clock of \d+ Hz", line)
+
+
+def test_a_half_written_result_is_made_again(tmp_path, monkeypatch):
+    """And a whole one is kept: the second time nothing is run."""
+    ran = []
+    monkeypatch.setattr(bitstream, "_work_folder", lambda made: tmp_path)
+    monkeypatch.setattr(bitstream.flow, "synthesise", lambda *_: ran.append("yosys") or 7)
+    monkeypatch.setattr(bitstream, "_routed", lambda *_: ran.append("nextpnr") or {"seed": 1, "missed": ""})
+    made = bitstream.plan(fpga_board("ulx3s"), load_display(str(shown(640, 480, tmp_path))))
+    (tmp_path / "netlist.json").write_text("{}")
+    (tmp_path / "written.json").write_text("")
+    (tmp_path / "seed-1.json").write_text('{"seed": 1, "mis')
+    for _ in range(2):
+        assert bitstream.place(made, [1]) == [{"seed": 1, "missed": ""}]
+    assert ran == ["yosys", "nextpnr"]
+
+
 def test_a_panel_for_which_the_memory_is_too_slow(tmp_path, monkeypatch):
     """With the shares of the memory's clocks told: 90 % are there, and 720p takes 95 % of 97 MHz."""
     display = load_display(str(shown(1280, 720, tmp_path)))
@@ -76,7 +100,8 @@ def test_other_bad_input(tmp_path, capsys):
     assert "did you mean ulx3s?" in refused(capsys, "--board", "ulx3")
     assert "choose from ulx3s, ulx3s_lcd" in refused(capsys, "--board", "arty")
     assert "list of numbers" in refused(capsys, "--seeds", "1,x")
-    assert "negative" in refused(capsys, "--seeds", "1,-2")
+    assert "-2 is out of range; give numbers from 0 to" in refused(capsys, "--seeds", "1,-2")
+    assert "99999999999 is out of range" in refused(capsys, "--seeds", "99999999999")
     assert "nothing is drawn" in refused(capsys, "--layers", "0", "--bilinear")
     assert "no such file" in refused(capsys, "--display", tmp_path / "none.toml")
 

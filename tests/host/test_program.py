@@ -49,12 +49,12 @@ def loads(place, script):
     path.chmod(path.stat().st_mode | stat.S_IXUSR)
 
 
-def on_usb(place, monkeypatch, *serials):
+def on_usb(place, monkeypatch, *serials, density=85):
     """List devices as Linux does: a hub, an adapter of another product, and ULX3S boards of these serial numbers."""
-    devices = place / f"usb-{len(serials)}"
+    devices = place / f"usb-{len(serials)}-{density}-{len(set(serials))}"
     monkeypatch.setattr(program_module, "USB_DEVICES", devices)
     listed = [("1d6b", "0002", "xHCI Host Controller", "0"), ("0403", "6015", "FT231X USB UART", "DN0"),
-              *(("0403", "6015", "ULX3S FPGA 85K v3.0.8", serial) for serial in serials)]  # fmt: skip
+              *(("0403", "6015", f"ULX3S FPGA {density}K v3.0.8", serial) for serial in serials)]  # fmt: skip
     for number, values in enumerate(listed):
         device = devices / f"1-{number}"
         device.mkdir(parents=True)
@@ -64,12 +64,14 @@ def on_usb(place, monkeypatch, *serials):
 
 
 def refused(capsys, code, *arguments):
-    """The one line with which the command ends, after the line that it begins to load."""
+    """The one line with which the command ends, after those that it loads, and what is left half-written."""
     assert run(["board", "program", *map(str, arguments)]) == code
     captured = capsys.readouterr()
     assert captured.out == ""
     *before, line = captured.err.splitlines()
-    assert len(before) <= 1
+    assert all(": openFPGALoader writes it" in one for one in before)
+    if not os.path.exists("called.txt"):
+        assert not before
     return line
 
 
@@ -108,6 +110,24 @@ def test_no_board_and_two_boards(place, monkeypatch, capsys):
     assert "there is K00219, K00042" in refused(capsys, 1, "board.bit", "--serial", "K1")
 
 
+def test_boards_that_cannot_be_told_apart_and_other_densities(place, monkeypatch, capsys):
+    on_usb(place, monkeypatch, "K00219", "K00219")
+    assert "2 boards are on USB (K00219, K00219); unplug all but one" in refused(capsys, 1, "board.bit")
+    on_usb(place, monkeypatch, "K1", density=12)
+    line = refused(capsys, 1, "board.bit")
+    assert "ulx3s: no such board is on USB, but one with another FPGA than LFE5U-85F; connect" in line
+    assert not (place / "called.txt").exists()
+
+
+def test_a_flash_that_is_interrupted_is_said_to_be_half_written(place, monkeypatch, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(program_module, "run_program", interrupted)
+    assert run(["board", "program", "board.bit", "--flash"]) == 130
+    assert "ulx3s: write it again before you switch it off: its flash memory holds a part" in capsys.readouterr().err
+
+
 def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
     monkeypatch.setattr(program_module, "USB_DEVICES", place / "none")
     assert run(["board", "program", "board.bit"]) == 0
@@ -123,6 +143,7 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
         ('echo "Error: CRC mismatch" >&2; exit 1', "openFPGALoader failed (Error: CRC mismatch); plug the board in"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "install its udev rules"),
+        ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
     ],
 )  # fmt: skip
 def test_errors_of_the_loader(place, script, said, capsys):

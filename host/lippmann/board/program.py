@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 from lippmann.board.bitfile import BitFile, read_bitfile
-from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
+from lippmann.board.fpga_boards import Fpga, FpgaBoard, Usb, fpga_board
 from lippmann.errors import DeviceError, InputError, device_error, input_error, no_board_error
 from lippmann.programs import run_program
 from lippmann.sim.tools import Tool
@@ -14,16 +16,21 @@ from lippmann.sim.tools import Tool
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
 #: Longest time of a load, which takes a quarter of a minute; into the flash memory some minutes, s.
 LOAD_SECONDS = 600.0
+REPLUG = "plug the board in again, then run it again"
 #: Where Linux lists the devices on USB.
 USB_DEVICES = Path("/sys/bus/usb/devices")
-#: Words of openFPGALoader when it finds no board.
+#: Words of openFPGALoader when it finds no board, and when the system does not let it open the one that is there.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
+NOT_ALLOWED = ("permission", "access", "usb_open() failed")
+#: What comes before an FPGA's density in the text of a board's USB adapter, such as "ULX3S FPGA 85K v3.0.8".
+DENSITY = re.compile(r"FPGA (\d+)[KF]")
 
 
-def on_usb(usb: Usb) -> list[str] | None:
+def on_usb(usb: Usb, fpga: Fpga | None = None) -> list[str] | None:
     """Return the serial numbers of a kind of board on USB; None where Linux does not list the devices.
 
-    A board without a serial port is found too: openFPGALoader takes the adapter from the port's driver.
+    With `fpga`, adapters whose text tells another density are left out. A board without a serial port is found too:
+    openFPGALoader takes the adapter from the port's driver.
     """
     if not USB_DEVICES.is_dir():
         return None
@@ -33,6 +40,9 @@ def on_usb(usb: Usb) -> list[str] | None:
         for name in ("idVendor", "idProduct", "product", "serial"):
             path = device / name
             told[name] = path.read_text(errors="replace").strip() if path.is_file() else ""
+        density = DENSITY.search(told["product"])
+        if density and fpga and fpga.thousands not in (0, int(density[1])):
+            continue
         same = (told["idVendor"], told["idProduct"]) == (f"{usb.vendor:04x}", f"{usb.product:04x}")
         if same and usb.text in told["product"]:
             found.append(told["serial"])
@@ -55,7 +65,13 @@ def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
     return board
 
 
-def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
+def program(
+    path: Path,
+    name: str | None = None,
+    serial: str | None = None,
+    flash: bool = False,
+    log: Callable[[str], None] = lambda line: None,
+) -> FpgaBoard:
     """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
 
     Parameters
@@ -64,6 +80,8 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
         The board, for a bitstream that names none.
     serial
         The serial number of the board's USB adapter; None: the only board on USB.
+    log
+        Called with a line before the load, and with one when Ctrl-C leaves the flash memory half-written.
 
     Raises InputError for a wrong file, MissingLibraryError without openFPGALoader, and DeviceError when there is no
     board or more than one, or the loader fails.
@@ -71,7 +89,7 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
     file = read_bitfile(path)
     board = board_of(path, file, name)
     loader = LOADER.path()
-    serials = on_usb(board.usb)
+    serials = on_usb(board.usb, board.fpga)
     remedy = "connect its USB socket US1, and switch it on"
     if serials is not None and serial is not None and serial not in serials:
         known = ", ".join(serials) or "none"
@@ -79,33 +97,42 @@ def program(path: Path, name: str | None = None, serial: str | None = None, flas
             f"--serial {serial}", f"no {board.name} on USB has this serial number", f"there is {known}"
         )
     if serials == []:
-        raise no_board_error(board.name, "no such board is on USB", remedy)
+        others = on_usb(board.usb)
+        what = f"no such board is on USB, but one with another FPGA than {board.fpga.name}" if others else ""
+        raise no_board_error(board.name, what or "no such board is on USB", remedy)
     if serials is not None and serial is None and len(serials) > 1:
-        what = f"{len(serials)} boards are on USB ({', '.join(serials)})"
-        raise device_error(board.name, what, "name one with --serial")
+        distinct = len(set(serials)) == len(serials) and all(serials)
+        what = f"{len(serials)} boards are on USB ({', '.join(one or 'without a serial number' for one in serials)})"
+        raise device_error(board.name, what, "name one with --serial" if distinct else "unplug all but one")
+    log(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")
+    again = "write it again before you switch it off: its flash memory holds a part" if flash else REPLUG
     command = [str(loader), "--board", board.usb.loader, *(["--ftdi-serial", serial] if serial else [])]
     command += ["--write-flash" if flash else "--write-sram", str(path)]
     try:
         done = run_program(command, timeout_s=LOAD_SECONDS)
     except subprocess.TimeoutExpired:
         late = f"openFPGALoader did not end within {LOAD_SECONDS:.0f} s"
-        raise device_error(board.name, late, "plug the board in again") from None
+        raise device_error(board.name, late, again) from None
+    except KeyboardInterrupt:
+        if flash:
+            log(f"{board.name}: {again}")
+        raise
     except OSError as error:
         raise InputError(f"{loader}: cannot be run ({error.strerror}); {LOADER.remedy}") from None
     if done.returncode:
-        raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, remedy)
+        raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, remedy, again)
     return board
 
 
-def _failure(board: FpgaBoard, said: str, code: int, remedy: str) -> DeviceError:
+def _failure(board: FpgaBoard, said: str, code: int, remedy: str, again: str) -> DeviceError:
     """Return the error of a loader that failed, with its own words."""
     lines = [" ".join(line.split()) for line in said.replace("\r", "\n").splitlines() if line.strip()]
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
     why = (wrong or lines or [f"exit code {code}"])[-1]
-    if any(word in said.lower() for word in NOT_FOUND):
-        return no_board_error(board.name, f"openFPGALoader finds no board ({why})", remedy)
-    if "permission" in said.lower() or "access" in said.lower():
+    if any(word in said.lower() for word in NOT_ALLOWED):
         return device_error(
             board.name, f"openFPGALoader may not use the board ({why})", "install its udev rules, or use sudo"
         )
-    return device_error(board.name, f"openFPGALoader failed ({why})", "plug the board in again, then run it again")
+    if any(word in said.lower() for word in NOT_FOUND):
+        return no_board_error(board.name, f"openFPGALoader finds no board ({why})", remedy)
+    return device_error(board.name, f"openFPGALoader failed ({why})", again)

@@ -35,8 +35,7 @@ def program_command(
         if told.identity != display.identity:
             what = f"the bitstream is for display {told.identity or 'unknown'}, {display_path} is {display.identity}"
             raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
-    log(f"{file}: openFPGALoader writes it, which takes a while")
-    found = program(path, board, serial, flash)
+    found = program(path, board, serial, flash, log)
     result = {
         "file": file, "board": found.name, "device": told.device, "display": told.display, "identity": told.identity,
         "flash": flash,

@@ -29,6 +29,7 @@ from lippmann.dev.flow import Source, run_tool
 from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.files import replacing
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.images import check_output
@@ -50,6 +51,10 @@ MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
 ROUNDING = 0.002
 #: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
+#: Bits of a colour that a board sends.
+BOARD_BITS = 8
+#: nextpnr's largest seed.
+MOST_SEED = 2**31 - 1
 
 
 class TimingError(LippmannError):
@@ -120,6 +125,9 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
     check_panel(display)
     where = f"display '{display.name}'"
     panel, timing = display.panel, timing_of(display)
+    if panel.bits != BOARD_BITS:
+        what = f"the panel has {panel.bits} bits a colour, {board.name} sends {BOARD_BITS}"
+        raise input_error(where, what, f"give bits = {BOARD_BITS}, which any monitor takes")
     if panel.width_px % 2:
         raise input_error(where, f"the panel is {panel.width_px} pixels wide", "the SDRAM takes an even number")
     rows = math.ceil(panel.width_px * panel.height_px / 2 * PAIR_WORDS / ROW_WORDS)
@@ -145,7 +153,17 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
         share = float(words / fastest) + REFRESH_SHARE
         what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MOST_SHARE:.0%} are there for it"
         raise input_error(where, what, "choose a narrower panel")
-    pll = solve(pixel, Fraction(board.oscillator_mhz), (least, fastest), samples=samples, dvi=board.video == "dvi")
+    try:
+        return _with_clocks(board, display, pixel, (least, fastest), layers, bilinear, samples)
+    except InputError as error:
+        raise InputError(f"{where} on {board.name}: {error}") from None
+
+
+def _with_clocks(
+    board: FpgaBoard, display: Display, pixel: Fraction, memory: tuple[Fraction, Fraction], layers: int,
+    bilinear: bool, samples: int,
+) -> Plan:  # fmt: skip
+    pll = solve(pixel, Fraction(board.oscillator_mhz), memory, samples=samples, dvi=board.video == "dvi")
     scene = SceneBuild(layers, bilinear=bilinear, samples=samples) if layers else None
     build = replace(board_build(display, scene), cross_cells=False)
     made = Plan(board, display, scene, build, pll)
@@ -164,19 +182,34 @@ def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[st
     """
     folder = _work_folder(made)
     netlist, counted = folder / "netlist.json", folder / "written.json"
-    if not counted.exists():
+    if (written := _kept(counted)) is None or not netlist.exists():
         log(f"{made.name}: synthesis")
-        counted.write_text(json.dumps(flow.synthesise(made.source, netlist, folder / "yosys.log")))
+        written = flow.synthesise(made.source, netlist, folder / "yosys.log")
+        _keep(counted, written)
     rows = []
     for seed in seeds:
         kept = folder / f"seed-{seed}.json"
-        if not kept.exists():
+        if (row := _kept(kept)) is None:
             log(f"{made.name}: place and route, seed {seed}")
-            kept.write_text(json.dumps(_routed(made, netlist, json.loads(counted.read_text()), seed), indent=1))
-        rows.append(json.loads(kept.read_text()))
+            row = _routed(made, netlist, written, seed)
+            _keep(kept, row)
+        rows.append(row)
         if not rows[-1]["missed"] and not every:
             break
     return rows
+
+
+def _kept(path: Path) -> Any:
+    """Return the result that a file keeps; None where there is none, or only a part of one."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def _keep(path: Path, result: Any) -> None:
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(result, indent=1))
 
 
 def _work_folder(made: Plan) -> Path:
@@ -260,7 +293,8 @@ def pack(made: Plan, seed: int) -> Path:
     told.write_text("".join(lines))
     run_tool(["yowasp-ecppack", "--compress", *(str(path.relative_to(top)) for path in (told, packed))])
     bit = top / "build" / "bitstream" / f"{made.name}.bit"
-    bit.write_bytes(packed.read_bytes())
+    with replacing(bit) as partial:
+        partial.write_bytes(packed.read_bytes())
     return bit.relative_to(top)
 
 
@@ -301,8 +335,9 @@ def _seeds(text: str) -> list[int]:
         seeds = [int(word) for word in re.split(r"[,\s]+", text.strip())]
     except ValueError:
         raise input_error("--seeds", f"'{text}' is not a list of numbers", "give one such as 1,2,3") from None
-    if min(seeds) < 0:
-        raise input_error("--seeds", f"{min(seeds)} is negative", "give numbers from 0 on")
+    for seed in seeds:
+        if not 0 <= seed <= MOST_SEED:
+            raise input_error("--seeds", f"{seed} is out of range", f"give numbers from 0 to {MOST_SEED}")
     return seeds
 
 
