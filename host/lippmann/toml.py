@@ -309,7 +309,8 @@ def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
         if len(value) > most:
             return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {most}")
         if len(value) < least:
-            return input_error(f"{source}: {name}", "is empty", f"give at least {least}")
+            how = remedy(node, re.sub(r"\[\d+\]", "", name))
+            return input_error(f"{source}: {name}", "is empty", f"give at least {least}: {how}")
     shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
     meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]

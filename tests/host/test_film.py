@@ -233,7 +233,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
         (FILM + 'motion = "jumpy"\n', "motion"),
         (FILM + "speed = 3\n", "speed"),
         (FILM + "near_mm = 1\nfar_mm = 2\n", "in front of"),
-        (FILM + "[world]\nkeys = []\n", "world.keys: [] is not valid; write each of them as [[world.keys]]"),
+        (FILM + "[world]\nkeys = []\n", "world.keys: is empty; give at least 1: write each of them as [[world.keys]]"),
         (FILM + "[world]\n", "world.keys: the key is missing; add it"),
         (
             FILM + "[world]\nkeys = [{ frame = 5 }]\n",

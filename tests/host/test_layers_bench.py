@@ -1,6 +1,7 @@
 """`bench layers`: what it measures on scenes whose layers, holes and bytes are known, and its kept page."""
 
 import dataclasses
+import itertools
 import math
 import zlib
 
@@ -152,13 +153,14 @@ def test_figures_of_the_how_to_are_those_of_the_kept_report():
         (row,) = (row for row in rows if (row["display"], row["scene"], row["layers"], row["drawn"]) == wanted)
         return f"{row['view_db']:.1f}"
 
-    square = layers.DISPLAYS[0]
-    for number in (4, 8):
-        chart, fish = ([db(display, scene, number) for display in layers.DISPLAYS] for scene in ("chart", "fish"))
-        assert f"{chart[0]} dB on `{square}`" in text or f"the chart {chart[0]} (" in text
-        assert f"{db(square, 'chart', number, 'bilinear')} bilinear)" in text
-        assert f"{chart[1]} dB" in text
-        assert f"{fish[0]} and {fish[1]} dB" in text
+    gains = []
+    for display, scene in itertools.product(layers.DISPLAYS, ("chart", "fish")):
+        nearest = [db(display, scene, number) for number in (4, 8)]
+        assert f"| {scene}, `{display}` | {' | '.join(nearest)} |" in text
+        bilinear = [db(display, scene, number, "bilinear") for number in (4, 8)]
+        gains += [float(one) - float(other) for one, other in zip(bilinear, nearest, strict=True)]
+    assert f"Bilinear adds up to {max(gains):.0f} dB" in text
+    assert min(gains) >= 0.0
     streamed = [row for row in rows if row["drawn"] == "streamed"]
     assert f"gives {min(row['view_db'] for row in streamed):.1f} dB or more" in text
     assert f"up to {max(layers.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text

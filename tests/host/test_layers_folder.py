@@ -138,7 +138,7 @@ def test_a_folder_written_by_hand(folder):
         ("one.png", "ones.png", "ones.png", "/one.png?"),
         ("one.png", "../one.png", "layer[0].picture", "give the name of a .png in the same folder"),
         ("one.png", "one.gif", "layer[0].picture", "give the name of a .png in the same folder"),
-        (r"\[\[layer(.|\n)*", "layer = []", "layer", "is empty; give at least 1"),
+        (r"\[\[layer(.|\n)*", "layer = []", "layer", "is empty; give at least 1: write each of them as [[layer]]"),
         (r"\Z", GOOD.partition("\n")[2], "layer[1].picture", "copy it under another name"),
         (r"\Z", GOOD.partition("\n")[2] * 8, "layers.toml: layer: 9 layers; ", "give at most 8"),
     ],
