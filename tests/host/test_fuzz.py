@@ -1,4 +1,4 @@
-"""Every reader of files, given broken ones: what it refuses is an InputError, in little time and memory.
+"""Broken files for every reader: it reads them, or refuses them in one line, in little time and memory.
 
 Files of the right kind are changed at random. `LIPPMANN_INPUTS` is the number of files for each reader; a failing
 file is kept under build/fuzz. Those that failed once are in tests/host/fuzz, and are tried first.
@@ -185,7 +185,7 @@ def _display():
     return load_display(Path("vga-square.toml"))
 
 
-#: By reader the file's name, and the kind of its seeds where readers take several.
+#: Each reader, and the good file that is changed for it.
 READERS = {
     (display_file, "d.toml"), (placement_file, "p.toml"), (film_file, "f.toml"), (layer_film_file, "l.toml"),
     (setup_file, "s.toml"), (layers_file, "layers/layers.toml"), (layer_picture, "layers/fish.png"),
@@ -203,7 +203,7 @@ def make_seeds(place):
     import lippmann as lp
     from lippmann.board.bitfile import comment
     from lippmann.calibration.codes import PatternSet
-    from lippmann.calibration.result import Calibration, Camera, Parameter
+    from lippmann.calibration.result import Calibration, FoundCamera, Parameter
     from lippmann.cli import run
     from PIL import Image
 
@@ -242,7 +242,9 @@ def make_seeds(place):
         cv2.imwrite(name, rng.integers(0, 256, (20, 30, 3), np.uint8))
     Path("patterns.toml").write_text(PatternSet.of(vga).text(vga))
     shutil.copy("d.toml", "c.toml")
-    camera = Camera(name="a", place_mm=(0, 0, 600), uncertainty_mm=(1, 1, 1), lenslets=2, agree=1.0, modulation=0.5)
+    camera = FoundCamera(
+        name="a", place_mm=(0, 0, 600), uncertainty_mm=(1, 1, 1), lenslets=2, agree=1.0, modulation=0.5
+    )
     parameter = Parameter("gap", 3.0, 0.1, "mm", 3.1, True)
     found = Calibration(lp.load_display("c.toml"), vga, (parameter,), (), (camera,), {}, 0.1, 0.1, 0.0, np.ones((2, 8)))
     found.save(Path("c.toml"))

@@ -100,7 +100,7 @@ def test_a_missing_loader(place, monkeypatch, capsys):
 def test_no_board_and_two_boards(place, monkeypatch, capsys):
     on_usb(place, monkeypatch)
     line = refused(capsys, 1, "board.bit")
-    assert line == "lippmann: ulx3s: no such board is on USB; connect its USB socket US1, and switch it on"
+    assert line == "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; connect its USB socket US1, and switch it on"
     on_usb(place, monkeypatch, "K00219", "K00042")
     assert "2 boards are on USB (K00219, K00042); name one with --serial" in refused(capsys, 1, "board.bit")
     assert not (place / "called.txt").exists()
@@ -115,7 +115,7 @@ def test_boards_that_cannot_be_told_apart_and_other_densities(place, monkeypatch
     assert "2 boards are on USB (K00219, K00219); unplug all but one" in refused(capsys, 1, "board.bit")
     on_usb(place, monkeypatch, "K1", density=12)
     line = refused(capsys, 1, "board.bit")
-    assert "ulx3s: no such board is on USB, but one with another FPGA than LFE5U-85F; connect" in line
+    assert "ulx3s: no 'ULX3S FPGA 85K' is on USB; connect" in line
     assert not (place / "called.txt").exists()
 
 

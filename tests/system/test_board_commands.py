@@ -368,6 +368,7 @@ def test_the_frames_of_the_next_board_come_after_those_of_the_last(place, tmp_pa
     for path in (old, new):
         path.write_bytes(b"half")
     os.utime(old, (0, 0))
+    virtual_board.remove_parts(tmp_path)
     for name, after in (("frame-00000001.png", 0), ("frame-00000002.png", 1)):
         assert virtual_board.last_frame(tmp_path) == after
         (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))

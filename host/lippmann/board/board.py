@@ -20,10 +20,10 @@ from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
 from lippmann.fixed.words import Ints
 from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, SCENE_VERSION, VERSIONS, Kind, ReplyStatus, packed
+from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
 from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.link.round_trip import RoundTrip
-from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS
+from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
 from lippmann.toml import documented, key
 
 #: Longest silence of a board before a request fails, s.
@@ -64,6 +64,7 @@ SIGNATURE = struct.Struct("<II")
 BUSY_REPLY = struct.Struct("<BI")
 
 UPDATE = "update the board or this host"
+#: Remedy where the scene that the board draws is in the way.
 END_SCENE = "end the scene first: lippmann board write scene.source scene=0"
 #: Cause and remedy of each refusal.
 REFUSALS = {
@@ -350,13 +351,6 @@ class Board:
             )
             raise self._error(what, "end it with lippmann board write display pattern=0")
 
-    def shows_scene(self) -> bool:
-        """Return whether the panel shows the scene that the board draws, not the stored frame."""
-        if self.info.version < SCENE_VERSION:
-            return False
-        status = SCENE_REGISTERS["status"]
-        return bool(status.fields["shown"].value(self.read(SCENE_BASE + status.address)[0]))
-
     def panel_crc(self) -> int:
         """Return the CRC-32 of a frame that was scanned out, from first to last pixel, after this call.
 
@@ -381,7 +375,7 @@ class Board:
         remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
         raise self._error(
             f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}",
-            remedy if changed else "stream the frame again",
+            remedy if changed else "stream the frame again, or end the scene that the board draws (scene.source)",
         )
 
     def next_seq(self) -> int:

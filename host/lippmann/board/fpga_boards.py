@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -30,12 +29,6 @@ class Fpga:
     package: Annotated[str, key("package, such as `CABGA381`")]
     speed: Annotated[int, key("speed grade", low=6, high=8)]
     idcode: Annotated[int, key("JTAG identity, 32 bits", low=0, high=0xFFFFFFFF)]
-
-    @property
-    def thousands(self) -> int:
-        """Its size in thousands of LUTs, from its name."""
-        found = re.search(r"-(\d+)F$", self.name)
-        return int(found[1]) if found else 0
 
 
 @documented

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 from lippmann.board.bitfile import BitFile, read_bitfile
-from lippmann.board.fpga_boards import Fpga, FpgaBoard, Usb, fpga_board
+from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
 from lippmann.errors import DeviceError, InputError, device_error, input_error, no_board_error
 from lippmann.programs import run_program
 from lippmann.sim.tools import Tool
@@ -22,15 +21,12 @@ USB_DEVICES = Path("/sys/bus/usb/devices")
 #: Words of openFPGALoader when it finds no board, and when the system does not let it open the one that is there.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
 NOT_ALLOWED = ("permission", "access", "usb_open() failed")
-#: What comes before an FPGA's density in the text of a board's USB adapter, such as "ULX3S FPGA 85K v3.0.8".
-DENSITY = re.compile(r"FPGA (\d+)[KF]")
 
 
-def on_usb(usb: Usb, fpga: Fpga | None = None) -> list[str] | None:
+def on_usb(usb: Usb) -> list[str] | None:
     """Return the serial numbers of a kind of board on USB; None where Linux does not list the devices.
 
-    With `fpga`, adapters whose text tells another density are left out. A board without a serial port is found too:
-    openFPGALoader takes the adapter from the port's driver.
+    A board without a serial port is found too: openFPGALoader takes the adapter from the port's driver.
     """
     if not USB_DEVICES.is_dir():
         return None
@@ -40,9 +36,6 @@ def on_usb(usb: Usb, fpga: Fpga | None = None) -> list[str] | None:
         for name in ("idVendor", "idProduct", "product", "serial"):
             path = device / name
             told[name] = path.read_text(errors="replace").strip() if path.is_file() else ""
-        density = DENSITY.search(told["product"])
-        if density and fpga and fpga.thousands not in (0, int(density[1])):
-            continue
         same = (told["idVendor"], told["idProduct"]) == (f"{usb.vendor:04x}", f"{usb.product:04x}")
         if same and usb.text in told["product"]:
             found.append(told["serial"])
@@ -89,7 +82,7 @@ def program(
     file = read_bitfile(path)
     board = board_of(path, file, name)
     loader = LOADER.path()
-    serials = on_usb(board.usb, board.fpga)
+    serials = on_usb(board.usb)
     remedy = "connect its USB socket US1, and switch it on"
     if serials is not None and serial is not None and serial not in serials:
         known = ", ".join(serials) or "none"
@@ -97,9 +90,7 @@ def program(
             f"--serial {serial}", f"no {board.name} on USB has this serial number", f"there is {known}"
         )
     if serials == []:
-        others = on_usb(board.usb)
-        what = f"no such board is on USB, but one with another FPGA than {board.fpga.name}" if others else ""
-        raise no_board_error(board.name, what or "no such board is on USB", remedy)
+        raise no_board_error(board.name, f"no '{board.usb.text}' is on USB", remedy)
     if serials is not None and serial is None and len(serials) > 1:
         distinct = len(set(serials)) == len(serials) and all(serials)
         what = f"{len(serials)} boards are on USB ({', '.join(one or 'without a serial number' for one in serials)})"

@@ -126,15 +126,27 @@ def _check_steady(name: str, share: float, agree: float) -> None:
 
 def whole_share(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> float:
     """Return the share that `whole` keeps of the lenslets (N, 2) that have neighbours on all sides."""
+    few = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
+    inside = _surrounded(*_table(index, counts), few)
+    return float((whole(index, counts) & inside).sum() / max(1, inside.sum()))
+
+
+def _table(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Return the counts by (i, j), with two empty rows around, and the places of the lenslets there, (2, N)."""
     low = index.min(axis=0) - 2
     table = np.zeros(index.max(axis=0) - low + 3)
-    i, j = (index - low).T
-    table[i, j] = counts
-    few = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
-    inside = np.ones(len(index), bool)
+    places = (index - low).T
+    table[tuple(places)] = counts
+    return table, places
+
+
+def _surrounded(table: Floats, places: npt.NDArray[np.int64], least: Floats | float) -> npt.NDArray[np.bool_]:
+    """Tell which lenslets have more pixels than `least` on all four sides; one neighbour may be hidden by dust."""
+    i, j = places
+    inside = np.ones(len(i), bool)
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        inside &= np.maximum(table[i + di, j + dj], table[i + 2 * di, j + 2 * dj]) > few
-    return float((whole(index, counts) & inside).sum() / max(1, inside.sum()))
+        inside &= np.maximum(table[i + di, j + dj], table[i + 2 * di, j + 2 * dj]) > least
+    return inside
 
 
 def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
@@ -142,15 +154,10 @@ def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt.ND
 
     At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.
     """
-    low = index.min(axis=0) - 2
-    table = np.zeros(index.max(axis=0) - low + 3)
-    i, j = (index - low).T
-    table[i, j] = counts
+    table, places = _table(index, counts)
+    i, j = places
     most = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
-    inside = np.ones(len(index), bool)
-    for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        # One neighbour may be hidden by dust.
-        inside &= np.maximum(table[i + di, j + dj], table[i + 2 * di, j + 2 * dj]) > 0.8 * most
+    inside = _surrounded(table, places, 0.8 * most)
     return np.asarray(inside & (counts >= WHOLE * most - 0.6 * np.sqrt(most)))
 
 

@@ -17,11 +17,13 @@ from lippmann.calibration.bundle import Solution
 from lippmann.calibration.landing import movement
 from lippmann.calibration.lenslets import Lenslets
 from lippmann.display import Display
-from lippmann.errors import InputError, input_error
+from lippmann.errors import input_error
 
 Floats = npt.NDArray[np.float64]
 #: Range in which the radius is looked for, as factors of the file's.
 RANGE = (0.75, 1.33)
+#: Least radius, in half diagonals of a cell.
+LEAST_RADIUS = 1.001
 #: Lenslets of a position whose rays are traced.
 TRACED = 48
 #: Least standard deviation, as a share: what blur and aberrations leave on computed photographs.
@@ -63,17 +65,14 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     slopes = (place[:2] - centres[some]) / place[2]
     measured, old = measured_movement(view, display), display.array.radius_mm
 
-    def off(factor: float) -> float:
-        array = replace(display.array, radius_mm=factor * old)
+    def off(radius_mm: float) -> float:
+        array = replace(display.array, radius_mm=radius_mm)
+        array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))
         return movement(replace(display, array=array), slopes, float(place[2])) - measured
 
-    try:
-        low, high = off(RANGE[0]), off(RANGE[1])
-        if low * high > 0.0:
-            raise InputError("none does")
-        return old * float(brentq(off, *RANGE, xtol=1e-5))
-    except InputError:
-        what = (
-            f"no radius from {RANGE[0] * old:.4g} to {RANGE[1] * old:.4g} mm moves the panel's points as photographed"
-        )
-        raise input_error(view.name, what, "correct radius_mm, thickness_mm or index in the display file") from None
+    # A dome spans its cell.
+    low, high = max(RANGE[0] * old, LEAST_RADIUS * display.array.half_diagonal_mm), RANGE[1] * old
+    if off(low) * off(high) > 0.0:
+        what = f"no radius from {low:.4g} to {high:.4g} mm moves the panel's points as photographed"
+        raise input_error(view.name, what, "correct radius_mm, thickness_mm or index in the display file")
+    return float(brentq(off, low, high, rtol=1e-5))

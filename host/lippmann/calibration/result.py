@@ -48,7 +48,7 @@ class Parameter:
     determined: bool
 
 
-class Camera(TypedDict):
+class FoundCamera(TypedDict):
     """A position of the camera: its place, and what was seen from there."""
 
     name: str
@@ -66,7 +66,7 @@ class Summary(TypedDict):
     identity: str
     parameters: list[Parameter]
     remarks: list[str]
-    cameras: Annotated[list[Camera], msgspec.Meta(min_length=1)]
+    cameras: Annotated[list[FoundCamera], msgspec.Meta(min_length=1)]
     lens: dict[str, float]
     rms_panel_px: float
     rms_photo_px: float
@@ -82,7 +82,7 @@ class Calibration:
     nominal: Display
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]
-    cameras: tuple[Camera, ...]
+    cameras: tuple[FoundCamera, ...]
     #: The lens: focal length and principal point, px, and distortion.
     lens: dict[str, float]
     rms_panel_px: float

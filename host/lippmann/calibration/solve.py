@@ -22,8 +22,8 @@ from lippmann.calibration.radius import Radius, radius_of
 from lippmann.calibration.result import (
     OPEN,
     Calibration,
-    Camera,
     DoubtError,
+    FoundCamera,
     Parameter,
     display_of,
     parameters_of,
@@ -192,7 +192,7 @@ def _result(
         parameters += (Parameter("radius", radius.value_mm, half, "mm", nominal.array.radius_mm, known),)
     lens = {name: solution.value(name) for name in LENS}
     cameras = tuple(
-        Camera(
+        FoundCamera(
             name=view.name,
             place_mm=[solution.value(f"place_{axis}_{k}") for axis in "xyz"],
             uncertainty_mm=[1.96 * solution.deviation(f"place_{axis}_{k}") for axis in "xyz"],

@@ -8,6 +8,7 @@ from typing import Any
 
 from lippmann.board.board import END_SCENE, Board
 from lippmann.board.frames import load_frame
+from lippmann.board.scene import SceneBoard
 from lippmann.board.stream import Sent, send_frame
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
@@ -16,7 +17,7 @@ from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import TransferName, load_display
 from lippmann.errors import NoBoardError, device_error
 from lippmann.images import check_input
-from lippmann.link.packets import RESET_VERSION
+from lippmann.link.packets import RESET_VERSION, SCENE_VERSION
 
 #: Pause between attempts to reopen a lost board, s.
 RETRY_S = 0.5
@@ -109,7 +110,7 @@ def command(
 
 def _is_behind_scene(board: Board, verify: bool) -> bool:
     """Return whether a streamed frame is stored behind the scene that a board draws; refuse to verify it there."""
-    if not board.shows_scene():
+    if board.info.version < SCENE_VERSION or not SceneBoard(board).status().shown:
         return False
     shows = "the panel shows the scene that the board draws"
     if verify:

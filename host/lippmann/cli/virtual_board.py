@@ -84,7 +84,8 @@ def start_command(
     virtual_board.check_panel(display)
     drawing = SceneBuild(layers or 1, slots, *(slot or (SceneBuild.width, SceneBuild.height)), bilinear, samples or 1)
     of_scenes = {"--slots": slots, "--slot": slot, "--bilinear": bilinear or None, "--samples": samples}
-    if layers is None and (given := [name for name, value in of_scenes.items() if value is not None]):
+    given = [name for name, value in of_scenes.items() if value is not None]
+    if given and layers is None:
         raise input_error(", ".join(given), "only a board that draws has this", "add --layers N")
     scene = None if layers is None else drawing
     _check_places(capture, ready, trace)
@@ -110,6 +111,7 @@ def start_command(
         if ready:
             end.callback(_remove_ready, ready)
         if capture:
+            virtual_board.remove_parts(capture)
             after = virtual_board.last_frame(capture)
             end.callback(virtual_board.keep_as_png, capture, display, after)
         end.callback(lambda: done.update(board.stop()))

@@ -182,14 +182,16 @@ def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[st
     """
     folder = _work_folder(made)
     netlist, counted = folder / "netlist.json", folder / "written.json"
-    if (written := _kept(counted)) is None or not netlist.exists():
+    written = _kept(counted)
+    if written is None or not netlist.exists():
         log(f"{made.name}: synthesis")
         written = flow.synthesise(made.source, netlist, folder / "yosys.log")
         _keep(counted, written)
     rows = []
     for seed in seeds:
         kept = folder / f"seed-{seed}.json"
-        if (row := _kept(kept)) is None:
+        row = _kept(kept)
+        if row is None:
             log(f"{made.name}: place and route, seed {seed}")
             row = _routed(made, netlist, written, seed)
             _keep(kept, row)
@@ -200,7 +202,7 @@ def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[st
 
 
 def _kept(path: Path) -> Any:
-    """Return the result that a file keeps; None where there is none, or only a part of one."""
+    """Return the result of an earlier run; None when its file is missing or half-written."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError):

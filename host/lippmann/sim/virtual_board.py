@@ -305,15 +305,16 @@ def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
                 board.stop()
 
 
-def last_frame(folder: Path) -> int:
-    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without.
-
-    Half-written frames of killed boards are removed.
-    """
-    for part in folder.glob("frame-*.rgb.part"):  # of a simulator that was killed
+def remove_parts(folder: Path) -> None:
+    """Remove half-written frames that killed simulators left in a folder of captured frames."""
+    for part in folder.glob("frame-*.rgb.part"):
         with contextlib.suppress(FileNotFoundError):
             if time.time() - part.stat().st_mtime > PART_S:
                 part.unlink()
+
+
+def last_frame(folder: Path) -> int:
+    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without."""
     found = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
     return max((int(one[1]) for one in found if one), default=0)
 
