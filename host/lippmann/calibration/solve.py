@@ -54,8 +54,8 @@ def calibrate(
     folder: Path,
     nominal: Display,
     bow: bool = False,
-    progress: Progress = lambda what, done, total: None,
     radius: bool = False,
+    progress: Progress = lambda what, done, total: None,
 ) -> Calibration:
     """Return the calibration that the photographs of a folder give for a nominal display.
 
@@ -78,7 +78,7 @@ def calibrate(
         seen.append(find_lattice(position.name, points, nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
     assert shape is not None
-    return solve_views(nominal, views, seen, shape, bow, progress, radius)
+    return solve_views(nominal, views, seen, shape, bow, radius, progress)
 
 
 def solve_views(
@@ -87,8 +87,8 @@ def solve_views(
     seen: list[SeenLattice],
     shape: tuple[int, int],
     bow: bool = False,
-    progress: Progress = lambda what, done, total: None,
     radius: bool = False,
+    progress: Progress = lambda what, done, total: None,
 ) -> Calibration:
     """Return the calibration that the lenslets seen from some positions give."""
     likely, landing = starts(nominal, views, seen, shape)

@@ -189,7 +189,7 @@ def solve_command(
                 log(what)
             progress(done, total)
 
-        found = calibrate(Path(photos), nominal, bow, told, radius)
+        found = calibrate(Path(photos), nominal, bow, radius, told)
     beside = found.save(path)
     lines = [
         f"{one.name:<10}{one.value:+12.6f} +- {one.uncertainty:.6f} {one.unit}"
