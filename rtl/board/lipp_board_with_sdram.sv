@@ -22,7 +22,7 @@ module lipp_board_with_sdram #(
     fraction_bits: 5'd16, model: 2'(lipp_optics_pkg::ModelExact), default: '0
   },
   parameter lipp_scene_pkg::scene_build_t Scene = '0,  // no layers: none
-  parameter int MemoryHz = 123_800_000,
+  parameter int MemoryHz = 125_000_000,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter int PadClocks = 0
 ) (

@@ -16,8 +16,8 @@
 /// The pins of the SDRAM are described at `lipp_sdram_controller`, the lamps at `lipp_board_lamps`.
 module lipp_video_board #(
   parameter bit Dvi = 1'b1,
-  parameter int ClockHz = 25_200_000,
-  parameter int MemoryHz = 105_000_000,
+  parameter int ClockHz = 25_000_000,
+  parameter int MemoryHz = 125_000_000,
   parameter int Width = 640,
   parameter int Height = 480,
   parameter int HFront = 16,

@@ -17,12 +17,12 @@
 /// are the registers between the ports here and the chip's pins, both ways together; dq_i is
 /// captured cas_clocks + PadClocks + 1 clocks after READ is at the ports.
 ///
-/// After reset: power_up_us without a command, PRECHARGE ALL, two AUTO REFRESH, LOAD MODE REGISTER.
+/// After reset: power_up_us without a command, PRECHARGE ALL, AUTO REFRESH twice, LOAD MODE REGISTER.
 /// From then on AUTO REFRESH goes before the next transaction when it is due.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
 #(
-  parameter int ClockHz = 123_800_000,
+  parameter int ClockHz = 125_000_000,
   parameter timing_t Timing = Grade75,
   parameter int PadClocks = 0
 ) (

@@ -24,7 +24,7 @@ module lipp_sdram_store
 #(
   parameter int Width = 640,
   parameter int Height = 480,
-  parameter int MemoryHz = 123_800_000,
+  parameter int MemoryHz = 125_000_000,
   parameter timing_t Timing = Grade75,
   parameter int PadClocks = 0,
   parameter int ShowBlock = 384,

@@ -3,9 +3,9 @@
 
 /// A channel of DVI: a byte of a pixel, or two control bits, to a symbol of ten bits. Latency 3.
 ///
-/// Bit 0 of a symbol is sent first. A pixel's byte d becomes q[0] = d[0], q[k] = q[k-1] ^ d[k]; or
-/// with the complement of each of those sums, bit 8 low, if d has more than four ones, or four and
-/// d[0] low: at most five changes from bit to bit. Then the eight bits are inverted, bit 9 high, if
+/// Bit 0 of a symbol is sent first. A pixel's byte d becomes q[0] = d[0], q[k] = q[k-1] ^ d[k]; or,
+/// if d has more than four ones, or four and d[0] low, q[k] = ~(q[k-1] ^ d[k]) and bit 8 low: at most
+/// five changes from bit to bit. Then the eight bits are inverted, bit 9 high, if
 /// that brings the ones and zeros sent since the last control symbol nearer to each other.
 ///
 /// balance = (ones - zeros) / 2 of these symbols; it stays from -4 to 4 (DVI 1.0, section 3).

@@ -21,16 +21,16 @@ module ulx3s_rtl #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7802,
-  parameter int ClockHz = 25_200_000,
-  parameter int MemoryHz = 105_000_000,
-  parameter int InputDiv = 5,
-  parameter int FeedbackDiv = 21,
-  parameter int Feedback = 2,
-  parameter int ShiftDiv = 5,
-  parameter int SystemDiv = 25,
-  parameter int MemoryDiv = 6,
-  parameter int PixelDiv = 25
+  parameter logic [15:0] UartStep = 16'd7864,
+  parameter int ClockHz = 25_000_000,
+  parameter int MemoryHz = 125_000_000,
+  parameter int InputDiv = 1,
+  parameter int FeedbackDiv = 1,
+  parameter int BackDiv = 20,
+  parameter int ShiftDiv = 4,
+  parameter int SystemDiv = 20,
+  parameter int MemoryDiv = 4,
+  parameter int PixelDiv = 20
 ) (
   input  wire         clk_25mhz,
   input  wire         pll_clkop,
@@ -60,7 +60,7 @@ module ulx3s_rtl #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
     .Build(Build), .Scene(Scene), .Identity(Identity), .UartStep(UartStep), .ClockHz(ClockHz),
-    .MemoryHz(MemoryHz), .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .Feedback(Feedback),
+    .MemoryHz(MemoryHz), .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .BackDiv(BackDiv),
     .ShiftDiv(ShiftDiv), .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv), .PixelDiv(PixelDiv)
   ) i_ulx3s (
     .clk_25mhz, .btn, .led, .wifi_gpio0, .ftdi_txd, .ftdi_rxd, .sdram_clk, .sdram_cke, .sdram_csn,

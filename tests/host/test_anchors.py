@@ -41,6 +41,12 @@ def test_the_fastest_clock_and_the_logic_before_it():
     assert anchors.fastest(cells()) == {"logic", "first", "second", "pair"}
 
 
+def test_of_two_fastest_clocks_the_smaller_one():
+    some = cells()
+    some["pll"]["parameters"]["CLKOP_DIV"] = f"{2:032b}"
+    assert anchors.fastest(some) == {"slow", "other"}
+
+
 def test_a_netlist_without_a_pll():
     """No PLL, or two: said."""
     some = cells()

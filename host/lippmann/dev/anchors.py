@@ -7,6 +7,7 @@ spread too far for it. Placed alone they meet it; their places (`BEL`) are writt
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,10 @@ def anchor(netlist: Path, options: Sequence[str], seed: int, output: Path) -> in
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the names of the cells of the PLL's fastest clock, with the logic before their inputs."""
+    """Return the names of the cells of the PLL's fastest clock, with the logic before their inputs.
+
+    Of clocks that are equally fast it is the one with the fewest cells.
+    """
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
         raise LippmannError(f"the netlist has {len(plls)} PLLs where one makes all clocks")
@@ -69,8 +73,8 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
         for output, divider in OUTPUTS.items()
         if plls[0]["connections"].get(output) and divider in plls[0]["parameters"]
     }
-    clocks = {bits[0] for cell in cells.values() if (bits := _clock(cell)) is not None and bits[0] in dividers}
-    clock = min(clocks, key=lambda bit: dividers[bit])
+    clocks = Counter(bits[0] for cell in cells.values() if (bits := _clock(cell)) is not None and bits[0] in dividers)
+    clock = min(clocks, key=lambda bit: (dividers[bit], clocks[bit]))
     drivers = _drivers(cells)
     part = {name for name, cell in cells.items() if _clock(cell) == [clock]}
     todo = list(part)

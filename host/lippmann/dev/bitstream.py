@@ -26,7 +26,7 @@ from lippmann.cli.output import log
 from lippmann.dev import flow
 from lippmann.dev.anchors import TRIALS, anchor
 from lippmann.dev.flow import Source, run_tool
-from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
+from lippmann.dev.pll import SHIFT_CLOCKS, TOLERANCE, Pll, panel_pixel_mhz, solve
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.files import replacing
@@ -51,6 +51,8 @@ MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
 ROUNDING = 0.002
 #: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
+#: What the nets of clocks are called in every board's top; the oscillator's has its port's name.
+CLOCK_NETS = {"clk": "system", "mem_clk": "memory", "shift_clk": "shift", "pixel_clk": "pixel"}
 #: Bits of a colour that a board sends.
 BOARD_BITS = 8
 #: nextpnr's largest seed.
@@ -136,39 +138,35 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
         what = f"two frames take {frames_mb:.1f} MiB, the SDRAM of {board.name} has {board.memory.megabytes}"
         raise input_error(where, what, "choose a smaller panel")
     pixel = panel_pixel_mhz(panel.width_px, panel.height_px, timing)
-    wanted = [("the system", samples * pixel, board.limits.system_mhz)]
+    wanted = [("the system", samples, board.limits.system_mhz)]
     if board.video == "dvi":
-        wanted.insert(0, ("DVI's bits", 5 * pixel, board.limits.shift_mhz or math.inf))
-    for name, mhz, most in wanted:
+        wanted.insert(0, ("DVI's bits", SHIFT_CLOCKS, board.limits.shift_mhz or math.inf))
+    for name, times, most in wanted:
+        mhz = float(times * pixel)
         if mhz > most:
-            what = (
-                f"60 frames a second need a clock of {float(mhz):.1f} MHz for {name}, {board.name} has {most:g} at most"
-            )
+            what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {most:g} at most"
             raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
     words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
-    words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3]))
+    # The PLL's pixel clock may be a little faster.
+    words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3])) * (1 + TOLERANCE)
     least = words / Fraction(MOST_SHARE - REFRESH_SHARE)
     fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))
     if least > fastest:
         share = float(words / fastest) + REFRESH_SHARE
         what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MOST_SHARE:.0%} are there for it"
         raise input_error(where, what, "choose a narrower panel")
-    try:
-        return _with_clocks(board, display, pixel, (least, fastest), layers, bilinear, samples)
-    except InputError as error:
-        raise InputError(f"{where} on {board.name}: {error}") from None
-
-
-def _with_clocks(
-    board: FpgaBoard, display: Display, pixel: Fraction, memory: tuple[Fraction, Fraction], layers: int,
-    bilinear: bool, samples: int,
-) -> Plan:  # fmt: skip
-    pll = solve(pixel, Fraction(board.oscillator_mhz), memory, samples=samples, dvi=board.video == "dvi")
+    fastest_pixel = min(Fraction(most) / times for _, times, most in wanted if most < math.inf)
     scene = SceneBuild(layers, bilinear=bilinear, samples=samples) if layers else None
     build = replace(board_build(display, scene), cross_cells=False)
-    made = Plan(board, display, scene, build, pll)
-    step_of(board.baud, round(pll.clocks_mhz["system"] * 1_000_000))
-    return made
+    try:
+        pll = solve(
+            pixel, Fraction(board.oscillator_mhz), (least, fastest), samples=samples, dvi=board.video == "dvi",
+            fastest_mhz=fastest_pixel,
+        )  # fmt: skip
+        step_of(board.baud, round(pll.clocks_mhz["system"] * 1_000_000))
+    except InputError as error:
+        raise InputError(f"{where} on {board.name}: {error}") from None
+    return Plan(board, display, scene, build, pll)
 
 
 # ---- synthesis, placement, bitstream ----
@@ -265,12 +263,13 @@ def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
     roles: dict[str, str] = {}
     missed = []
     for clock, (_, asked) in last.items():
-        likely = (name for name, mhz in made.clocks_mhz.items() if abs(asked / mhz - 1) <= ROUNDING)
-        role = next((name for name in likely if name not in roles), None)
-        if role is None:
-            missed.append(f"clock {clock} is constrained to {asked:g} MHz, which is none of the board's")
-        else:
+        role = CLOCK_NETS.get(clock.removeprefix("$glbnet$"), "oscillator")
+        wanted = 0.0 if role in roles else made.clocks_mhz.get(role, 0.0)
+        if abs(asked - wanted) <= ROUNDING * wanted:
             roles[role] = clock
+        else:
+            known = f"the {role} clock is {wanted:g} MHz" if wanted else "is none of the board's"
+            missed.append(f"clock {clock} is constrained to {asked:g} MHz, and {known}")
     for role, mhz in made.clocks_mhz.items():
         if role not in roles:
             missed.append(f"nextpnr tells nothing of the {role} clock")

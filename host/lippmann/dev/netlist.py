@@ -171,12 +171,8 @@ def rtl_on_pins(made: Plan) -> Path:
     modules = needed(made.board.top, {path.stem: path for path in [*rtl_sources(top), *own]})
     files = [top / "rtl" / "registers" / "lint.vlt", *modules, top / "sim" / "netlist" / "ulx3s_rtl.sv"]
     parameters = {name: value for name, value in made.parameters.items() if name != "Timing"}
-    # As lipp_ulx3s_clocks has them: the output that is fed back is CLKOP, and shift takes its place.
-    divider = {role: int(parameters[f"{role}Div"]) for role in ("Shift", "System", "Memory", "Pixel")}
-    order = {"Shift": "pll_clkop", "System": "pll_clkos", "Memory": "pll_clkos2"}
-    back = ("Shift", "System", "Memory")[int(parameters["Feedback"])]
-    order["Shift"], order[back] = order[back], order["Shift"]
-    clocks = {port: divider[role] for role, port in order.items()} | {"pll_clkos3": divider["Pixel"]}
+    order = {"Back": "pll_clkop", "Shift": "pll_clkos", "System": "pll_clkos2", "Memory": "pll_clkos3"}
+    clocks = {port: int(parameters[f"{role}Div"]) for role, port in order.items()}
     roles = {"SYSTEM": order["System"], "MEMORY": order["Memory"], "PAIR": order["Shift"]}
     options = ("--pins-inout-enables", "-Wno-fatal")
     return _on_pins(made, "ulx3s_rtl", files, parameters, clocks, roles, ("-O2", "-DLIPPMANN_RTL"), options)
@@ -193,11 +189,7 @@ def _on_pins(
     options: Sequence[str],
 ) -> Path:
     """Compile a module with the ULX3S' pins; `clocks` are the PLL's outputs with dividers, `roles` some of them."""
-    panel, values = made.display.panel, made.pll.parameters
-    back = (made.pll.parameters["ShiftDiv"], values["SystemDiv"], values["MemoryDiv"])[int(values["Feedback"])]
-    vco_khz = (
-        round(made.board.oscillator_mhz * 1000) * int(values["FeedbackDiv"]) * int(back) // int(values["InputDiv"])
-    )
+    panel, vco_khz = made.display.panel, int(made.pll.vco_mhz * 1000)
     defines = [
         *flags, "-march=native", f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_VSYNC={made.parameters['VPositive']}", f"-DLIPPMANN_VCO_KHZ={vco_khz}",

@@ -20,16 +20,16 @@ module lipp_ulx3s_lcd #(
   parameter lipp_scene_pkg::scene_build_t Scene = '0,
   parameter lipp_sdram_pkg::timing_t Timing = lipp_sdram_pkg::Grade75,
   parameter logic [63:0] Identity = '0,
-  parameter logic [15:0] UartStep = 16'd7802,  // 3 Mbit/s
-  parameter int ClockHz = 25_200_000,
-  parameter int MemoryHz = 105_000_000,
-  parameter int InputDiv = 5,
-  parameter int FeedbackDiv = 21,
-  parameter int Feedback = 2,
-  parameter int ShiftDiv = 5,
-  parameter int SystemDiv = 25,
-  parameter int MemoryDiv = 6,
-  parameter int PixelDiv = 25
+  parameter logic [15:0] UartStep = 16'd7864,  // 3 Mbit/s
+  parameter int ClockHz = 25_000_000,
+  parameter int MemoryHz = 125_000_000,
+  parameter int InputDiv = 1,
+  parameter int FeedbackDiv = 1,
+  parameter int BackDiv = 20,
+  parameter int ShiftDiv = 4,
+  parameter int SystemDiv = 20,
+  parameter int MemoryDiv = 4,
+  parameter int PixelDiv = 20
 ) (
   input  wire         clk_25mhz,
   input  wire  [2:1]  btn,
@@ -63,7 +63,7 @@ module lipp_ulx3s_lcd #(
   logic unused_shift_clk, clk, mem_clk, pixel_clk, locked, lost, rst_n;
   logic [24:0] blink_q;
   lipp_ulx3s_clocks #(
-    .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .Feedback(Feedback), .ShiftDiv(ShiftDiv),
+    .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .BackDiv(BackDiv), .ShiftDiv(ShiftDiv),
     .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv), .PixelDiv(PixelDiv)
   ) i_clocks (
     .clk_i(clk_25mhz), .shift_clk_o(unused_shift_clk), .system_clk_o(clk), .memory_clk_o(mem_clk),

@@ -18,7 +18,7 @@ module EHXPLLL #(
   output logic LOCK
 );
   localparam real Vco = 25.0 / CLKI_DIV * CLKFB_DIV * CLKOP_DIV;
-  if (Vco < 400.0 || Vco > 800.0 || 25.0 / CLKI_DIV < 3.125) begin : gen_illegal
+  if (Vco < 400.0 || Vco > 800.0 || 25.0 / CLKI_DIV < 10.0) begin : gen_illegal
     $fatal(1, "EHXPLLL: out of the data sheet's limits");
   end
   logic lock /* verilator public_flat_rw */;

@@ -155,7 +155,7 @@ int main(int argc, char** argv) {
   panel_height = argument("height", 48);
   const size_t pixels = panel_width * panel_height;
   if (pixels > 100'000) kPast = 4;
-  const uint64_t board_ps = argument("board_ps", 13460), mem_ps = argument("mem_ps", 8078);
+  const uint64_t board_ps = argument("board_ps", 13333), mem_ps = argument("mem_ps", 8000);
   const uint64_t wanted = argument("pixels", 20000), frames = argument("panel", 0);
   const uint64_t resets = argument("resets", 0);
   const unsigned pad =
