@@ -135,11 +135,11 @@ def test_every_key_of_a_board_file_is_documented():
 #: nextpnr's lines after routing, 720p.
 SAID = """
 Info: Max frequency for clock '$glbnet$clk': 61.00 MHz (FAIL at 75.00 MHz)
-Info: Max frequency for clock          '$glbnet$shift_clk': 400.00 MHz (PASS at 375.00 MHz)
-Info: Max frequency for clock            '$glbnet$mem_clk': 130.00 MHz (PASS at 125.00 MHz)
+Info: Max frequency for clock '$glbnet$i_clocks.shift_clk_o': 400.00 MHz (PASS at 375.00 MHz)
+Info: Max frequency for clock '$glbnet$i_clocks.memory_clk_o': 130.00 MHz (PASS at 125.00 MHz)
 Info: Max frequency for clock 'clk_25mhz$TRELLIS_IO_IN': 500.00 MHz (PASS at 25.00 MHz)
 Info: Max frequency for clock             '$glbnet$clk': 83.25 MHz (PASS at 75.00 MHz)
-Info: Max delay posedge $glbnet$clk             -> posedge $glbnet$shift_clk : 3.27 ns
+Info: Max delay posedge $glbnet$clk             -> posedge $glbnet$i_clocks.shift_clk_o : 3.27 ns
 """
 
 
@@ -158,10 +158,10 @@ def test_the_last_figure_of_each_clock_counts():
     [
         ("83.25 MHz (PASS", "74.10 MHz (FAIL", "system 74.1 of 75.0 MHz"),
         ("400.00 MHz (PASS", "371.00 MHz (FAIL", "shift 371.0 of 375.0 MHz"),
-        ("PASS at 125.00", "PASS at 12.00", "mem_clk is constrained to 12 MHz, and the memory clock is 125 MHz"),
+        ("PASS at 125.00", "PASS at 12.00", "memory_clk_o is constrained to 12 MHz, and the memory clock is 125 MHz"),
         ("PASS at 125.00", "PASS at 12.00", "nothing of the memory clock"),
         (": 3.27 ns", ": 5.40 ns", "symbols take 5.40 of 5.33 ns"),
-        ("posedge $glbnet$shift_clk : 3.27 ns", "", "symbols take an unknown time"),
+        ("posedge $glbnet$i_clocks.shift_clk_o : 3.27 ns", "", "symbols take an unknown time"),
         ("Max frequency for clock 'clk_25mhz", "clock 'clk_25mhz", "nothing of the oscillator clock"),
     ],
 )

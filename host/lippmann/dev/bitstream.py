@@ -51,8 +51,11 @@ MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
 ROUNDING = 0.002
 #: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
-#: What the nets of clocks are called in every board's top; the oscillator's has its port's name.
-CLOCK_NETS = {"clk": "system", "mem_clk": "memory", "shift_clk": "shift", "pixel_clk": "pixel"}
+#: What the nets of clocks are called, in the top or at a port `_o` of what makes them; the oscillator's is the port's.
+CLOCK_NETS = {
+    "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
+    "pixel_clk": "pixel", "back": "pixel",
+}  # fmt: skip
 #: Bits of a colour that a board sends.
 BOARD_BITS = 8
 #: nextpnr's largest seed.
@@ -263,7 +266,8 @@ def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
     roles: dict[str, str] = {}
     missed = []
     for clock, (_, asked) in last.items():
-        role = CLOCK_NETS.get(clock.removeprefix("$glbnet$"), "oscillator")
+        net = clock.removeprefix("$glbnet$").rsplit(".", 1)[-1].removesuffix("_o")
+        role = CLOCK_NETS.get(net, "oscillator")
         wanted = 0.0 if role in roles else made.clocks_mhz.get(role, 0.0)
         if abs(asked - wanted) <= ROUNDING * wanted:
             roles[role] = clock
