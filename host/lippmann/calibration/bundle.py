@@ -50,6 +50,8 @@ MOST_STEPS, SETTLED = 60, 1e-8
 BLOCKS = 9
 #: Share of the scatter that is taken as smooth, in each of six polynomials over a position: panel, photograph.
 SMOOTH = (0.12, 0.12, 0.2, 0.2)
+#: What a residual counts within the interval in which a panel point is known to be.
+WITHIN = 0.03
 #: Least smooth error of the lenslets' middles in a photograph, in lenslets, as measured on computed photographs.
 MIDDLES = 0.002
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
@@ -123,7 +125,9 @@ class Problem:
         """Return the residuals of view k, (N, 4): panel points in pixels of the panel, pixels of the photograph."""
         panel, photo = self.seen(x, k)
         view = self.views[k]
-        return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
+        off = (panel - view.panel_mm) / self.display.panel.pitches_mm
+        off -= (1.0 - WITHIN) * np.clip(off, -view.half_px, view.half_px)
+        return np.column_stack([off, photo - view.photo_px])
 
     def priors(self, x: Floats) -> Floats:
         """Return the residuals to the priors, in standard deviations."""
@@ -146,7 +150,13 @@ class Problem:
 
 def _some(view: Lenslets, at: npt.NDArray[np.int64]) -> Lenslets:
     return replace(
-        view, index=view.index[at], photo_px=view.photo_px[at], panel_mm=view.panel_mm[at], pixels=view.pixels[at]
+        view,
+        index=view.index[at],
+        photo_px=view.photo_px[at],
+        panel_mm=view.panel_mm[at],
+        half_px=view.half_px[at],
+        pixels=view.pixels[at],
+        readings=None,
     )
 
 

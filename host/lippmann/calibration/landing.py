@@ -103,6 +103,20 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
     """Return how far panel points move over the inner cell, mm a mm, for cameras in directions of slopes (N, 2)."""
+    inner, at, seen = inner_rays(display, slopes, distance_mm)
+    number = np.maximum(seen.sum(axis=1), 1)
+    across = [one - (one * seen[..., None]).sum(axis=1, keepdims=True) / number[:, None, None]
+              for one in (np.broadcast_to(inner, at.shape), at)]  # fmt: skip
+    moves = np.linalg.lstsq(across[0][seen], across[1][seen], rcond=None)[0]
+    return 0.5 * float(np.trace(moves))
+
+
+def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """Trace rays all over a lenslet's inner cell from cameras in directions of slopes (N, 2).
+
+    Return the places in the cell (M, 2), the points (N, M, 2) where they meet the panel, both mm along the panel's
+    axes, and which do, (N, M).
+    """
     plain, height = _plain(display), outline_mm(display)
     turn = np.deg2rad(display.array.rotation_deg)
     c, s = np.cos(turn), np.sin(turn)
@@ -110,11 +124,7 @@ def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
     inner = _inner(plain)
     through = _middles(plain, slopes, height, distance_mm)[:, None] + inner[None]
     seen, at = _traced(plain, slopes, through, height, distance_mm)
-    number = np.maximum(seen.sum(axis=1), 1)
-    across = [one - (one * seen[..., None]).sum(axis=1, keepdims=True) / number[:, None, None]
-              for one in (np.broadcast_to(inner, at.shape), at)]  # fmt: skip
-    moves = np.linalg.lstsq(across[0][seen], across[1][seen], rcond=None)[0]
-    return 0.5 * float(np.trace(moves))
+    return inner @ [[c, s], [-s, c]], at @ [[c, s], [-s, c]], seen
 
 
 def _plain(display: Display) -> Display:

@@ -36,11 +36,25 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Readings:
+    """What M camera pixels of the lenslets' inner cells read.
+
+    `panel_px` (M, 2) are the panel points, `local` (M, 2) the places in the cell of pitch 1, `group` (M,) the numbers
+    of the lenslets.
+    """
+
+    panel_px: npt.NDArray[np.float32]
+    local: npt.NDArray[np.float32]
+    group: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
 class Lenslets:
     """Of N lenslets that one position sees: what is seen through each, and where.
 
     `index` (N, 2) int64 are their (i, j), `photo_px` (N, 2) their middles in the photograph, `panel_mm` (N, 2) the
-    points of the panel seen through their inner cells, `pixels` (N,) the numbers of camera pixels there.
+    points of the panel seen through their inner cells, which are within `half_px` (N, 2) pixels of the panel, and
+    `pixels` (N,) the numbers of camera pixels there.
     """
 
     name: str
@@ -48,12 +62,14 @@ class Lenslets:
     index: npt.NDArray[np.int64]
     photo_px: Floats
     panel_mm: Floats
+    half_px: Floats
     pixels: npt.NDArray[np.int64]
     #: Movement of the panel point over the lenslet's aperture: (2, 2), mm for each pitch across the cell.
     spread: Floats
     #: Share of the pixels that see the lenslet in front of them.
     agree: float
     modulation: float
+    readings: Readings | None = None
 
     def moved(self, step: npt.NDArray[np.int64]) -> Lenslets:
         """Return the same with another numbering: `step` is added to all indices."""
@@ -108,9 +124,11 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         )
     _check_steady(decoded.name, whole_share(names, counts), outline.agree)
     panel = at[kept] - middle[kept] @ spread
+    read = good & kept[groups]
+    readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
     return Lenslets(
-        decoded.name, decoded.shape, names[kept], photo[kept], panel, number[kept], spread,
-        outline.agree, decoded.modulation,
+        decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], spread,
+        outline.agree, decoded.modulation, readings,
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,11 +13,12 @@ import numpy.typing as npt
 
 from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Problem, Solution, first_fit, released, solve
 from lippmann.calibration.decode import decode_position
-from lippmann.calibration.landing import Landing, landing_of
+from lippmann.calibration.landing import Landing, landing_of, outline_mm
 from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
-from lippmann.calibration.numbering import Start, starts
+from lippmann.calibration.numbering import starts
 from lippmann.calibration.photographs import pattern_set, positions
+from lippmann.calibration.pixels import movement_of, refined
 from lippmann.calibration.radius import Radius, radius_of
 from lippmann.calibration.result import (
     OPEN,
@@ -46,6 +47,8 @@ MOST_SCATTER_PX, MOST_SCATTER = 0.5, 0.03
 MOST_OUTLIERS = 0.35
 #: A bow is told when it is this many standard deviations, and this high, mm.
 BOW_DEVIATIONS, LEAST_BOW_MM = 6.0, 0.004
+#: Rounds in which panel points become finer than pixels.
+REFINEMENTS = 3
 #: Rounds in which the radius is found for the gap, and the gap for the radius.
 RADIUS_ROUNDS = 2
 
@@ -108,8 +111,9 @@ def solve_views(
         whole = replace(whole, held=True)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
     # The rays again, through the array and the gap that were found, from where each camera stands.
-    whole = replace(whole, landings=again(solution, landing))
-    solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
+    for _ in range(REFINEMENTS):
+        whole = replace(whole, landings=again(solution, landing), views=finer(solution, whole.views))
+        solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     round_lens = None
     for _ in range(RADIUS_ROUNDS if radius else 0):
         round_lens = radius_of(display_of(whole.display, solution), solution)
@@ -129,7 +133,7 @@ def solve_views(
         remarks.append(f"bow: the array is {1000.0 * height:+.0f} um higher at the panel's corners than in its middle")
     elif _bow_is_sure(bowed) and abs(height) > LEAST_BOW_MM:
         remarks.append(f"the array is bowed or tilted ({1000.0 * height:+.0f} um at the corners); solve with --bow")
-    made = _result(nominal, replace_views(solution, start), solution, tuple(remarks), round_lens)
+    made = _result(nominal, replace(solution.problem, views=whole.views), solution, tuple(remarks), round_lens)
     progress("least squares", 3, 3)
     return made
 
@@ -144,9 +148,23 @@ def again(solution: Solution, landing: Landing) -> list[Landing]:
     return [landing_of(built, landing.steepest, max(1.0, solution.value(f"place_z_{k}"))) for k in views]
 
 
-def replace_views(solution: Solution, start: Start) -> Problem:
-    """Return the solution's problem with all lenslets."""
-    return replace(solution.problem, views=start.views)
+def finer(solution: Solution, views: Sequence[Lenslets]) -> list[Lenslets]:
+    """Return the views with panel points finer than pixels, by the display that was found; the old if it cannot be."""
+    try:
+        built = display_of(solution.problem.display, solution)
+    except DoubtError:
+        return list(views)
+    whole, turn, height = (
+        replace(solution.problem, views=views),
+        np.rad2deg(solution.value("rotation")),
+        outline_mm(built),
+    )
+    made = []
+    for k, view in enumerate(views):
+        place = np.array([solution.value(f"place_{axis}_{k}") for axis in "xyz"])
+        slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
+        made.append(refined(view, built, slopes, movement_of(built, turn, slopes, max(1.0, place[2]))))
+    return made
 
 
 def _cost(solution: Solution) -> float:
