@@ -52,8 +52,9 @@ BLOCKS = 9
 SMOOTH = (0.12, 0.12, 0.2, 0.2)
 #: What a residual counts within the interval in which a panel point is known to be.
 WITHIN = 0.03
-#: Least smooth error of the lenslets' middles in a photograph, in lenslets, as measured on computed photographs.
-MIDDLES = 0.002
+#: Least smooth errors, as measured on computed photographs: of panel points, in pixels, and of the lenslets' middles in a
+#: photograph, in lenslets.
+POINTS, MIDDLES = 0.01, 0.003
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
 LEAST_SCATTER = 0.02
 SEED = 1911
@@ -308,7 +309,8 @@ def _judged(
             groups += 1
         u, v = (2.0 * (places - low) / size - 1.0).T
         across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-        shares = np.maximum(SMOOTH, np.array([0.0, 0.0, 1.0, 1.0]) * MIDDLES * across / scatter[k][1])
+        least = np.repeat([POINTS / scatter[k][0], MIDDLES * across / scatter[k][1]], 2)
+        shares = np.maximum(SMOOTH, least)
         for mode in (np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0):
             smooth = shares[:, None] * np.einsum("n,nrp->rp", mode, part)
             meat += smooth.T @ smooth

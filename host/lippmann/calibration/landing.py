@@ -3,10 +3,11 @@
 A camera sees the lenslet with the vertex L on a plane at the height h: the outline's sides are seams, which are below
 the vertices of domes that face the viewer, and behind glass else. With the slope s = (C - L) / (Cz - h), the middle of
 the outline is at L + c(s) on this plane, and the rays through the inner cell around it land on the panel, on average,
-at L + w(s). By symmetry both are close to polynomials:
+at L + w(s). By symmetry both are close to polynomials. With s = x + i y along the array's axes, s* = x - i y, and n = 4
+for square cells, 6 for hexagonal ones, they are
 
-    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4 + c3 |s|^6),
-    w(s) = -s (a0 + a1 |s|^2 + a2 |s|^4 + gap (b0 + b1 |s|^2 + b2 |s|^4)).
+    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4 + c3 |s|^6) + (s*)^(n-1) (c4 + c5 |s|^2),
+    w(s) = -s (a0 + a1 |s|^2 + a2 |s|^4 + a3 |s|^6) - (s*)^(n-1) (a4 + a5 |s|^2) - gap (the same with b0 to b5).
 
 The numbers are fitted to exact rays: Snell's law at each face. They contain what a paraxial D leaves out.
 """
@@ -31,8 +32,10 @@ from lippmann.optics.sampling import R2_STEPS, square_to_cell
 Floats = npt.NDArray[np.float64]
 #: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
+#: Directions in which a cell looks alike.
+FOLDS = {"square": 4, "hex": 6}
 #: Rays across the inner cell, and in the square in which an outline is looked for; slopes; their directions.
-ACROSS, OUTLINE_POINTS, SLOPES, DIRECTIONS = 7, 4096, 9, 8
+ACROSS, OUTLINE_POINTS, SLOPES, DIRECTIONS = 7, 4096, 9, 16
 #: Side of that square, in pitches.
 AROUND = 2.4
 
@@ -53,6 +56,9 @@ class Landing:
     fixed: Floats
     per_gap: Floats
     aside: Floats
+    #: Directions in which a cell looks alike, and that of the array's first axis, degrees.
+    folds: int
+    rotation_deg: float
     outline_mm: float
     #: Steepest slope that was traced.
     steepest: float
@@ -61,17 +67,25 @@ class Landing:
 
     def point(self, slope: Floats, gap_mm: Floats | float) -> Floats:
         """Return w for slopes (N, 2) and a gap for all or for each, (N, 2) mm."""
-        powers = _powers(slope)
-        return np.asarray(-slope * (powers @ self.fixed + gap_mm * (powers @ self.per_gap))[:, None])
+        return -self._turned(slope, self.fixed) - np.reshape(gap_mm, (-1, 1)) * self._turned(slope, self.per_gap)
 
     def outline(self, slope: Floats) -> Floats:
         """Return c for slopes (N, 2), (N, 2) mm."""
-        return np.asarray(slope * (_powers(slope, len(self.aside)) @ self.aside)[:, None])
+        return self._turned(slope, self.aside)
+
+    def _turned(self, slope: Floats, numbers: Floats) -> Floats:
+        """Return the sum of `_sides` for slopes along the panel's axes."""
+        turn = np.exp(1j * np.deg2rad(self.rotation_deg))
+        found = turn * (_sides((slope[:, 0] + 1j * slope[:, 1]) / turn, self.folds) @ numbers)
+        return np.stack([found.real, found.imag], axis=1)
 
 
-def _powers(slope: Floats, count: int = 3) -> Floats:
-    """Return even powers of slopes from 0 on, (N, count)."""
-    return np.asarray((slope**2).sum(axis=1)[:, None] ** np.arange(count), np.float64)
+def _sides(slope: npt.NDArray[np.complex128], folds: int) -> npt.NDArray[np.complex128]:
+    """Return what the numbers a, b and c are multiplied with, for slopes (N,) along the array's axes, (N, 6)."""
+    square = abs(slope) ** 2
+    round_ = [slope * square**k for k in range(4)]
+    folded = [slope.conj() ** (folds - 1) * square**k for k in range(2)]
+    return np.stack([*round_, *folded], axis=1)
 
 
 def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
@@ -81,12 +95,13 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
     slopes = np.stack([np.outer(radii, f(angles)).ravel() for f in (np.cos, np.sin)], axis=1)
     height = outline_mm(display)
-    design = (slopes[:, :, None] * _powers(slopes)[:, None, :]).reshape(-1, 3)
 
     middles = _middles(plain, slopes, height, distance_mm)
-    sides = (slopes[:, :, None] * _powers(slopes, 4)[:, None, :]).reshape(-1, 4)
-    aside = np.linalg.lstsq(sides, middles.ravel(), rcond=None)[0]
-    offset = (sides @ aside).reshape(-1, 2)
+    folds = FOLDS[display.array.grid]
+    sides = _sides(slopes[:, 0] + 1j * slopes[:, 1], folds)
+    parts = np.concatenate([sides.real, sides.imag])
+    aside = np.linalg.lstsq(parts, middles.T.ravel(), rcond=None)[0]
+    offset = (parts @ aside).reshape(2, -1).T
 
     gaps = display.gap_mm, display.gap_mm + 0.2 * display.aperture_distance_mm
     fits, errors = [], []
@@ -94,11 +109,12 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
     for gap in gaps:
         seen, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
         means = _mean(at, seen)
-        numbers = np.linalg.lstsq(-design, means.ravel(), rcond=None)[0]
+        numbers = np.linalg.lstsq(-parts, means.T.ravel(), rcond=None)[0]
         fits.append(numbers)
-        errors.append(float(np.hypot(*(means + (design @ numbers).reshape(-1, 2)).T).max()))
+        errors.append(float(np.hypot(*(means.T + (parts @ numbers).reshape(2, -1))).max()))
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
-    return Landing(fits[0] - gaps[0] * per_gap, per_gap, np.asarray(aside, np.float64), height, steepest, max(errors))
+    turn = display.array.rotation_deg
+    return Landing(fits[0] - gaps[0] * per_gap, per_gap, aside, folds, turn, height, steepest, max(errors))
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:

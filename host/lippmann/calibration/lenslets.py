@@ -22,6 +22,8 @@ ROUNDS = 3
 FAR = 0.7
 #: Distance from the cell's middle, in steps of the lattice, up to which points move evenly.
 MIDDLE = 0.35
+#: Pixels in the middle of a cell from which on their mean counts.
+FEW = 3
 #: Most standard deviations of a pixel from the others of its lenslet.
 SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
@@ -89,10 +91,11 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
-        some = (abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
+        some = np.asarray((abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1))
         off = panel_steps[some] - np.round(at[some])
         moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
         own = (panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves)
+        own = _centred(own, at, some)
         index = np.round(own).astype(np.int64)
         near = (abs(own - index) < NEAR).all(axis=1)
     home, local = outline.located(decoded.photo_px)
@@ -130,6 +133,18 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], spread,
         outline.agree, decoded.modulation, readings,
     )  # fmt: skip
+
+
+def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
+    """Return the pixels' lattice points less what those in the middle of each cell are off on average.
+
+    Points seen aside are off by aberrations that a whole view's lattice does not have.
+    """
+    home = np.round(at).astype(np.int64)
+    names, groups = grouped(home)
+    number = np.bincount(groups[some], minlength=len(names))
+    off = _sums((own - home)[some], groups[some], len(names)) / np.maximum(number, 1)[:, None]
+    return np.asarray(own - np.where(number[:, None] >= FEW, off, 0.0)[groups])
 
 
 def _check_steady(name: str, share: float, agree: float) -> None:

@@ -14,7 +14,9 @@ The movement is that of exact rays through the array that a first solution has f
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +28,7 @@ from lippmann.optics.panel import PanelFrame
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+Values = npt.NDArray[np.floating[Any]]
 #: Panel pixels by which a mean of readings may be wrong.
 TOLERANCE = 0.02
 #: Halvings of an interval of two pixels.
@@ -33,28 +36,34 @@ HALVINGS = 11
 #: Lenslets of a view through which rays are traced.
 TRACED = 60
 #: Readings whose movement is computed at once.
-CHUNK = 1 << 18
+CHUNK = 1 << 16
 SEED = 1912
+#: Powers of the place in the cell, up to the fifth, and of the slope, up to the second: aberrations of steep lenslets.
+PLACE = [(a, b) for a in range(6) for b in range(6 - a)]
+SLOPE = [(a, b) for a in range(3) for b in range(3 - a)]
 
 
 @dataclass(frozen=True)
 class Movement:
-    """How panel points (pixels) move over a cell: factors (13, 2) of `_basis`, and the mean slope of the view."""
+    """How panel points (pixels) move over a cell: factors (slope powers, place powers, 2), around a mean slope."""
 
     factors: Floats
     slope: Floats
 
-    def of(self, local: npt.NDArray[np.floating], slope: Floats) -> Floats:
-        """Return the movement (N, 2) at places (N, 2) in the cell of pitch 1, for cameras at slopes (N, 2)."""
-        return np.asarray(_basis(local, slope - self.slope) @ self.factors)
+    def of(self, local: Values, slopes: Floats, group: Indices) -> npt.NDArray[np.float32]:
+        """Return the movement (M, 2) at places (M, 2) in cells of pitch 1, of lenslets with slopes (N, 2)."""
+        own = np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1)
+        moved = np.empty((len(local), 2), np.float32)
+        for first in range(0, len(local), CHUNK):
+            part = slice(first, first + CHUNK)
+            moved[part] = np.einsum("mp,mpa->ma", _powers(local[part], PLACE), own[group[part]])
+        return moved
 
 
-def _basis(local: npt.NDArray[np.floating], aside: Floats) -> Floats:
-    """Return what points of a cell move with: up to cubes of the place, and the place's change with the slope."""
-    x, y = local.T
-    a, b = aside.T
-    columns = [x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3, a * x, a * y, b * x, b * y]
-    return np.stack([np.ones_like(x), *columns], axis=1)
+def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
+    """Return x^a y^b of values (N, 2) for each pair of exponents, (N, pairs)."""
+    x, y = values.T.astype(np.float64)
+    return np.stack([x**a * y**b for a, b in exponents], axis=1)
 
 
 def movement_of(display: Display, turn_deg: float, slopes: Floats, distance_mm: float) -> Movement:
@@ -70,20 +79,17 @@ def movement_of(display: Display, turn_deg: float, slopes: Floats, distance_mm: 
     at = at - (at * seen[..., None]).sum(axis=1, keepdims=True) / number
     pixels = at / display.panel.pitches_mm * [1.0, -1.0]
     middle = slopes.mean(axis=0)
-    basis = _basis(np.tile(local, (len(some), 1)), np.repeat(some - middle, len(local), axis=0))
-    lit = seen.ravel()
-    return Movement(np.linalg.lstsq(basis[lit], pixels.reshape(-1, 2)[lit], rcond=None)[0], middle)
+    powers = _powers(some - middle, SLOPE)[:, None, :, None] * _powers(local, PLACE)[None, :, None, :]
+    design = powers.reshape(len(some), len(local), -1)[seen]
+    factors = np.linalg.lstsq(design, pixels[seen], rcond=None)[0]
+    return Movement(factors.reshape(len(SLOPE), len(PLACE), 2), middle)
 
 
 def refined(view: Lenslets, display: Display, slopes: Floats, movement: Movement) -> Lenslets:
     """Return the view with the middles and half widths of the intervals that its readings give."""
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None
-    count = len(view.index)
-    shift = np.empty_like(readings.local)
-    for first in range(0, len(shift), CHUNK):
-        part = slice(first, first + CHUNK)
-        shift[part] = movement.of(readings.local[part], slopes[readings.group[part]])
+    count, shift = len(view.index), movement.of(readings.local, slopes, readings.group)
     found = [interval(readings.panel_px[:, axis], shift[:, axis], readings.group, count) for axis in (0, 1)]
     low, high = (np.stack(sides, axis=1) for sides in zip(*found, strict=True))
     middle = np.stack(frame.panel_from_pixel(*(0.5 * (low + high)).T), axis=1)
