@@ -52,8 +52,8 @@ BLOCKS = 9
 SMOOTH = (0.12, 0.12, 0.2, 0.2)
 #: What a residual counts within the interval in which a panel point is known to be.
 WITHIN = 0.03
-#: Least smooth errors, as measured on computed photographs: of panel points, in pixels, and of the lenslets' middles in a
-#: photograph, in lenslets.
+#: Least smooth errors, as measured on computed photographs: of panel points, in pixels, and of the lenslets' middles in
+#: a photograph, in lenslets.
 POINTS, MIDDLES = 0.01, 0.003
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
 LEAST_SCATTER = 0.02

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -91,13 +92,12 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
-        some = np.asarray((abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1))
+        some = (abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
         off = panel_steps[some] - np.round(at[some])
         moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
-        own = (panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves)
-        own = _centred(own, at, some)
+        own = _centred((panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves), at, some)
         index = np.round(own).astype(np.int64)
-        near = (abs(own - index) < NEAR).all(axis=1)
+        near = np.asarray((abs(own - index) < NEAR).all(axis=1))
     home, local = outline.located(decoded.photo_px)
     # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent. Not
     # those far aside, which are wrong.
@@ -135,7 +135,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     )  # fmt: skip
 
 
-def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
+def _centred(own: Floats, at: Floats, some: Any) -> Floats:
     """Return the pixels' lattice points less what those in the middle of each cell are off on average.
 
     Points seen aside are off by aberrations that a whole view's lattice does not have.

@@ -111,8 +111,13 @@ def solve_views(
         whole = replace(whole, held=True)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
     # The rays again, through the array and the gap that were found, from where each camera stands.
-    for _ in range(REFINEMENTS):
-        whole = replace(whole, landings=again(solution, landing), views=finer(solution, whole.views))
+    # Domes that face the viewer hide a part of their neighbours: where they are in the photograph is known less well
+    # than what they see, and finer points would only lean on that.
+    finer_points = nominal.array.plano_side == "panel"
+    for _ in range(REFINEMENTS if finer_points else 1):
+        whole = replace(whole, landings=again(solution, landing))
+        if finer_points:
+            whole = replace(whole, views=finer(solution, whole.views))
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     round_lens = None
     for _ in range(RADIUS_ROUNDS if radius else 0):
