@@ -79,8 +79,8 @@ def test_panel_of_720p():
     assert figures["errors"] == figures["underflows"] == 0
     assert figures["frames"] == 30
     assert figures["rows_copied"] > 100
-    # Refreshes in time, as the model sees too; a quarter of the time is left to others, which take it.
-    assert figures["window_refreshes"] >= figures["window_clocks"] // 968
+    # 8192 refreshes in 64 ms, one in 977 clocks, as the model sees too; a quarter of the time is left to others.
+    assert figures["window_refreshes"] >= figures["window_clocks"] // 977
     assert figures["window_read_pixels"] > 15e6 * figures["window_clocks"] / 125e6
 
 
