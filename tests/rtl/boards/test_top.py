@@ -131,8 +131,7 @@ def test_a_frame_from_the_line_to_the_pins(mode, tmp_path):
     chosen = seed()
     image = np.random.default_rng(chosen).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
     image[:, 6:58] = image[:1, 6:7]  # shorter for the line
-    low = {25: 2_200, 10: 1_500}[mode[0].pixel_div]
-    delay = random.Random(chosen).choice([low, 4_000, 6_500])
+    delay = random.Random(chosen).choice([1_500, 4_000, 6_500])
     figures, broken, video = played(mode, tmp_path, requests_of(image), delay)
     assert broken == []
     assert figures["replies"] == len(requests_of(image))
