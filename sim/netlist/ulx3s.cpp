@@ -139,6 +139,7 @@ class Board {
       : options_(options), line_(options.line, options.port, options.place, options.idle), uart_(options.step),
         screen_(LIPPMANN_WIDTH, LIPPMANN_HEIGHT, options.capture) {
     top_.ftdi_txd = 1;
+    top_.eval();  // with all clocks low: the model sees no edge in its first evaluation
   }
 
   void run() {
