@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
 from lippmann.files import clean_before_writing, not_written, replacing
 from lippmann.limits import check_expanded
@@ -361,7 +362,8 @@ def _metadata_of(spec: Any) -> dict[str, str]:
 
 def _openimageio() -> Any:
     try:
-        import OpenImageIO
+        with interrupts.held():  # an exception while its types load aborts the process
+            import OpenImageIO
     except ImportError as error:
         raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); {to_install()}") from None
     return OpenImageIO
