@@ -216,7 +216,12 @@ class Board {
     if (!top_.LIPPMANN_MEMORY_CLOCK && memory) chip_edge();
     if (top_.LIPPMANN_PAIR_CLOCK != pairs && receiver_.bit(top_.gpdi_dp)) {
       const auto& pixel = receiver_.pixel();
-      screen_.clock(pixel.de, pixel.vsync == LIPPMANN_VSYNC, pixel.rgb);
+      const bool vsync = pixel.vsync == LIPPMANN_VSYNC;
+      if (receiver_.slips() != slips_) steady_ = false;
+      slips_ = receiver_.slips();
+      steady_ = steady_ || (vsync && !vsync_);
+      vsync_ = vsync;
+      screen_.clock(pixel.de && steady_, vsync, pixel.rgb);
     }
   }
 
@@ -291,6 +296,10 @@ class Board {
   uint64_t ticks_ = 0, pressed_ = 0, oscillator_ps_ = 20'000;
   uint16_t word_ = 0;
   int on_way_ = 0;
+  // A monitor that lost the symbols' places shows nothing until the next vertical sync begins. The serialiser finds
+  // them with its first symbol after a reset.
+  bool steady_ = false, vsync_ = false;
+  int64_t slips_ = 0;
   uint32_t noise_ = 1;
   int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;
 };

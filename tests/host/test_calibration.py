@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from lippmann.calibration import check
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
+from lippmann.calibration.intervals import interval, movement_of
 from lippmann.calibration.landing import inner_rays, movement
 from lippmann.calibration.lattice import find_lattice, steps_of
 from lippmann.calibration.photographs import positions
-from lippmann.calibration.pixels import interval, movement_of
 from lippmann.calibration.radius import radius_of
 from lippmann.calibration.result import load_calibration
 from lippmann.calibration.shoot import shoot

@@ -149,7 +149,7 @@ def test_no_file_is_half_written(place, command):
         assert {path.name: content(path) for path in Path().glob(pattern)} == wanted
         assert {path.name for path in place.iterdir()} == usual
         assert not partials(place)
-        # Other tests compile here too: what is left is no living process's.
+        # Other tests compile here at the same time; what processes that have ended left must be gone.
         left = partials(build_folder() / "sim")
         files.remove_stale(build_folder() / "sim")
         assert partials(build_folder() / "sim") == left

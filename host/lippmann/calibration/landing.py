@@ -56,7 +56,7 @@ class Landing:
     fixed: Floats
     per_gap: Floats
     aside: Floats
-    #: Directions in which a cell looks alike, and that of the array's first axis, degrees.
+    #: One of `FOLDS`, and the direction of the array's first axis, degrees.
     folds: int
     rotation_deg: float
     outline_mm: float
@@ -67,20 +67,20 @@ class Landing:
 
     def point(self, slope: Floats, gap_mm: Floats | float) -> Floats:
         """Return w for slopes (N, 2) and a gap for all or for each, (N, 2) mm."""
-        return -self._turned(slope, self.fixed) - np.reshape(gap_mm, (-1, 1)) * self._turned(slope, self.per_gap)
+        return -self._sum(slope, self.fixed) - np.reshape(gap_mm, (-1, 1)) * self._sum(slope, self.per_gap)
 
     def outline(self, slope: Floats) -> Floats:
         """Return c for slopes (N, 2), (N, 2) mm."""
-        return self._turned(slope, self.aside)
+        return self._sum(slope, self.aside)
 
-    def _turned(self, slope: Floats, numbers: Floats) -> Floats:
-        """Return the sum of `_sides` for slopes along the panel's axes."""
+    def _sum(self, slope: Floats, numbers: Floats) -> Floats:
+        """Return the sum of `_terms` for slopes along the panel's axes."""
         turn = np.exp(1j * np.deg2rad(self.rotation_deg))
-        found = turn * (_sides((slope[:, 0] + 1j * slope[:, 1]) / turn, self.folds) @ numbers)
+        found = turn * (_terms((slope[:, 0] + 1j * slope[:, 1]) / turn, self.folds) @ numbers)
         return np.stack([found.real, found.imag], axis=1)
 
 
-def _sides(slope: npt.NDArray[np.complex128], folds: int) -> npt.NDArray[np.complex128]:
+def _terms(slope: npt.NDArray[np.complex128], folds: int) -> npt.NDArray[np.complex128]:
     """Return what the numbers a, b and c are multiplied with, for slopes (N,) along the array's axes, (N, 6)."""
     square = abs(slope) ** 2
     round_ = [slope * square**k for k in range(4)]
@@ -98,8 +98,8 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
 
     middles = _middles(plain, slopes, height, distance_mm)
     folds = FOLDS[display.array.grid]
-    sides = _sides(slopes[:, 0] + 1j * slopes[:, 1], folds)
-    parts = np.concatenate([sides.real, sides.imag])
+    terms = _terms(slopes[:, 0] + 1j * slopes[:, 1], folds)
+    parts = np.concatenate([terms.real, terms.imag])
     aside = np.linalg.lstsq(parts, middles.T.ravel(), rcond=None)[0]
     offset = (parts @ aside).reshape(2, -1).T
 

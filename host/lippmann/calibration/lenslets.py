@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -92,7 +91,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
-        some = (abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
+        some = np.asarray((abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1))
         off = panel_steps[some] - np.round(at[some])
         moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
         own = _centred((panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves), at, some)
@@ -135,7 +134,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     )  # fmt: skip
 
 
-def _centred(own: Floats, at: Floats, some: Any) -> Floats:
+def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
     """Return the pixels' lattice points less what those in the middle of each cell are off on average.
 
     Points seen aside are off by aberrations that a whole view's lattice does not have.

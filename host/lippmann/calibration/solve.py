@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Problem, Solution, first_fit, released, solve
 from lippmann.calibration.decode import decode_position
+from lippmann.calibration.intervals import movement_of, refined
 from lippmann.calibration.landing import Landing, landing_of, outline_mm
 from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
 from lippmann.calibration.numbering import starts
 from lippmann.calibration.photographs import pattern_set, positions
-from lippmann.calibration.pixels import movement_of, refined
 from lippmann.calibration.radius import Radius, radius_of
 from lippmann.calibration.result import (
     OPEN,
@@ -110,21 +110,17 @@ def solve_views(
         # Left alone, it would follow what the model lacks, and take pitch and offset with it.
         whole = replace(whole, held=True)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
-    # The rays again, through the array and the gap that were found, from where each camera stands.
     # Domes that face the viewer hide a part of their neighbours: where they are in the photograph is known less well
     # than what they see, and finer points would only lean on that.
-    finer_points = nominal.array.plano_side == "panel"
-    for _ in range(REFINEMENTS if finer_points else 1):
-        whole = replace(whole, landings=again(solution, landing))
-        if finer_points:
-            whole = replace(whole, views=finer(solution, whole.views))
+    finer = nominal.array.plano_side == "panel"
+    for _ in range(REFINEMENTS if finer else 1):
+        whole = seen_again(solution, whole, landing, finer)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     round_lens = None
     for _ in range(RADIUS_ROUNDS if radius else 0):
         round_lens = radius_of(display_of(whole.display, solution), solution)
         array = replace(nominal.array, radius_mm=round_lens.value_mm)
-        whole = replace(whole, display=replace(nominal, array=array))
-        whole = replace(whole, landings=again(replace(solution, problem=whole), landing))
+        whole = seen_again(solution, replace(whole, display=replace(nominal, array=array)), landing)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
@@ -143,33 +139,25 @@ def solve_views(
     return made
 
 
-def again(solution: Solution, landing: Landing) -> list[Landing]:
-    """Return the landings of rays of the display that was found, one for each position; the old if it cannot be."""
-    views = range(len(solution.problem.views))
-    try:
-        built = display_of(solution.problem.display, solution)
-    except DoubtError:
-        return [landing for _ in views]
-    return [landing_of(built, landing.steepest, max(1.0, solution.value(f"place_z_{k}"))) for k in views]
+def seen_again(solution: Solution, whole: Problem, landing: Landing, finer: bool = False) -> Problem:
+    """Return the problem with rays traced through the display that was found, from where each camera stands.
 
-
-def finer(solution: Solution, views: Sequence[Lenslets]) -> list[Lenslets]:
-    """Return the views with panel points finer than pixels, by the display that was found; the old if it cannot be."""
+    With `finer` the panel points become finer than pixels, too. The problem stays as it is when there can be no such
+    display. `landing` tells the steepest slope.
+    """
     try:
-        built = display_of(solution.problem.display, solution)
+        built = display_of(whole.display, solution)
     except DoubtError:
-        return list(views)
-    whole, turn, height = (
-        replace(solution.problem, views=views),
-        np.rad2deg(solution.value("rotation")),
-        outline_mm(built),
-    )
-    made = []
-    for k, view in enumerate(views):
+        return whole
+    turn, height = np.rad2deg(solution.value("rotation")), outline_mm(built)
+    landings, views = [], []
+    for k, view in enumerate(whole.views):
         place = np.array([solution.value(f"place_{axis}_{k}") for axis in "xyz"])
+        distance = max(1.0, float(place[2]))
+        landings.append(landing_of(built, landing.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
-        made.append(refined(view, built, slopes, movement_of(built, turn, slopes, max(1.0, place[2]))))
-    return made
+        views.append(refined(view, built, slopes, movement_of(built, turn, slopes, distance)) if finer else view)
+    return replace(whole, landings=landings, views=views)
 
 
 def _cost(solution: Solution) -> float:

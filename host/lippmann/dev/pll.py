@@ -77,14 +77,15 @@ def solve(
     Of these the best has the fastest memory clock, then the fastest phase detector, which makes the least jitter, then
     the nearest pixel clock. `memory_mhz` are the least and the greatest clock of the memory. The system has `samples`
     clocks a pixel; with `dvi` there are five shift clocks a pixel. `fastest_mhz` is the greatest pixel clock. Raises
-    InputError when there are none.
+    InputError when no dividers give such clocks.
     """
     if not INPUT_MHZ[0] <= oscillator_mhz <= INPUT_MHZ[1]:
         what = f"an oscillator of {float(oscillator_mhz):g} MHz cannot drive the PLL"
         raise InputError(f"{what}; use one of {INPUT_MHZ[0]} to {INPUT_MHZ[1]} MHz")
-    most = min(pixel_mhz * (1 + TOLERANCE), fastest_mhz or pixel_mhz * 2)
-    asked = pixel_mhz * (1 - TOLERANCE), most
-    found = list(_candidates(asked, oscillator_mhz, memory_mhz, samples, dvi))
+    least, most = pixel_mhz * (1 - TOLERANCE), pixel_mhz * (1 + TOLERANCE)
+    if fastest_mhz is not None:
+        most = min(most, fastest_mhz)
+    found = list(_candidates((least, most), oscillator_mhz, memory_mhz, samples, dvi))
     if not found:
         low, high = map(float, memory_mhz)
         raise input_error(
