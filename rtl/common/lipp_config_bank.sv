@@ -5,7 +5,8 @@
 ///
 /// apply_i requests a new copy of config_i. The copy is made as soon as idle_i is high; busy_o is
 /// high until then. While busy_o is high nothing may start to use config_o, so that idle_i stays
-/// high until the copy is made. Reset requests a copy.
+/// high until the copy is made. hold_o is busy_o of the next clock: whoever lets users in can have
+/// a register for it. Reset requests a copy.
 module lipp_config_bank #(
   parameter int Width = 32
 ) (
@@ -15,6 +16,7 @@ module lipp_config_bank #(
   input  logic             apply_i,
   input  logic             idle_i,    // nothing uses config_o
   output logic             busy_o,
+  output logic             hold_o,
   output logic [Width-1:0] config_o
 );
 
@@ -26,6 +28,7 @@ module lipp_config_bank #(
   logic copy_q;  // a separate register, since it drives every bit
   logic [Width-1:0] config_q;
   assign busy_o = pending_q;
+  assign hold_o = apply_i || (pending_q && !copy_q);
   assign config_o = config_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -33,7 +36,7 @@ module lipp_config_bank #(
       pending_q <= 1'b1;
       copy_q <= 1'b0;
     end else begin
-      pending_q <= apply_i || (pending_q && !copy_q);
+      pending_q <= hold_o;
       copy_q <= pending_q && idle_i && !copy_q;
     end
   end

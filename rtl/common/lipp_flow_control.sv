@@ -8,7 +8,7 @@
 /// pipeline needs no enable, and back-pressure inserts no bubbles: 2^AddressBits rays, more than
 /// Latency, fit into pipeline and FIFO.
 ///
-/// hold_i closes the input. idle_o: no ray is in the pipeline or in the FIFO, so that the
+/// hold_i closes the input in the next clock: ready_o is a register. idle_o: no ray is in the pipeline or in the FIFO, so that the
 /// pipeline's configuration may change. A ray that comes is counted a clock later, one that leaves
 /// two clocks later: the ways from valid_i and ready_i end in registers, and the output may be far
 /// away. idle_o falls with a ray that comes, and rises three clocks after the last one left.
@@ -36,10 +36,9 @@ module lipp_flow_control #(
   end
 
   logic [AddressBits:0] taken_q, taken_d;  // rays with a reserved place
-  logic open_q, accept, entered;           // entered: in the last clock
+  logic accept, entered;                   // entered: in the last clock
   logic [1:0] left_q;                      // a ray left, one and two clocks ago
 
-  assign ready_o = open_q && !hold_i;
   assign accept = valid_i && ready_o;
   assign taken_d = taken_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(left_q[1]);
 
@@ -48,13 +47,13 @@ module lipp_flow_control #(
       taken_q <= '0;
       left_q <= '0;
       idle_o <= 1'b1;
-      open_q <= 1'b0;
+      ready_o <= 1'b0;
     end else begin
       taken_q <= taken_d;
       left_q <= {left_q[0], valid_o && ready_i};
       idle_o <= taken_q == '0 && !entered && !accept;
       // Two places are spare, for rays that are accepted while this is being computed.
-      open_q <= taken_q < (AddressBits + 1)'(Room - 2);
+      ready_o <= taken_q < (AddressBits + 1)'(Room - 2) && !hold_i;
     end
   end
 

@@ -8,7 +8,8 @@
 /// pixels: words that come from the memory never wait. A pair crosses to the client's clock in one
 /// word. The next request is taken after the last pixel of the one before.
 ///
-/// From the words' arrival to the pixels: 2 clocks of the memory, then that of `lipp_async_fifo`.
+/// From the words' arrival to the pixels: 2 clocks of the memory, then that of `lipp_async_fifo`, and
+/// one more: the FIFO's memory is slow, so its pixels leave from registers.
 module lipp_sdram_read_port
   import lipp_sdram_pkg::*;
 #(
@@ -41,9 +42,10 @@ module lipp_sdram_read_port
   localparam int Room = 3 << AddressBits;
   logic [PlaceBits:0] left_q;
   logic busy_q, take;
-  logic split_valid, split_ready, split_free, pair_valid, pair_ready;
+  logic split_valid, split_ready, split_free, pair_valid, pair_ready, rgb_valid, rgb_ready;
   transaction_t split_transaction;
   logic [47:0] pair;
+  logic [23:0] rgb;
 
   // ---- requests ----
   assign ready_o = !busy_q;
@@ -89,7 +91,11 @@ module lipp_sdram_read_port
   );
   lipp_word_split #(.Width(24), .Parts(2)) i_split (
     .clk_i, .rst_ni, .in_valid_i(pair_valid), .in_ready_o(pair_ready), .in_data_i(pair),
-    .out_valid_o(pixel_valid_o), .out_ready_i(pixel_ready_i), .out_data_o(rgb_o)
+    .out_valid_o(rgb_valid), .out_ready_i(rgb_ready), .out_data_o(rgb)
+  );
+  lipp_skid_buffer #(.Width(24)) i_buffer (
+    .clk_i, .rst_ni, .clear_i(1'b0), .in_valid_i(rgb_valid), .in_ready_o(rgb_ready),
+    .in_data_i(rgb), .out_valid_o(pixel_valid_o), .out_ready_i(pixel_ready_i), .out_data_o(rgb_o)
   );
 
 endmodule

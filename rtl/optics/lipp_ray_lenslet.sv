@@ -48,9 +48,10 @@ module lipp_ray_lenslet #(
 
   // ---- the optics in use ----
   optics_config_t used;
-  logic busy, idle;
+  logic busy, hold, idle;
   lipp_config_bank #(.Width($bits(optics_config_t))) i_config_bank (
-    .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .config_o(used)
+    .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .hold_o(hold),
+    .config_o(used)
   );
   assign {busy_o, idle_o} = {busy, idle};
 
@@ -72,7 +73,7 @@ module lipp_ray_lenslet #(
   assign piped = {i, j, x, y, z, dx, dy, dz, status};
 
   lipp_flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(Width)) i_flow (
-    .clk_i, .rst_ni, .hold_i(busy), .idle_o(idle),
+    .clk_i, .rst_ni, .hold_i(hold), .idle_o(idle),
     .valid_i(ray_valid_i), .ready_o(ray_ready_o), .piped_i(piped),
     .valid_o(exit_valid_o), .ready_i(exit_ready_i), .data_o(out)
   );

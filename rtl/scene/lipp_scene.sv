@@ -70,9 +70,10 @@ module lipp_scene #(
 
   // ---- the registers in use ----
   scene_config_t used;
-  logic busy, idle;
+  logic busy, hold, idle;
   lipp_config_bank #(.Width($bits(scene_config_t))) i_config_bank (
-    .clk_i, .rst_ni, .config_i, .apply_i(take_i), .idle_i(idle), .busy_o(busy), .config_o(used)
+    .clk_i, .rst_ni, .config_i, .apply_i(take_i), .idle_i(idle), .busy_o(busy), .hold_o(hold),
+    .config_o(used)
   );
   assign {busy_o, idle_o} = {busy, idle};
   logic unused_config;  // a build reads some layers
@@ -176,7 +177,7 @@ module lipp_scene #(
   // ---- handshakes: a place for each ray; those that do not end a pixel are dropped at the end ----
   logic out_valid, out_ends;
   lipp_flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(27)) i_flow (
-    .clk_i, .rst_ni, .hold_i(busy), .idle_o(idle), .valid_i(exit_valid_i), .ready_o(exit_ready_o),
+    .clk_i, .rst_ni, .hold_i(hold), .idle_o(idle), .valid_i(exit_valid_i), .ready_o(exit_ready_o),
     .piped_i({ends, out_first, out_last, rgb}), .valid_o(out_valid),
     .ready_i(pixel_ready_i || !out_ends),
     .data_o({out_ends, pixel_first_o, pixel_last_o, pixel_rgb_o})

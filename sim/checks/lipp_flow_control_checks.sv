@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The contract of `lipp_flow_control`, at its ports.
 ///
-/// The input is closed by hold_i, and open only while there is a free place; with a ready reader
+/// The input is closed in the clock after hold_i, and open only while there is a free place; with a ready reader
 /// and no hold it opens within 6 clocks and stays open. A ray leaves Latency + 4 clocks after it
 /// was accepted, or later if it had to wait for the reader. idle_o is high exactly when no ray is
 /// inside and none left in the last three clocks.
@@ -39,7 +39,7 @@ module lipp_flow_control_checks #(
   reg [Latency+3:0] entered_q;  // a ray was accepted, 1 to Latency + 4 clocks ago
   reg [C-1:0] recent_q;         // how many in the last Latency + 3 clocks
   reg [2:0] flows_q;            // clocks with a ready reader and no hold, up to 6
-  reg stalled_q;
+  reg stalled_q, hold_q;
   reg [2:0] leave_q;            // a ray left, one to three clocks ago
   reg [Width-1:0] out_q;
   always @(posedge clk_i or negedge rst_ni) begin
@@ -49,6 +49,7 @@ module lipp_flow_control_checks #(
       recent_q <= 0;
       flows_q <= 0;
       stalled_q <= 0;
+      hold_q <= 0;
       leave_q <= 0;
     end else begin
       inside_q <= inside_q + C'(accept) - C'(leave);
@@ -57,6 +58,7 @@ module lipp_flow_control_checks #(
       if (!ready_i || hold_i) flows_q <= 0;
       else if (flows_q < 6) flows_q <= flows_q + 1;
       stalled_q <= valid_o && !ready_i;
+      hold_q <= hold_i;
       leave_q <= {leave_q[1:0], leave};
     end
   end
@@ -65,9 +67,9 @@ module lipp_flow_control_checks #(
   always @(posedge clk_i) begin
     if (checked) begin
       room: assert(inside_q <= C'(Room) && (!ready_o || inside_q < C'(Room)));
-      hold: assert(!hold_i || !ready_o);
+      hold: assert(!hold_q || !ready_o);
       idle: assert(idle_o == (inside_q == 0 && leave_q == 0));
-      open: assert(flows_q < 6 || hold_i || ready_o);
+      open: assert(flows_q < 6 || ready_o);
       latency: assert(valid_o == (inside_q > recent_q));
       stable_data: assert(!stalled_q || data_o == out_q);
     end

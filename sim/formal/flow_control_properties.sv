@@ -33,7 +33,6 @@ module flow_control_properties #(
   // Internal registers: flattening connects these wires to those of the same name. A register that
   // this Latency does not have leaves its wire free; nothing uses that wire.
   (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
-  (* hierconn *) wire \i_flow.open_q ;
   (* hierconn *) wire [1:0] \i_flow.left_q ;
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
   (* hierconn *) wire [(Marks > 2 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[1].valid_q ;
@@ -188,12 +187,12 @@ module flow_control_properties #(
         inside_tree: assert(&node_right);
         inside_places: assert(counted == waiting + inside + gone && counted <= Room);
         inside_recent: assert(recent == inside + wrote[0] + wrote[1] + wrote[2]);
-        inside_open: assert(!\i_flow.open_q || taken <= Room - 2);
+        inside_open: assert(!ready || taken <= Room - 2);
         inside_entered: assert(entered == {wrote, marks});
         inside_flows: assert(flows <= 6
             && (flows < 1 || inside_q < Room - 5 || \i_flow.left_q [0])
             && (flows < 2 || inside_q < Room - 4 || \i_flow.left_q [1])
-            && (flows < 3 || (counted < Room && (!\i_flow.open_q || taken < Room - 2)))
+            && (flows < 3 || (counted < Room && (!ready || taken < Room - 2)))
             && (flows < 4 || counted < Room - 1) && (flows < 5 || taken < Room - 2));
       end
     end

@@ -22,11 +22,16 @@ module ray_lenslet_properties #(
   always @* if (!started_q) assume(!rst_ni);
 
   // ---- flow_control ----
-  logic busy;
+  logic busy, hold;
+  reg held_q;
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) held_q <= 1;
+    else held_q <= hold;
+  end
   reg [9:0] inside_q;
   wire empty = inside_q == 0;
   wire idle = empty && !late_i;
-  wire accept = valid_i && open_i && !busy && inside_q < 10'h3ff;
+  wire accept = valid_i && open_i && !held_q && inside_q < 10'h3ff;
   wire leave = leave_i && !empty;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) inside_q <= 0;
@@ -35,7 +40,8 @@ module ray_lenslet_properties #(
 
   logic [Width-1:0] used;
   lipp_config_bank #(.Width(Width)) i_config_bank (
-    .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .config_o(used)
+    .clk_i, .rst_ni, .config_i, .apply_i, .idle_i(idle), .busy_o(busy), .hold_o(hold),
+    .config_o(used)
   );
   (* hierconn *) wire \i_config_bank.copy_q ;
 
@@ -72,6 +78,7 @@ module ray_lenslet_properties #(
       copy_idle: assert(!\i_config_bank.copy_q || (busy && empty));
       only_idle: assert(!known_q || used == used_q || empty_q);
       one_configuration: assert(!watching_q || (!empty && used == entered_with_q));
+      held_busy: assert(held_q == busy);
       closed: assert(!busy || !accept);
       taken_over: assert(!steady_q || !accept || used == wanted);
       inside_steady: assert(!steady_q || busy || used == wanted);

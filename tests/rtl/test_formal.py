@@ -138,8 +138,8 @@ FAULTS = {
     "memory answers a clock early": (
         "memory_1w1r bmc", "memory_1w1r.sv", "read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
     "no credit: rays enter while there is no room": (
-        "flow_control bmc_full", "flow_control.sv", "open_q <= taken_q < (AddressBits + 1)'(Room - 2)",
-        "open_q <= 1'b1", "room|promise|open"),
+        "flow_control bmc_full", "flow_control.sv", "taken_q < (AddressBits + 1)'(Room - 2) && !hold_i",
+        "!hold_i", "room|promise|open"),
     "one place too many given away": (
         "flow_control bmc_full", "flow_control.sv", "(AddressBits + 1)'(Room - 2)", "(AddressBits + 1)'(Room - 1)",
         "room|promise|open"),
@@ -147,7 +147,7 @@ FAULTS = {
         "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(left_q[1])", "", "taken|idle|open|places"),
     "mark comes out a clock late": (
         "flow_control bmc", "flow_control.sv", "assign enter = accept;",
-        "assign enter = accept && open_q && valid_q == '0;", "places|entered|in_order|counted|latency|waiting"),
+        "assign enter = accept && ready_o && valid_q == '0;", "places|entered|in_order|counted|latency|waiting"),
     "marks a clock early behind stage 64": (
         "flow_control bmc_65", "flow_control.sv", "gen_marks[k-1].valid_q[63]", "gen_marks[k-1].valid_q[62]",
         "places|entered|counted|latency|waiting"),
@@ -155,7 +155,7 @@ FAULTS = {
         "flow_control bmc_order", "flow_control.sv", "valid_q[(Held-1)%64]", "valid_q[(Held-2)%64]",
         "in_order|waiting|watch"),
     "hold ignored": (
-        "flow_control bmc", "flow_control.sv", "open_q && !hold_i", "open_q", "hold"),
+        "flow_control bmc", "flow_control.sv", "(Room - 2) && !hold_i", "(Room - 2)", "hold"),
     "idle while a ray enters": (
         "flow_control bmc", "flow_control.sv", "!entered && !accept", "!entered", "idle"),
     "idle before the last ray has left": (

@@ -4,7 +4,7 @@ import random
 
 import cocotb
 from cocotb.clock import Clock
-from cocotb.triggers import FallingEdge
+from cocotb.triggers import FallingEdge, ReadOnly
 
 WIDTH = int(cocotb.plusargs["Width"])
 
@@ -28,6 +28,8 @@ async def copies_only_while_nothing_uses_it(dut):
             idle, apply = random.random() < 0.3, random.random() < 0.1
             word = random.getrandbits(WIDTH)
             dut.idle_i.value, dut.apply_i.value, dut.config_i.value = idle, apply, word
+            await ReadOnly()
+            hold = int(dut.hold_o.value)
             await edge
             if copying:
                 used, copies = word, copies + 1
@@ -35,7 +37,7 @@ async def copies_only_while_nothing_uses_it(dut):
                 first = False
             pending, copying = apply or (pending and not copying), pending and idle and not copying
             held += pending and not idle
-            assert int(dut.busy_o.value) == pending
+            assert int(dut.busy_o.value) == pending == hold
             if used is not None:
                 assert int(dut.config_o.value) == used
     assert copies > 200
