@@ -111,6 +111,8 @@ def test_other_bad_input(tmp_path, capsys):
     assert "99999999999 is out of range" in refused(capsys, "--seeds", "99999999999")
     assert "nothing is drawn" in refused(capsys, "--layers", "0", "--bilinear")
     assert "no such file" in refused(capsys, "--display", tmp_path / "none.toml")
+    vga = repository() / "scenes/displays/vga-square.toml"
+    assert "two files would be ulx3s-vga-square.bit" in refused(capsys, "--display", vga, "--display", vga)
 
 
 def test_a_wrong_board_file_is_named(tmp_path, monkeypatch):

@@ -236,7 +236,8 @@ def make_seeds(place):
     for found, name in (("words.csv", "rays.csv"), ("expected.mem", "rays.mem"), ("inputs.mem", "inputs.mem")):
         shutil.copy(next(Path("words").rglob(found)), name)
     text = b"\xff\x00" + comment("ulx3s", "vga", "0" * 16, 1).encode() + b"\x00\xff\xff\xff\xbd\xb3"
-    Path("b.bit").write_bytes(text + b"\xff" * 4 + b"\xe2\x00\x00\x00" + struct.pack(">I", 0x41113043) + bytes(64))
+    identity = b"\xe2\x00\x00\x00" + struct.pack(">I", 0x41113043)
+    Path("b.bit").write_bytes(text + b"\xff" * 4 + identity + bytes(64) + b"\x5e\x00\x00\x00")
     for name in ("p.png", "p.jpg", "p.tif"):
         cv2.imwrite(name, rng.integers(0, 256, (20, 30, 3), np.uint8))
     Path("patterns.toml").write_text(PatternSet.of(vga).text(vga))

@@ -24,10 +24,10 @@ OWN = comment("ulx3s", "vga-square", IDENTITY, 2)
 
 
 def bits(text=OWN, idcode=0x41113043):
-    """The beginning of a bitstream as ecppack writes it: texts, preamble, reset of the checksum, identity."""
+    """A bitstream as ecppack writes it, without its frames: texts, preamble, reset of the checksum, identity, end."""
     texts = b"".join(one.encode() + b"\0" for one in (text, "Part: LFE5U-85F-6CABGA381") if one)
     head = b"\xff\x00" + texts + b"\xff" + b"\xff\xff\xbd\xb3" + b"\xff" * 4 + b"\x3b\0\0\0"
-    return head + b"\xe2\0\0\0" + idcode.to_bytes(4, "big") + b"\x22\0\0\0" + bytes(64)
+    return head + b"\xe2\0\0\0" + idcode.to_bytes(4, "big") + b"\x22\0\0\0" + bytes(64) + b"\x5e\0\0\0" + b"\xff" * 4
 
 
 @pytest.fixture
@@ -142,7 +142,7 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
     [
         ('echo "Error: CRC mismatch" >&2; exit 1', "openFPGALoader failed (Error: CRC mismatch); plug the board in"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
-        ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "install its udev rules"),
+        ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
         ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
     ],
 )  # fmt: skip
@@ -163,6 +163,7 @@ def test_a_loader_that_does_not_end(place, monkeypatch, capsys):
         (b"", (), "is not an ECP5 bitstream"),
         (b"PNG" * 100, (), "is not an ECP5 bitstream"),
         (bits()[:100], (), "is not an ECP5 bitstream"),
+        (bits()[:-9], (), "is a bitstream without its end"),
         (bits().replace(b"\xe2\0\0\0", b"\xe3\0\0\0"), (), "is not an ECP5 bitstream"),
         (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
         (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
@@ -203,7 +204,7 @@ def test_a_header_of_any_bytes_is_a_header_or_refused(tmp_path):
         except InputError:
             continue
         assert (told.device, told.identity) == ("LFE5U-85F", IDENTITY)
-        assert end >= whole.index(b"\xe2") + 8
+        assert end >= whole.index(b"\x5e\0\0\0") + 4
 
 
 # --- ports ---------------------------------------------------------------------------------------------

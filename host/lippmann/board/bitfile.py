@@ -1,7 +1,8 @@
 """What the header of an ECP5 bitstream (.bit) tells: the device, and the texts that `make bitstream` writes.
 
 A file begins with FF 00, texts that each end with 00, then FF. The configuration follows the preamble FF FF BD B3:
-commands of a byte, three bytes of options and their data. VERIFY_ID (E2) has the device's JTAG identity.
+commands of a byte, three bytes of options and their data. VERIFY_ID (E2) has the device's JTAG identity. The last command
+is PROGRAM_DONE (5E), FF may follow.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from lippmann.limits import MAX_BITSTREAM_BYTES, read_limited
 
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"
+PROGRAM_DONE = b"\x5e\x00\x00\x00"
 #: Commands that may come before VERIFY_ID, without data: nothing, and the reset of the checksum.
 NO_OPERATION, RESET_CRC = 0xFF, 0x3B
 #: JTAG identities of the family.
@@ -47,7 +49,7 @@ def comment(board: str, display: str, identity: str, seed: int) -> str:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return the header of a bitstream; raise InputError for another kind of file, or an unreadable one."""
+    """Return the header of a bitstream; raise InputError for another kind of file, an unreadable one or a part of one."""
     try:
         data = read_limited(path, MAX_BITSTREAM_BYTES, REMEDY)
     except FileNotFoundError:
@@ -60,6 +62,8 @@ def read_bitfile(path: Path) -> BitFile:
         at += 1 if data[at] == NO_OPERATION else 4
     if start < 0 or data[at : at + 4] != VERIFY_ID or len(data) < at + 8:
         raise input_error(str(path), "is not an ECP5 bitstream", REMEDY)
+    if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
+        raise input_error(str(path), "is a bitstream without its end", "copy it again, or run make bitstream")
     texts = data[:start].decode("ascii", errors="replace")
     told = re.search(r"Lippmann board=(\S+) display=(.+?) identity=([0-9a-f]{16})", texts)
     return BitFile(int.from_bytes(data[at + 4 : at + 8], "big"), *(told.groups() if told else ("", "", "")))

@@ -121,9 +121,8 @@ def _failure(board: FpgaBoard, said: str, code: int, remedy: str, again: str) ->
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
     why = (wrong or lines or [f"exit code {code}"])[-1]
     if any(word in said.lower() for word in NOT_ALLOWED):
-        return device_error(
-            board.name, f"openFPGALoader may not use the board ({why})", "install its udev rules, or use sudo"
-        )
+        group = "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again"
+        return device_error(board.name, f"openFPGALoader may not use the board ({why})", group)
     if any(word in said.lower() for word in NOT_FOUND):
         return no_board_error(board.name, f"openFPGALoader finds no board ({why})", remedy)
     return device_error(board.name, f"openFPGALoader failed ({why})", again)

@@ -375,6 +375,9 @@ def main(
         check_output(Path(report) / "bitstream.md", (".md",))
     numbers = _seeds(seeds)
     plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
+    names = [made.name for made in plans]
+    if double := next((name for name in names if names.count(name) > 1), None):
+        raise input_error("--display", f"two files would be {double}.bit", "give each display a name of its own")
     rows, unmet = [], []
     for made in plans:
         tried = place(made, numbers, every or report is not None)
