@@ -1,8 +1,8 @@
 """What the header of an ECP5 bitstream (.bit) tells: the device, and the texts that `make bitstream` writes.
 
 A file begins with FF 00, texts that each end with 00, then FF. The configuration follows the preamble FF FF BD B3:
-commands of a byte, three bytes of options and their data. VERIFY_ID (E2) has the device's JTAG identity. The last command
-is PROGRAM_DONE (5E), FF may follow.
+commands of a byte, three bytes of options and their data. VERIFY_ID (E2) has the device's JTAG identity. The last
+command is PROGRAM_DONE (5E), FF may follow.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def comment(board: str, display: str, identity: str, seed: int) -> str:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return the header of a bitstream; raise InputError for another kind of file, an unreadable one or a part of one."""
+    """Return the header of a bitstream; raise InputError for another kind of file, an unreadable one or a part."""
     try:
         data = read_limited(path, MAX_BITSTREAM_BYTES, REMEDY)
     except FileNotFoundError:
