@@ -227,6 +227,12 @@ def private_folder() -> Path:
     return folder
 
 
+def listening() -> set[str]:
+    """Return the paths of the Unix sockets on which a program listens."""
+    rows = Path("/proc/net/unix").read_text(errors="replace").splitlines()
+    return {row.split()[-1] for row in rows}
+
+
 @contextlib.contextmanager
 def scratch_folder() -> Iterator[Path]:
     """Provide an empty folder for this process's own use, removed at the end; its name is short and without spaces."""

@@ -1,17 +1,21 @@
 """Who may use a virtual board's line, and for how long."""
 
 import dataclasses
+import json
 import os
 import signal
 import socket
 import stat
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import pytest
+from lippmann.board import discovery
 from lippmann.board.board import Board
+from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.errors import NoBoardError
 from lippmann.files import private_path
@@ -152,3 +156,24 @@ def test_the_next_start_removes_the_line_of_a_killed_board(port):
     assert left.exists()
     with virtual_board.running(small()):
         assert not left.exists()
+
+
+def test_the_only_board_is_found_without_its_port(monkeypatch, capsys):
+    """A user's own board on a Unix socket; a socket on which nobody listens is none, and two are named."""
+    with tempfile.TemporaryDirectory() as short:
+        monkeypatch.setattr(tempfile, "tempdir", short)
+        monkeypatch.setattr(discovery, "adapter_ports", list)
+        assert socket_port.own_boards() == []
+        with virtual_board.running(small()) as board:
+            with socket.socket(socket.AF_UNIX) as dead:
+                dead.bind(str(private_path() / "board-dead.sock"))
+            assert socket_port.own_boards() == [board.url]
+            assert run(["board", "info", "--json"]) == 0
+            assert json.loads(capsys.readouterr().out)["identity"] == small().identity
+            with virtual_board.running(small()) as other:
+                assert run(["board", "info"]) == 1
+                line = capsys.readouterr().err
+                assert "2 boards answer (" in line
+                assert all(url in line for url in (board.url, other.url))
+        private_path().chmod(0o755)  # a folder that others may enter is none of ours
+        assert socket_port.own_boards() == []

@@ -39,9 +39,9 @@ Progress = Callable[[str, int, int], None]
 TRIAL = 400
 #: Pixels of a position among which its lattice is looked for: tens for each of 100,000 lenslets.
 MOST_POINTS = 3_000_000
-#: Most scatter of the panel points of a result that is trusted, the larger of pixels and pitches; and most outliers.
 #: Half of the gap's 95 % interval, as a share of D, beyond which the gap stays that of the file.
 GAP_KNOWN = 0.1
+#: Most scatter of the panel points of a result that is trusted, the larger of pixels and pitches; and most outliers.
 #: Random displays scatter by up to 0.3 px; a zoomed position among three by 0.7 px and more.
 MOST_SCATTER_PX, MOST_SCATTER = 0.5, 0.03
 MOST_OUTLIERS = 0.35

@@ -7,7 +7,8 @@ import socket
 from contextlib import suppress
 from urllib.parse import parse_qs, urlsplit
 
-from lippmann.files import private_path
+from lippmann.errors import InputError
+from lippmann.files import listening, private_folder, private_path
 
 SCHEMES = ("unix://", "socket://")
 #: Longest time until a host accepts a connection, s.
@@ -72,6 +73,19 @@ class SocketPort:
     def close(self) -> None:
         """Close the connection."""
         self._socket.close()
+
+
+def own_boards() -> list[str]:
+    """Return the URLs of the virtual boards on Unix sockets that this user runs.
+
+    They are not asked: to connect would take the place of another program that a board serves and that is silent.
+    """
+    try:
+        place = private_folder()
+    except InputError:  # another user's folder: no board of ours
+        return []
+    live = listening()
+    return sorted(f"unix://{path}" for path in place.glob("board-*.sock") if str(path) in live)
 
 
 def _address(url: str) -> tuple[str, int]:

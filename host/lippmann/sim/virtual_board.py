@@ -25,7 +25,7 @@ import numpy as np
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
-from lippmann.files import private_folder, scratch_folder
+from lippmann.files import listening, private_folder, scratch_folder
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
@@ -270,7 +270,7 @@ def _remove_lines_of_the_dead(place: Path) -> None:
     The system tells who listens. To connect would take the place of a live board's silent program.
     """
     there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]  # before: a board that starts now listens later
-    live = {line.split()[-1] for line in Path("/proc/net/unix").read_text(errors="replace").splitlines()}
+    live = listening()
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     live |= {str(place / f"tcp-{int(row[1].rpartition(':')[2], 16)}.token") for row in rows if row[3] == LISTENS}
     for path in there:

@@ -16,8 +16,8 @@ from lippmann.display import Display
 from lippmann.errors import input_error
 
 PORT = option(
-    "The board's port: a device, a pty, unix://PATH, or socket://HOST:PORT. Default: the one USB serial adapter on "
-    "which a board answers.",
+    "The board's port: a device, a pty, unix://PATH, or socket://HOST:PORT. Default: the one USB serial adapter, "
+    "or virtual board of yours on a Unix socket, that answers.",
     None,
     metavar="URL",
 )
