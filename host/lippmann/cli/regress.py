@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DISPLAY, LENS_MODEL, Finite, word_length
+from lippmann.cli.options.common import LENS_MODEL, Finite, word_length
 from lippmann.cli.output import emit
 from lippmann.display import load_display
-from lippmann.errors import input_error
+from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
+
+if TYPE_CHECKING:
+    from lippmann.diagnose.judge import Verdict
 
 #: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
 FOUND_WRONG = 4
@@ -18,21 +23,23 @@ FOUND_WRONG = 4
 
 @make_command("regress")
 def command(
-    display_path: str = DISPLAY,
-    rays_path: str = option("Rays to judge: .npz, .csv or .mem.", flag="--rays", metavar="FILE"),
+    display_path: str | None = option("Display file (.toml). With --rays.", None, flag="--display", metavar="FILE"),
+    rays_path: str | None = option("Rays to judge: .npz, .csv or .mem.", None, flag="--rays", metavar="FILE"),
+    stream: bool = option("Judge the answers to lippmann vectors --stream, from stdin.", False),
     inputs_path: str | None = option(
         "Inputs of a .mem; by default inputs.mem beside it.", None, flag="--inputs", metavar="FILE"
     ),
     model: Model = LENS_MODEL,
     fraction_bits: int = word_length("a .csv or .mem"),
     tolerance_urad: float = option(
-        "Tolerance of directions in an .npz, beside the effect of rounding the inputs to float32.", 2.0, Finite()
+        "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32.", 2.0, Finite()
     ),
-    tolerance_nm: float = option("Tolerance of points in an .npz, beside the effect of that rounding.", 50.0, Finite()),
+    tolerance_nm: float = option("Tolerance of points in numbers, beside the effect of that rounding.", 50.0, Finite()),
+    junit: str | None = option("JUnit XML of the verdicts, for continuous integration.", None, metavar="FILE"),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
-    A .npz is compared with golden; a .csv or .mem with the RTL's twin, bit for bit. The first wrong step is named.
+    Numbers are compared with golden; words with the RTL's twin, bit for bit. The first wrong step is named.
 
     Exit code 0: every ray is right; 4: some are wrong.
 
@@ -40,27 +47,59 @@ def command(
     """
     from lippmann.diagnose.foreign import read_foreign
     from lippmann.diagnose.judge import judge
+    from lippmann.diagnose.junit import headline, table, write_junit
+    from lippmann.images import check_output
 
     for name, value in (("--tolerance-urad", tolerance_urad), ("--tolerance-nm", tolerance_nm)):
         if value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
+    if junit is not None:
+        check_output(Path(junit), (".xml",))
+    if stream:
+        for name, given in (("--display", display_path), ("--rays", rays_path), ("--inputs", inputs_path)):
+            if given is not None:
+                raise input_error(name, "the stream has it", f"leave out {name} or --stream")
+        return _judge_stream(tolerance_urad, tolerance_nm, junit)
+    if rays_path is None or display_path is None:
+        raise InputError("no rays; give --display and --rays, or --stream")
     display = load_display(display_path)
     inputs = None if inputs_path is None else Path(inputs_path)
-    foreign = read_foreign(Path(rays_path), display, model, fraction_bits, inputs)
-    verdict = judge(foreign, tolerance_urad, tolerance_nm)
+    verdict = judge(read_foreign(Path(rays_path), display, model, fraction_bits, inputs), tolerance_urad, tolerance_nm)
+    if junit is not None:
+        write_junit(Path(junit), [(Path(rays_path).stem, verdict)])
     shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
-    lines = []
-    for entry in verdict.compared:
-        least, most = entry.limits
-        allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
-        lines.append(
-            f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
-            f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
-        )
+    lines = list(table(verdict))
     if verdict.right:
         lines.append(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
     else:
-        lines.append(f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}")
-        lines.append(f"stage: {verdict.stage}; {verdict.fault or 'no single fault explains them'}")
+        lines += headline(verdict).split("; ", 1)
     emit({**dataclasses.asdict(verdict), **shown}, lines)
     return 0 if verdict.right else FOUND_WRONG
+
+
+def _judge_stream(tolerance_urad: float, tolerance_nm: float, junit: str | None) -> int:
+    """Judge the stream at stdin; what was judged is told also when it ends in the middle."""
+    from lippmann.diagnose.judge import judge
+    from lippmann.diagnose.junit import headline, write_junit
+    from lippmann.diagnose.stream import StreamReader
+
+    verdicts: list[tuple[str, Verdict]] = []
+    ended: InputError | None = None
+    try:
+        for name, foreign in StreamReader(sys.stdin.buffer).sets():
+            verdicts.append((name, judge(foreign, tolerance_urad, tolerance_nm)))
+    except InputError as error:
+        ended = error
+    why = None if ended is None else str(ended)
+    if junit is not None:
+        write_junit(Path(junit), verdicts, why)
+    rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
+    sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
+    lines = [f"{name}: {headline(verdict)}" for name, verdict in verdicts if not verdict.right]
+    lines.append(
+        f"{rays} rays in {len(verdicts)} set{'s' * (len(verdicts) != 1)}: {f'{wrong} wrong' if wrong else 'right'}"
+    )
+    emit({"right": not wrong and ended is None, "rays": rays, "wrong": wrong, "ended": why, "sets": sets}, lines)
+    if ended is not None:
+        raise ended
+    return FOUND_WRONG if wrong else 0

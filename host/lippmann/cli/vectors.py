@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from pathlib import Path
 
 import click
@@ -11,6 +12,7 @@ from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import as_json, emit, log
 from lippmann.display import load_display
+from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
 from lippmann.provenance import provenance
 
@@ -23,14 +25,19 @@ def command(
     fraction_bits: int = word_length("the fixed-point files"),
     count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
     seed: int = SEED,
-    output: str = option("New output folder.", flag="-o", metavar="FOLDER"),
+    output: str | None = option("New output folder.", None, flag="-o", metavar="FOLDER"),
+    stream: bool = option("Write the questions to stdout, for a program before lippmann regress --stream.", False),
+    words: bool = option("With --stream: words of the RTL, hexadecimal.", False),
+    random: int = option("With --stream: random rays after the hard ones.", 0, click.IntRange(0, 10**8)),
 ) -> None:
     """Write test vectors: rays that are hard to compute.
 
     Each set holds the rays with results from 50-digit arithmetic (.npz), and as words of the RTL (.csv, $readmemh).
+    With --stream they are lines of text: lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream.
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
     """
+    from lippmann.conditioning.stream import Stream
     from lippmann.conditioning.vectors import write_vectors
 
     display = load_display(display_path)
@@ -38,6 +45,19 @@ def command(
         f"lippmann vectors --display {shlex.quote(display_path)} --case {case} --model {model} "
         f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
     )
+    if stream:
+        if output is not None or as_json():
+            other = "--json" if output is None else "-o"
+            raise input_error(other, "the questions go to stdout", f"leave out {other} or --stream")
+        asked = Stream(display, case, model, seed, count, random, fraction_bits if words else None)
+        for line in asked.lines(f"{said} --stream{' --words' * words}{f' --random {random}' * bool(random)}"):
+            sys.stdout.write(line + "\n")
+        sys.stdout.flush()
+        return
+    if words or random:
+        raise input_error("--words" if words else "--random", "is of a stream", "add --stream")
+    if output is None:
+        raise InputError("no output; give a folder with -o, or --stream")
     origin = provenance(said, ("numpy", "mpmath"))
     note = (lambda _: None) if as_json() else log
     entries = write_vectors(Path(output), display, case, model, fraction_bits, seed, count, origin, note)

@@ -380,7 +380,9 @@ def offsets(display: Display) -> dict[str, Display]:
     moves = {
         "half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0), "metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300),
     }  # fmt: skip
-    return {name: changed(display, offset_mm=offset) for name, offset in moves.items()}
+    # An array that ends would leave no lenslet before the panel.
+    ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
+    return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}
 
 
 @_case
@@ -442,7 +444,7 @@ def register_limits(display: Display) -> dict[str, Display]:
     widest = 4.001 if array.grid == "square" else 6.0
     panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
     limits["x-from-u-high"] = replace(display, panel=panel)
-    limits["x-from-u-low"] = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p))
+    limits["x-from-u-low"] = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p), extent_mm=None)
     return limits
 
 

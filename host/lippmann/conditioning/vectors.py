@@ -109,17 +109,26 @@ def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
 
     Raises InputError when a line is not hexadecimal or too long.
     """
+    texts = [line.split("//")[0].strip().replace("_", "") for line in lines_of(text_of(path))]
+    numbers = [number for number, text in enumerate(texts, 1) if text]
+    return words_of_lines([text for text in texts if text], widths, lambda ray: f"{path}:{numbers[ray]}")
+
+
+def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
+    """Return the words of lines of hexadecimal digits, one a ray; `where` names a ray's line in errors.
+
+    Raises InputError when a line is not hexadecimal or too long.
+    """
     rays, total = [], sum(widths)
-    for number, line in enumerate(lines_of(text_of(path)), 1):
-        text = line.split("//")[0].strip().replace("_", "")
-        if not text:
-            continue
+    for ray, text in enumerate(lines):
         try:
             bits = int(text, 16)
         except ValueError:
-            raise input_error(f"{path}:{number}", f"'{text[:20]}' is not hexadecimal", "give a line a ray") from None
+            bits = -1
+        if bits < 0:
+            raise input_error(where(ray), f"'{text[:20]}' is not hexadecimal", "give a line a ray")
         if bits >> total:
-            raise input_error(f"{path}:{number}", f"more than the {total} bits of a ray", "see vectors.json")
+            raise input_error(where(ray), f"more than the {total} bits of a ray", "see vectors.json")
         rays.append(bits)
     rest, words = np.array(rays, object), []
     for width in reversed(widths):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.measure import FixedCase
@@ -36,12 +37,14 @@ ROWS_AT_ONCE = 65536
 class Foreign:
     """N rays to be judged: `given` is what they should be of; `fields` are those arrays of `FIELDS` that the file has.
 
-    `words` are the case in the RTL's words, if the file has words, and the words of the rays.
+    `words` are the case in the RTL's words, if the file has words, and the words of the rays. `alone` (N,) marks rays
+    of which the status alone is given; their other values are not judged.
     """
 
     given: Out
     fields: dict[str, Floats]
     words: tuple[FixedCase, FixedRays] | None = None
+    alone: npt.NDArray[np.bool_] | None = None
 
 
 def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None) -> Foreign:
@@ -55,7 +58,6 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return _of_arrays(path, display, model)
-    build = Build.of(display, model, fraction_bits, True)
     if suffix == ".csv":
         columns = _csv_columns(path)
         _check_widths(path, columns, fraction_bits)
@@ -71,7 +73,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or not lengths.pop():
         raise input_error(str(path), "inputs and outputs differ in number, or are empty", "give a line for each ray")
-    return _of_words(columns, display, model, build)
+    return foreign_words(columns, display, model, fraction_bits)
 
 
 def _csv_columns(path: Path) -> dict[str, Ints]:
@@ -108,10 +110,12 @@ def _check_widths(path: Path, columns: dict[str, Ints], fraction_bits: int) -> N
             raise input_error(str(path), what, f"give {low} to {high}, or the word length with --fraction-bits")
 
 
-def _of_words(columns: dict[str, Ints], display: Display, model: Model, build: Build) -> Foreign:
+def foreign_words(columns: dict[str, Ints], display: Display, model: Model, fraction_bits: int) -> Foreign:
+    """Return rays whose inputs and outputs are words, a column of N for each."""
+    build = Build.of(display, model, fraction_bits, True)
     u, v, a, b = (columns[name] for name in INPUTS)
     out = FixedRays(*(columns[name] for name in OUTPUTS))
-    f = build.fraction_bits
+    f = fraction_bits
     given = Out("foreign", display, pixels_of_words(display, u, v), aims_of_words(display, a, b, f), model)
     registers = configuration(display, build, model, float(np.hypot(*given.aims.T).max()))
     rays = rays_of_words(display, given.pixels, out, f)

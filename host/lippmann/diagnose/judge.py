@@ -95,7 +95,7 @@ def judge(foreign: Foreign, tolerance_urad: float = 2.0, tolerance_nm: float = 5
     if foreign.words is not None:
         return _judge_words(foreign, *foreign.words)
     given = foreign.given
-    seen = _compare(foreign.fields, given, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
+    seen = _compare(foreign, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
     if wrong.any():
@@ -119,7 +119,7 @@ class _Comparison:
     """Foreign rays beside golden's: N rays and their inputs.
 
     `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off in each array;
-    `edge` (N,) marks rays whose status or lenslet changes within them.
+    `edge` (N,) marks rays whose status or lenslet changes within them; of `alone` (N,) the status alone is compared.
     """
 
     given: Out
@@ -127,6 +127,7 @@ class _Comparison:
     golden: Arrays
     limits: Arrays
     edge: Bools
+    alone: Bools
 
     @cached_property
     def wrong_by(self) -> dict[str, Bools]:
@@ -146,9 +147,13 @@ class _Comparison:
         tied = start[:, 0] - array.shear * start[:, 1] == -0.5 * px
         return np.asarray(tied | (start[:, 1] == -0.5 * py) if array.grid == "square" else tied)
 
+    def far(self, name: str, values: Floats, other: Arrays) -> Floats:
+        """Return how far values of an array are from another's, as `_distance`; 0 where they are not given."""
+        return np.where(self.alone & (name != "status"), 0.0, _distance(name, values, other[name]))
+
     def wrong_in(self, name: str, values: Floats) -> Bools:
         """Tell which values of an array are wrong; on an edge only panel points and values that are not finite."""
-        far = _distance(name, values, self.golden[name])
+        far = self.far(name, values, self.golden)
         excused = self.edge & np.isfinite(far) & (name != "panel_mm")
         return np.asarray((far > self.limits[name]) & ~excused)
 
@@ -157,24 +162,25 @@ class _Comparison:
         fields, golden, limits = (
             {key: array[chosen] for key, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
         )
-        return _Comparison(self.given.some(chosen), fields, golden, limits, self.edge[chosen])
+        return _Comparison(self.given.some(chosen), fields, golden, limits, self.edge[chosen], self.alone[chosen])
 
     def compared(self, name: str) -> Compared:
         """Return the summary of one array."""
         unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
         judged = ~self.edge
-        far = _distance(name, self.fields[name], self.golden[name])[judged] * scale
+        far = self.far(name, self.fields[name], self.golden)[judged] * scale
         limit = self.limits[name][judged] * scale
         limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
         wrong = int(self.wrong_by[name].sum())
         return Compared(name, FIELDS[name][0], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-def _compare(fields: Arrays, given: Out, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
+def _compare(foreign: Foreign, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
     """Compare arrays with golden's, within `turn` (radians) and `shift_mm`.
 
     Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off.
     """
+    given = foreign.given
     rays, n = golden(given), len(given.pixels)
     aimed = replace(given, aperture=given.aims)
     most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
@@ -190,7 +196,8 @@ def _compare(fields: Arrays, given: Out, turn: float, shift_mm: float, panel_mm:
     place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
     limits |= dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
     limits |= {name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}
-    return _Comparison(given, fields, rays, limits, edge)
+    alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
+    return _Comparison(given, foreign.fields, rays, limits, edge, alone)
 
 
 def _roundings(given: Out) -> tuple[Floats, Floats]:
@@ -236,6 +243,7 @@ def _diagnosed(seen: _Comparison) -> _Finding:
 
     def equal(here: slice, there: slice) -> Bools:
         far = {name: _distance(name, seen.fields[name][here], seen.golden[name][there]) for name in bad}
+        far |= {name: np.where(seen.alone[here], 0.0, far[name]) for name in bad if name != "status"}
         return np.asarray(np.all([far[name] <= seen.limits[name][there] for name in bad], axis=0))
 
     late = _late(equal)
@@ -326,7 +334,7 @@ def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
     for name, values in sample.fields.items():
         if name in variant.silent:
             continue
-        far, own = _distance(name, values, rays[name]), _distance(name, values, sample.golden[name])
+        far, own = sample.far(name, values, rays), sample.far(name, values, sample.golden)
         right &= far <= sample.limits[name]
         middle = np.mean if name in WHOLE else np.median
         wrong = sample.wrong_by[name]
@@ -381,7 +389,7 @@ def _diagnosed_words(
     unit = 2.0 ** -(build.fraction_bits + 1)
     place = WORD_UNITS * unit * foreign.given.display.array.radius_mm
     moved = np.full_like(foreign.given.pixels, place)
-    seen = _compare(foreign.fields, foreign.given, WORD_UNITS * unit, place, moved, moved)
+    seen = _compare(foreign, WORD_UNITS * unit, place, moved, moved)
     ties = lenslets & (seen.edge | seen.ties)
     if (ties == wrong).all():
         return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0

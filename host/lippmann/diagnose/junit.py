@@ -1,0 +1,59 @@
+"""Verdicts as JUnit XML, which continuous integration shows: a test case for each set of rays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from lippmann.diagnose.judge import Verdict
+from lippmann.files import replacing
+
+
+def write_junit(path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None = None) -> None:
+    """Write the verdict on each set, by name; `ended` says why there are no more, which is an error there.
+
+    Raises InputError as `files.replacing` for a file that cannot be written.
+    """
+    wrong = sum(not verdict.right for _, verdict in verdicts)
+    counts = {
+        "tests": str(len(verdicts) + (ended is not None)),
+        "failures": str(wrong),
+        "errors": str(int(ended is not None)),
+    }
+    top = ElementTree.Element("testsuites", counts)
+    suite = ElementTree.SubElement(top, "testsuite", {"name": "lippmann regress", **counts, "skipped": "0"})
+    for name, verdict in verdicts:
+        case = _case(suite, name)
+        if not verdict.right:
+            failure = ElementTree.SubElement(
+                case, "failure", {"type": verdict.stage or "", "message": headline(verdict)}
+            )
+            failure.text = "\n".join(table(verdict))
+    if ended is not None:
+        ElementTree.SubElement(_case(suite, "stream"), "error", {"type": "stream", "message": ended})
+    ElementTree.indent(top)
+    with replacing(path) as partial:
+        ElementTree.ElementTree(top).write(partial, "utf-8", xml_declaration=True)
+
+
+def _case(suite: ElementTree.Element, name: str) -> ElementTree.Element:
+    case = name.partition("/")[0]
+    return ElementTree.SubElement(suite, "testcase", {"classname": f"lippmann.{case}", "name": name})
+
+
+def headline(verdict: Verdict) -> str:
+    """Return a verdict on wrong rays in a line."""
+    told = f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}"
+    return f"{told}; stage: {verdict.stage}; {verdict.fault or 'no single fault explains them'}"
+
+
+def table(verdict: Verdict) -> Iterable[str]:
+    """Yield a line for each array that was compared."""
+    for entry in verdict.compared:
+        least, most = entry.limits
+        allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
+        yield (
+            f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
+            f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
+        )

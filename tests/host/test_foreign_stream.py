@@ -1,0 +1,247 @@
+"""`vectors --stream | PROGRAM | regress --stream`: a tracer in C, right and with faults, words, and bad streams."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from junitparser import Error, Failure, JUnitXml
+from lippmann.conditioning.cases import CASES
+from lippmann.conditioning.stream import Stream
+from lippmann.conditioning.vectors import OUTPUTS, memory_lines, widths
+from lippmann.diagnose.judge import judge
+from lippmann.diagnose.stream import StreamReader
+from lippmann.display import load_display, parse_display
+from lippmann.errors import InputError
+from lippmann.sim.tools import repository
+
+TOP = repository()
+FOREIGN = TOP / "tests" / "foreign"
+sys.path.insert(0, str(FOREIGN))
+from faults import DISPLAYS, FAULTS  # noqa: E402
+
+SOURCE = (FOREIGN / "tracer.c").read_text()
+#: What a fault that rounds directions needs.
+ROUNDING = "#include <math.h>\n#define B(x) (rint((x) * 16384) / 16384)\n"
+LIPPMANN = [sys.executable, "-m", "lippmann"]
+
+
+def compiled(folder, source=SOURCE):
+    """Compile the tracer, without a warning when it is as shipped."""
+    (folder / "tracer.c").write_text(source)
+    checks = ["-Wall", "-Wextra", "-Werror"] if source == SOURCE else []
+    subprocess.run(
+        ["cc", "-O1", "-std=c11", *checks, "-o", folder / "tracer", folder / "tracer.c", "-lm"], check=True
+    )  # fmt: skip
+    return folder / "tracer"
+
+
+@pytest.fixture(scope="module")
+def tracer(tmp_path_factory):
+    return compiled(tmp_path_factory.mktemp("c"))
+
+
+def asked(display, case="chief-ray", random=500, **options):
+    lines = Stream(display, case, "exact", 0, 24, random, **options).lines("test")
+    return "".join(line + "\n" for line in lines).encode()
+
+
+def answered(program, questions):
+    return subprocess.run([program], input=questions, stdout=subprocess.PIPE, check=True).stdout
+
+
+def verdicts(answers):
+    return {name: judge(foreign) for name, foreign in StreamReader(answers.splitlines(keepends=True)).sets()}
+
+
+DISPLAY_TEXTS = {**DISPLAYS, "viewer": DISPLAYS["plain"].replace('plano_side = "panel"', 'plano_side = "viewer"')}
+
+
+@pytest.mark.parametrize("name", DISPLAY_TEXTS)
+def test_the_c_tracer_is_right_on_every_hard_case(name, tracer):
+    display = parse_display(DISPLAY_TEXTS[name])
+    found = verdicts(answered(tracer, asked(display, "all", 2000)))
+    assert {one.partition("/")[0] for one in found} >= set(CASES) - {"tangent", "far-origins", "tiny-values"}
+    assert [one for one, verdict in found.items() if not verdict.right] == []
+
+
+def test_a_shipped_display_that_ends_and_is_skewed(tracer):
+    found = verdicts(answered(tracer, asked(load_display(TOP / "scenes/displays/measured-hex.toml"), "all", 2000)))
+    assert [one for one, verdict in found.items() if not verdict.right] == []
+
+
+#: Faults of the quick test: one of each step of the ray.
+QUICK = ("x flipped", "lenslet off by one", "aperture halved", "wrong index", "focal length for radius", "few bits")
+
+
+def named(name, folder):
+    """Tell whether a planted fault is named."""
+    display, old, new, word = FAULTS[name]
+    assert old in SOURCE
+    program = compiled(folder, (ROUNDING if "B(" in new else "") + SOURCE.replace(old, new))
+    found = verdicts(answered(program, asked(parse_display(DISPLAYS[display]), random=2000)))
+    wrong = [verdict for verdict in found.values() if not verdict.right]
+    assert wrong, f"{name}: not found"
+    return any(word in str(verdict.fault) for verdict in wrong)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_planted_fault_is_named(name, tmp_path):
+    assert named(name, tmp_path)
+
+
+@pytest.mark.full
+def test_planted_faults_are_named(tmp_path):
+    unnamed = [name for name in FAULTS if not named(name, tmp_path)]
+    assert len(FAULTS) == 36
+    assert unnamed == []
+
+
+# ---- words ----
+
+
+def in_words(questions):
+    """Answer a stream in words by the twin."""
+    lines = questions.decode().splitlines()
+    rays = StreamReader(line.encode() for line in _with_zeros(lines))
+    columns: list[list[str]] = []
+    for _, foreign in rays.sets():
+        case, _ = foreign.words
+        columns.append(memory_lines(list(case.traced()), widths(OUTPUTS, case.build.fraction_bits)))
+    answers = iter([word for some in columns for word in some])
+    return "".join(line + "\n" if line.startswith("#") else f"{line} {next(answers)}\n" for line in lines).encode()
+
+
+def _with_zeros(lines):
+    return (line if line.startswith("#") else line + " 0" for line in lines)
+
+
+def test_words_are_judged_bit_for_bit():
+    questions = asked(parse_display(DISPLAYS["hex"]), "cell-corners", 300, fraction_bits=16)
+    assert b"# register " in questions
+    answers = in_words(questions)
+    found = verdicts(answers)
+    assert len(found) >= 3
+    assert all(verdict.right for verdict in found.values())
+    # The last bit of a status: the last set is wrong.
+    lines = answers.splitlines(keepends=True)
+    at = max(k for k, line in enumerate(lines) if not line.startswith(b"#"))
+    question, answer = lines[at].rsplit(None, 1)
+    lines[at] = question + f" {int(answer, 16) ^ 1:x}\n".encode()
+    *right, wrong = verdicts(b"".join(lines)).values()
+    assert all(verdict.right for verdict in right)
+    assert (wrong.wrong, wrong.stage) == (1, "status")
+
+
+# ---- the commands ----
+
+
+def test_the_pipe_of_commands(tracer, tmp_path):
+    (tmp_path / "d.toml").write_text(DISPLAYS["plain"])
+    vectors = [*LIPPMANN, "vectors", "--display", str(tmp_path / "d.toml"), "--stream", "--case", "cell-edges"]
+    questions = subprocess.run(vectors, stdout=subprocess.PIPE, check=True).stdout
+    assert questions == subprocess.run(vectors, stdout=subprocess.PIPE, check=True).stdout
+    regress = [*LIPPMANN, "regress", "--stream", "--junit", str(tmp_path / "j.xml")]
+    answers = answered(tracer, questions)
+    done = subprocess.run(regress, input=answers, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.decode().endswith(" sets: right\n")
+    suite = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
+    assert (suite.tests, suite.failures, suite.errors) == (2, 0, 0)
+    assert {case.name for case in suite} == {"cell-edges/pixels", "cell-edges/aims"}
+
+    program = compiled(
+        tmp_path, SOURCE.replace("display.n, ", "display.n + 0.01, ").replace("1.0 / display.n", "1.0 / 1.6")
+    )
+    done = subprocess.run(regress, input=answered(program, questions), capture_output=True, check=False)
+    assert done.returncode == 4
+    cases = list(next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml")))))
+    assert all(isinstance(one, Failure) for case in cases for one in case.result)
+    assert any(case.result for case in cases)
+
+    # A program that dies in the middle: what was judged is told.
+    done = subprocess.run(
+        regress, input=answers[: answers.index(b"# set cell-edges/aims") + 60], capture_output=True, check=False
+    )
+    assert done.returncode == 2
+    assert b" rays in 1 set: right\n" in done.stdout
+    assert b"is cut in the set cell-edges/aims" in done.stderr
+    *_, last = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
+    assert isinstance(last.result[0], Error)
+
+
+def line_of(answers, start):
+    lines = answers.splitlines(keepends=True)
+    return lines, next(k for k, line in enumerate(lines) if line.startswith(start))
+
+
+def test_bad_streams(tracer):
+    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
+
+    def said(old, new, count=1):
+        assert old in answers
+        with pytest.raises(InputError) as error:
+            verdicts(answers.replace(old, new, count))
+        assert "; " in str(error.value)
+        return str(error.value)
+
+    lines, first = line_of(answers, b"0 ")
+    ray, after = lines[first], lines[first + 1]
+    words = ray.split()
+    assert "version 2, not 1" in said(b"stream 1", b"stream 2")
+    assert "is no stream of lippmann" in said(b"# lippmann-stream", b"# other")
+    assert f"line {first + 1}: has ray 1 where 0 is next" in said(ray + after, after + ray)
+    assert "beyond its 48" in said(ray, ray + ray)
+    assert "has 47 of its 48 rays" in said(ray, b"")
+    assert "questions of the set chief-ray were changed" in said(ray, ray.replace(words[1], words[1] + b"1", 1))
+    assert "has 8 numbers behind its question" in said(ray, ray.rsplit(None, 1)[0] + b"\n")
+    assert "not finite" in said(ray, ray.replace(words[-1], b"nan"))
+    assert "is no number" in said(ray, ray.replace(words[-1], b"x"))
+    assert "no integer" in said(ray, b" ".join([*words[:6], b"0.5", *words[7:]]) + b"\n")
+    assert "its status alone, and is not lost" in said(ray, b" ".join(words[:6]) + b"\n")
+    assert "is not text" in said(ray, b"\xff" + ray)
+    assert "more than 4096 bytes" in said(ray, ray.rstrip() + b" " * 5000 + b"\n")
+    assert "is no note of numbers" in said(b"# numbers decimal exact", b"# numbers decimal perfect")
+    assert "is no number of rays and hash" in said(b"# rays 48", b"# rays 999999999")
+    assert "is no name of a set" in said(b"# set chief-ray", b"# set \x1b[2J")
+    assert "sets are missing" in said(answers[answers.index(b"# set random") : answers.index(b"# end")], b"")
+    end = answers[answers.index(b"# end") :]
+    assert "lines behind its end" in said(end, end + b"1 2 3\n")
+    assert "is cut in the set random/0, after 50 of its rays" in said(answers[answers.index(b"# end") :], b"")
+    assert "gap_mm" in said(b"gap_mm = 0.7", b"gap_mm = -1.0")
+    with pytest.raises(InputError, match="is empty"):
+        verdicts(b"")
+
+
+def test_words_that_are_too_long_and_notes_that_are_wrong():
+    answers = in_words(asked(parse_display(DISPLAYS["hex"]), random=20, fraction_bits=16))
+    lines, first = line_of(answers, b"3 ")
+    for new, said in (
+        (lines[first].rstrip() + b"0" * 40 + b"\n", "more than the"),
+        (lines[first].rstrip()[:-1] + b"g\n", "is not hexadecimal"),
+        (lines[first].rsplit(None, 1)[0] + b"\n", "has 0 words behind its question"),
+    ):
+        with pytest.raises(InputError, match=said):
+            verdicts(answers.replace(lines[first], new, 1))
+    with pytest.raises(InputError, match="no word length 99"):
+        verdicts(answers.replace(b"words exact 16", b"words exact 99", 1))
+
+
+def test_options_that_do_not_go_together(tmp_path, capsys):
+    from lippmann.cli import run
+
+    display = str(TOP / "scenes/displays/paper-square.toml")
+    for arguments, said in (
+        (["vectors", "--display", display], "no output; give a folder with -o, or --stream"),
+        (["vectors", "--display", display, "--stream", "-o", str(tmp_path / "v")], "leave out -o or --stream"),
+        (
+            ["vectors", "--display", display, "--words", "-o", str(tmp_path / "v")],
+            "--words: is of a stream; add --stream",
+        ),
+        (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream has it"),
+        (["regress", "--rays", "x.npz"], "no rays; give --display and --rays, or --stream"),
+        (["regress", "--stream", "--junit", str(tmp_path / "j.txt")], "j.txt"),
+    ):
+        assert run(arguments) == 2
+        assert said in capsys.readouterr().err
+    assert not Path(tmp_path / "v").exists()
