@@ -49,6 +49,9 @@ PAIR_WORDS, ROW_WORDS = 3, 512
 MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
 #: How far a constraint of nextpnr, a period in whole ps, may be from the clock asked for.
 ROUNDING = 0.002
+#: System clocks up to which nextpnr's router2 is used, MHz. It ends in minutes where router1 may stay on a few arcs for
+#: hours; its ways are longer (hd-square: 55 MHz for 81).
+SLOW_MHZ = 40.0
 #: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
 #: What the nets of clocks are called, in the top or at a port `_o` of what makes them; the oscillator's is the port's.
@@ -217,7 +220,8 @@ def _keep(path: Path, result: Any) -> None:
 
 def _work_folder(made: Plan) -> Path:
     top = repository()
-    what = hashlib.sha256(repr((made.parameters, made.board, flow.versions(), flow.SYNTHESIS, TRIALS)).encode())
+    depends = (made.parameters, made.board, flow.versions(), flow.SYNTHESIS, TRIALS, *_router(made))
+    what = hashlib.sha256(repr(depends).encode())
     for path in (*made.source.files, *made.constraints):
         what.update(path.read_bytes())
     folder = top / "build" / "bitstream" / "work" / f"{made.name}-{what.hexdigest()[:16]}"
@@ -238,13 +242,18 @@ def _route(made: Plan, netlist: Path, written: int, seed: int) -> float:
         if not anchor(netlist, options, seed, anchored):
             raise LippmannError(f"{netlist}: no cell of the shift clock has got a place")
         netlist = anchored
-    options += ["--textcfg", str(configuration.relative_to(top))]
+    options += [*_router(made), "--textcfg", str(configuration.relative_to(top))]
     try:
         flow.route(netlist, written, options, seed, folder / f"seed-{seed}.report.json", record)
     except LippmannError:
         if not record.exists() or not clocks_met(made, record.read_text())[1]:
             raise
     return round(time.perf_counter() - started, 1)
+
+
+def _router(made: Plan) -> list[str]:
+    """Return nextpnr's options for the router."""
+    return ["--router", "router2"] if made.clocks_mhz["system"] <= SLOW_MHZ else []
 
 
 def _row(made: Plan, folder: Path, seed: int, seconds: float) -> dict[str, Any]:

@@ -47,13 +47,16 @@ Arrays = dict[str, Floats]
 class Variant(NamedTuple):
     """A fault: the step that it is in, its name, and the rays that it gives, from the inputs and golden's rays.
 
-    `silent` are arrays that it does not predict.
+    `silent` are arrays that it does not predict. It traces inputs that `change` returns, or changes golden's arrays by
+    `bend`; None: it does otherwise.
     """
 
     stage: str
     name: str
     predict: Callable[[Out, Arrays], Arrays]
     silent: tuple[str, ...] = ()
+    change: Callable[[Out], Out] | None = None
+    bend: Callable[[Arrays], Arrays] | None = None
 
 
 def golden(given: Out) -> Arrays:
@@ -72,12 +75,12 @@ def golden(given: Out) -> Arrays:
 
 def _before(stage: str, name: str, change: Callable[[Out], Out], *silent: str) -> Variant:
     """Return the variant that traces changed inputs."""
-    return Variant(stage, name, lambda given, _: golden(change(given)), silent)
+    return Variant(stage, name, lambda given, _: golden(change(given)), silent, change)
 
 
 def _after(stage: str, name: str, change: Callable[[Arrays], Arrays]) -> Variant:
     """Return the variant that changes some arrays of golden's rays."""
-    return Variant(stage, name, lambda _, rays: rays | change(rays))
+    return Variant(stage, name, lambda _, rays: rays | change(rays), bend=change)
 
 
 def _with(stage: str, name: str, number: str, value: Any) -> Variant:

@@ -7,9 +7,10 @@ bit for bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,16 @@ from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
+from lippmann.diagnose.pairs import pairs
+from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
 
 #: Rays that variants are tried on, and that numbers are fitted to.
 SAMPLE, FIT_SAMPLE = 1500, 300
+#: Wrong rays that pairs of faults are tried on first.
+FEW = 90
 #: Share of the rays that a variant must give for it to be the fault.
 EXPLAINED = 0.97
 #: The largest distance of a variant from the wrong arrays, as a share of golden's. In no array may a variant be farther
@@ -164,6 +169,13 @@ class _Comparison:
         )
         return _Comparison(self.given.some(chosen), fields, golden, limits, self.edge[chosen], self.alone[chosen])
 
+    def later(self, lag: int) -> _Comparison:
+        """Return the comparison of each ray with the values that stand `lag` rays after it."""
+        rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
+        made = self.some(rays)
+        fields = {name: values[rays + lag] for name, values in self.fields.items()}
+        return replace(made, fields=fields, alone=self.alone[rays + lag])
+
     def compared(self, name: str) -> Compared:
         """Return the summary of one array."""
         unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
@@ -249,7 +261,7 @@ def _diagnosed(seen: _Comparison) -> _Finding:
     late = _late(equal)
     if late:
         return "exit", late, 1.0
-    return _best(seen) or _stale(seen) or (first, None, 0.0)
+    return _best(seen) or _stale(seen) or _two(seen) or (first, None, 0.0)
 
 
 def _stale(seen: _Comparison) -> _Finding | None:
@@ -321,6 +333,47 @@ def _best(seen: _Comparison) -> _Finding | None:
         few = seen.some(random.permutation(bad)[:FIT_SAMPLE])
         found = best_of(fitted(few.given, few.fields))
     return found
+
+
+def _two(seen: _Comparison) -> _Finding | None:
+    """Return stage, names and share of the first two faults that together give nearly all rays."""
+    for lag in (1, -1):
+        found = _best(seen.later(lag))
+        if found is not None:
+            stage, fault, share = found
+            return stage, f"{fault}; and outputs {'late' if lag > 0 else 'early'} by 1", share
+    random = np.random.default_rng(0)
+    bad, good = np.flatnonzero(seen.wrong & ~seen.edge), np.flatnonzero(~seen.wrong & ~seen.edge)
+    few = seen.some(np.sort(np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])))
+    fit = seen.some(random.permutation(bad)[:FIT_SAMPLE])
+    for variant in pairs(fit.given, fit.fields, partial(_apart, few)):
+        if _tried(variant, few)[0] >= EXPLAINED:
+            share, _ = _tried(variant, seen)
+            if share >= EXPLAINED:
+                return variant.stage, variant.name, share
+    return None
+
+
+def _tried(variant: Variant, sample: _Comparison) -> tuple[float, float]:
+    """Return `_match` of a variant; of one that gives no display, none."""
+    try:
+        return _match(variant, sample)
+    except (LippmannError, ValueError, ZeroDivisionError):
+        return 0.0, np.inf
+
+
+def _apart(sample: _Comparison, variant: Variant) -> float:
+    """Return how far a variant is from foreign rays, as the mean logarithm of its distances in units of golden's."""
+    try:
+        rays = variant.predict(sample.given, sample.golden)
+    except (LippmannError, ValueError, ZeroDivisionError):
+        return np.inf
+    ratios = []
+    for name, values in sample.fields.items():
+        far, own = sample.far(name, values, rays).mean(), sample.far(name, values, sample.golden).mean()
+        if own > 0.0 and name not in variant.silent:
+            ratios.append(math.log(max(float(far / own), 1e-6)) if math.isfinite(far / own) else 0.0)
+    return float(np.mean(ratios)) if ratios else np.inf
 
 
 def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
