@@ -87,7 +87,8 @@ def _judge_stream(tolerance_urad: float, tolerance_nm: float, junit: str | None)
     ended: InputError | None = None
     try:
         for name, foreign in StreamReader(sys.stdin.buffer).sets():
-            verdicts.append((name, judge(foreign, tolerance_urad, tolerance_nm)))
+            first = all(verdict.right for _, verdict in verdicts)
+            verdicts.append((name, judge(foreign, tolerance_urad, tolerance_nm, two_faults=first)))
     except InputError as error:
         ended = error
     why = None if ended is None else str(ended)

@@ -11,10 +11,12 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
+from itertools import combinations
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.search import Floats
@@ -361,6 +363,8 @@ NEAR, CORNER = 0.02, 0.25
 ROTATIONS = range(-180, 180)
 #: Steps that refine the best of these, each to 0.6 of the width before.
 REFINEMENTS = 48
+#: Most steps of a fit of two numbers.
+MOST_STEPS = 25
 #: Bits of fraction that are tried for directions: no design has fewer; a float32 has more than the largest.
 COARSEST, FINEST = 4, 22
 
@@ -381,10 +385,42 @@ def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
         yield _added(FIELDS[name][0], f"a constant added to the {what}: {said}", moved, added)
     yield from _word_lengths(values["direction"])
     for name in FITTED:
-        value = attrgetter(name.partition("[")[0])(given.display)
-        # One pitch or two; and no shear is made up where the display has none.
-        if isinstance(value, tuple) == ("[" in name) and (value or name != "array.shear"):
+        if _number_of(name, given.display) is not None:
             yield from _number(name, given, values["direction"])
+
+
+def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, Variant]]:
+    """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own."""
+    for names in combinations(FITTED, 2):
+        old = [value for name in names if (value := _number_of(name, given.display)) is not None]
+        if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
+            continue
+        unit = np.array([abs(value) or given.display.array.coarsest_mm for value in old])
+
+        def off(tried: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
+            out = given
+            for name, value in zip(names, tried * unit, strict=True):
+                out = _with_number(name, float(value), out)
+            return np.asarray((out.traced().direction - values["direction"]).ravel())
+
+        try:
+            found = least_squares(off, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=MOST_STEPS)
+        except (LippmannError, ValueError, ZeroDivisionError):
+            continue
+        one, other = (
+            _with(FITTED[name], f"{name} is {value:.6g} for {was:.6g}", name, float(value))
+            for name, value, was in zip(names, found.x * unit, old, strict=True)
+        )
+        yield one, other
+
+
+def _number_of(name: str, display: Display) -> float | None:
+    """Return a number of the display by its name in `FITTED`; None when it is one pitch of two, or none of two."""
+    path, _, entry = name.partition("[")
+    value = attrgetter(path)(display)
+    if isinstance(value, tuple) != bool(entry) or (name == "array.shear" and not value):
+        return None
+    return float(value[int(entry[0])] if entry else value)
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
@@ -401,9 +437,9 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
     """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
     display = given.display
-    path, _, entry = name.partition("[")
-    value = attrgetter(path)(display)
-    value = value[int(entry[0])] if entry else value
+    path, value = name.partition("[")[0], _number_of(name, display)
+    if value is None:
+        return
     # Offsets repeat after a pitch: their size says nothing about their error.
     unit = value if value and "offset" not in name else display.array.coarsest_mm
 

@@ -91,20 +91,23 @@ class Verdict:
 _Finding = tuple[str | None, str | None, float]
 
 
-def judge(foreign: Foreign, tolerance_urad: float = 2.0, tolerance_nm: float = 50.0) -> Verdict:
+def judge(
+    foreign: Foreign, tolerance_urad: float = 2.0, tolerance_nm: float = 50.0, two_faults: bool = True
+) -> Verdict:
     """Judge foreign rays.
 
     `tolerance_urad` and `tolerance_nm` are how far directions and points may be off, beside the effect of rounding the
-    inputs. Words must be equal.
+    inputs. Words must be equal. With `two_faults` a pair of faults is looked for when no single one explains the rays,
+    which takes some ten seconds.
     """
     if foreign.words is not None:
-        return _judge_words(foreign, *foreign.words)
+        return _judge_words(foreign, *foreign.words, two_faults)
     given = foreign.given
     seen = _compare(foreign, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
     if wrong.any():
-        return _verdict(seen.edge, wrong, _diagnosed(seen), compared)
+        return _verdict(seen.edge, wrong, _diagnosed(seen, two_faults), compared)
     if "lenslet" in foreign.fields:
         ties = seen.ties
         tied_wrong = ties & (foreign.fields["lenslet"] != seen.golden["lenslet"]).any(axis=1)
@@ -239,7 +242,7 @@ def _distance(name: str, values: Floats, wanted: Floats) -> Floats:
 # --- diagnosis --------------------------------------------------------------------------------------------------
 
 
-def _diagnosed(seen: _Comparison) -> _Finding:
+def _diagnosed(seen: _Comparison, two_faults: bool) -> _Finding:
     """Return stage, fault and share explained of rays that are wrong."""
     bad = [name for name, wrong in seen.wrong_by.items() if wrong.any()]
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
@@ -261,7 +264,7 @@ def _diagnosed(seen: _Comparison) -> _Finding:
     late = _late(equal)
     if late:
         return "exit", late, 1.0
-    return _best(seen) or _stale(seen) or _two(seen) or (first, None, 0.0)
+    return _best(seen) or _stale(seen) or (_two(seen) if two_faults else None) or (first, None, 0.0)
 
 
 def _stale(seen: _Comparison) -> _Finding | None:
@@ -344,6 +347,8 @@ def _two(seen: _Comparison) -> _Finding | None:
             return stage, f"{fault}; and outputs {'late' if lag > 0 else 'early'} by 1", share
     random = np.random.default_rng(0)
     bad, good = np.flatnonzero(seen.wrong & ~seen.edge), np.flatnonzero(~seen.wrong & ~seen.edge)
+    if not len(bad):
+        return None
     few = seen.some(np.sort(np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])))
     fit = seen.some(random.permutation(bad)[:FIT_SAMPLE])
     for variant in pairs(fit.given, fit.fields, partial(_apart, few)):
@@ -370,7 +375,8 @@ def _apart(sample: _Comparison, variant: Variant) -> float:
         return np.inf
     ratios = []
     for name, values in sample.fields.items():
-        far, own = sample.far(name, values, rays).mean(), sample.far(name, values, sample.golden).mean()
+        middle = np.mean if name in WHOLE else np.median
+        far, own = middle(sample.far(name, values, rays)), middle(sample.far(name, values, sample.golden))
         if own > 0.0 and name not in variant.silent:
             ratios.append(math.log(max(float(far / own), 1e-6)) if math.isfinite(far / own) else 0.0)
     return float(np.mean(ratios)) if ratios else np.inf
@@ -412,7 +418,7 @@ SWAPS = ({"x": "y", "y": "x"}, {"dx": "dy", "dy": "dx"}, {"x": "y", "y": "x", "d
 SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx", "dy"))
 
 
-def _judge_words(foreign: Foreign, case: FixedCase, got: FixedRays) -> Verdict:
+def _judge_words(foreign: Foreign, case: FixedCase, got: FixedRays, two_faults: bool) -> Verdict:
     twin = case.traced()
     far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, got, twin, strict=True)}
     wrong: Bools = np.any([apart != 0 for apart in far.values()], axis=0)
@@ -424,12 +430,12 @@ def _judge_words(foreign: Foreign, case: FixedCase, got: FixedRays) -> Verdict:
     finding: _Finding = (None, None, 0.0)
     if wrong.any():
         first = min((entry.stage for entry in compared if entry.wrong), key=STAGES.index)
-        finding = _diagnosed_words(foreign, case.build, got, twin, wrong, first)
+        finding = _diagnosed_words(foreign, case.build, got, twin, wrong, first, two_faults)
     return _verdict(np.zeros_like(wrong), wrong, finding, tuple(compared))
 
 
 def _diagnosed_words(
-    foreign: Foreign, build: Build, got: FixedRays, twin: FixedRays, wrong: Bools, first: str
+    foreign: Foreign, build: Build, got: FixedRays, twin: FixedRays, wrong: Bools, first: str, two_faults: bool
 ) -> _Finding:
     """Return stage, fault and share explained of words that differ from the twin's."""
     if first == "status":
@@ -448,7 +454,7 @@ def _diagnosed_words(
         return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0
     if not seen.wrong.any():
         return first, "words differ by less than golden can tell: rounding, or the tie rule", 0.0
-    return _diagnosed(seen)
+    return _diagnosed(seen, two_faults)
 
 
 def _slip(got: FixedRays, twin: FixedRays) -> tuple[str, str] | None:

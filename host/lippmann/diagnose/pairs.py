@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 
+import numpy as np
+
 from lippmann.conditioning.cases import Out
-from lippmann.diagnose.faults import STAGES, Arrays, Variant, fitted, golden, variants
+from lippmann.diagnose.faults import STAGES, Arrays, Variant, fitted, fitted_together, golden, variants
 from lippmann.errors import LippmannError
 
 #: Variants, of those that come nearest alone, beside which numbers are fitted.
@@ -24,9 +26,12 @@ def pairs(given: Out, fields: Arrays, apart: Callable[[Variant], float]) -> Iter
     """
     ranked = sorted(variants(given.display), key=apart)
     numbers = list(fitted(given, fields))
-    bent = [number for number in numbers if number.bend is not None]
     yield from (both(one, other) for one, other in combinations(ranked, 2))
-    yield from (both(one, number) for one in ranked for number in bent)
+    yield from (both(one, number) for one in ranked for number in numbers)
+    length = np.linalg.norm(fields["direction"], axis=1, keepdims=True)
+    units = list(fitted(given, fields | {"direction": fields["direction"] / np.where(length > 0.0, length, 1.0)}))
+    yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
+    yield from (both(*numbers) for numbers in fitted_together(given, fields))
     for one in (*ranked[:NEAREST], *numbers):
         if one.change is not None:
             yield from _beside(one, one.change, None, given, fields)
