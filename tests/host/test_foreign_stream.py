@@ -2,6 +2,8 @@
 
 import itertools
 import random
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +17,7 @@ from lippmann.diagnose.judge import judge
 from lippmann.diagnose.stream import StreamReader
 from lippmann.display import load_display, parse_display
 from lippmann.errors import InputError
-from lippmann.sim.tools import repository
+from lippmann.sim.tools import repository, verilator_environment
 
 TOP = repository()
 FOREIGN = TOP / "tests" / "foreign"
@@ -43,8 +45,8 @@ def tracer(tmp_path_factory):
     return compiled(tmp_path_factory.mktemp("c"))
 
 
-def asked(display, case="chief-ray", random=500, **options):
-    lines = Stream(display, case, "exact", 0, 24, random, **options).lines("test")
+def asked(display, case="chief-ray", random=500, model="exact", **options):
+    lines = Stream(display, case, model, 0, 24, random, **options).lines("test")
     return "".join(line + "\n" for line in lines).encode()
 
 
@@ -167,6 +169,39 @@ def test_words_are_judged_bit_for_bit():
     assert (wrong.wrong, wrong.stage) == (1, "status")
 
 
+# ---- a design in SystemVerilog ----
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """Compile the pinhole design with its bench, by the line in the bench's head; without a warning."""
+    head = (FOREIGN / "stream_bench.sv").read_text()
+    line = re.search(r"^///   (verilator .*)$", head, re.M)[1].split()
+    line[line.index("-std=c++20")] = "-std=c++20 -O0"
+    place = tmp_path_factory.mktemp("sv")
+    for name in ("stream_bench.sv", "pinhole.sv"):
+        shutil.copy(FOREIGN / name, place)
+    subprocess.run([*line, "-Wall"], cwd=place, env=verilator_environment(), check=True, stdout=subprocess.PIPE)
+    return place / "obj_dir" / "bench"
+
+
+@pytest.mark.parametrize("turn", [0.0, 9.0, -133.0])
+def test_a_foreign_design_is_right_through_its_bench(turn, bench):
+    display = parse_display(DISPLAYS["plain"].replace("rotation_deg = 9.0", f"rotation_deg = {turn}"))
+    found = verdicts(answered(bench, asked(display, "chief-ray", 3000, model="pinhole")))
+    assert len(found) == 2
+    assert all(verdict.right for verdict in found.values())
+
+
+def test_a_fault_of_the_design_is_named(bench):
+    """The bench is given a display with another gap."""
+    display = parse_display(DISPLAYS["plain"])
+    questions = asked(display, "chief-ray", 1000, model="pinhole")
+    answers = answered(bench, questions.replace(b"# value gap 0.7\n", b"# value gap 0.7125\n"))
+    *_, verdict = verdicts(answers).values()
+    assert "gap_mm is 0.7125 for 0.7" in verdict.fault or "thickness_mm" in verdict.fault  # alike for chief rays
+
+
 # ---- the commands ----
 
 
@@ -239,8 +274,8 @@ def test_bad_streams(tracer):
     assert "is no number of rays and hash" in said(b"# rays 48", b"# rays 999999999")
     assert "is no name of a set" in said(b"# set chief-ray", b"# set \x1b[2J")
     assert "sets are missing" in said(answers[answers.index(b"# set random") : answers.index(b"# end")], b"")
-    end = answers[answers.index(b"# end") :]
-    assert "lines behind its end" in said(end, end + b"1 2 3\n")
+    # What a simulator says before and after is passed over.
+    assert len(verdicts(b"Simulator 1.0\n\n" + answers + b"$finish called\n")) == 2
     assert "is cut in the set random/0, after 50 of its rays" in said(answers[answers.index(b"# end") :], b"")
     assert "gap_mm" in said(b"gap_mm = 0.7", b"gap_mm = -1.0")
     with pytest.raises(InputError, match="is empty"):

@@ -69,9 +69,11 @@ class StreamReader:
     def sets(self) -> Iterator[tuple[str, Foreign]]:
         """Yield each set's name, and its rays."""
         now: _Set | None = None
-        ended = False
+        begun = ended = False
         for raw in self._lines:
             self.number += 1
+            if ended:  # a simulator's last words
+                continue
             if len(raw) > MOST_LINE:
                 self._refuse(f"has more than {MOST_LINE} bytes", AGAIN)
             if now is not None and not raw.startswith(b"#"):
@@ -79,10 +81,10 @@ class StreamReader:
                 continue
             line = self._text(raw)
             kind, _, rest = line[1:].strip().partition(" ")
-            if self.number == 1:
-                self._begin(line)
-            elif ended or not line.startswith("#"):
-                self._refuse("has lines behind its end" if ended else "has a ray before the first set", AGAIN)
+            if not begun:
+                begun = self._begin(line)
+            elif not line.startswith("#"):
+                self._refuse("has a ray before the first set", AGAIN)
             elif kind in ("set", "end"):
                 if now is not None:
                     yield now.name, self._read(now)
@@ -92,8 +94,9 @@ class StreamReader:
                 now = None if ended else self._started(rest)
             elif now is not None:
                 self._note(now, kind, rest)
-        if not self.number:
-            self._refuse("is empty: the program before gave nothing", "run it alone to see why")
+        if not begun:
+            what = "is no stream of lippmann vectors" if self.number else "is empty: the program before gave nothing"
+            self._refuse(what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
         if not ended:
             where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
             self._refuse(f"is cut{where}", "let the program answer until the line # end")
@@ -107,12 +110,12 @@ class StreamReader:
         except UnicodeDecodeError:
             self._refuse("is not text", AGAIN)
 
-    def _begin(self, line: str) -> None:
-        found = re.fullmatch(rf"# {NAME} (\d+)", line.strip())
-        if not found:
-            self._refuse("is no stream of lippmann vectors", "begin with lippmann vectors --stream | YOUR PROGRAM")
-        if int(found[1]) != VERSION:
-            self._refuse(f"has version {found[1][:9]}, not {VERSION}", "use one version of lippmann for both commands")
+    def _begin(self, line: str) -> bool:
+        """Tell whether a line is the first one; a simulator may greet before it."""
+        found = re.fullmatch(rf"# {NAME} (\d{{1,9}})", line.strip())
+        if found and int(found[1]) != VERSION:
+            self._refuse(f"has version {found[1]}, not {VERSION}", "use one version of lippmann for both commands")
+        return found is not None
 
     def _started(self, name: str) -> _Set:
         if not SET.fullmatch(name):
