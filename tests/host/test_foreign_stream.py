@@ -193,6 +193,16 @@ def test_a_foreign_design_is_right_through_its_bench(turn, bench):
     assert all(verdict.right for verdict in found.values())
 
 
+def test_a_foreign_design_is_right_through_the_cocotb_bench():
+    questions = asked(parse_display(DISPLAYS["plain"]), "chief-ray", 300, model="pinhole")
+    command = [sys.executable, FOREIGN / "stream_cocotb.py"]
+    done = subprocess.run(command, input=questions, env=verilator_environment(), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    found = verdicts(done.stdout)
+    assert sum(verdict.rays for verdict in found.values()) == 348
+    assert all(verdict.right for verdict in found.values())
+
+
 def test_a_fault_of_the_design_is_named(bench):
     """The bench is given a display with another gap."""
     display = parse_display(DISPLAYS["plain"])
