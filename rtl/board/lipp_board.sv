@@ -257,7 +257,7 @@ module lipp_board #(
   );
 
   // ---- registers ----
-  logic late, frame_lost;
+  logic late, frame_lost, frame_lost_q;
   lipp_board_registers_pkg::board_registers__in_t told;
   lipp_board_registers_pkg::board_registers__out_t set;
   logic psel_board, psel_optics, psel_scene, penable, pwrite;
@@ -397,10 +397,10 @@ module lipp_board #(
   // ---- lamps ----
   assign shown_o = scene_shown || (filled && !frame_lost);
   always_ff @(posedge clk_i or negedge rst_n) begin
-    if (!rst_n) {packet_o, error_o} <= '0;
-    else {packet_o, error_o} <= {
+    if (!rst_n) {packet_o, error_o, frame_lost_q} <= '0;
+    else {packet_o, error_o, frame_lost_q} <= {
       accepted, dropped_long || dropped_cobs || dropped_short || dropped_crc || framing_error
-          || overflow || late || scene_late
+          || overflow || late || scene_late || (frame_lost && !frame_lost_q), frame_lost
     };
   end
 

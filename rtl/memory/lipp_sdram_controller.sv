@@ -17,7 +17,8 @@
 /// are the registers between the ports here and the chip's pins, both ways together; dq_i is
 /// captured cas_clocks + PadClocks + 1 clocks after READ is at the ports.
 ///
-/// After reset: power_up_us without a command, PRECHARGE ALL, AUTO REFRESH twice, LOAD MODE REGISTER.
+/// After reset: power_up_us without a command, PRECHARGE ALL, AUTO REFRESH eight times, LOAD MODE
+/// REGISTER: what the makers of such chips ask for at most.
 /// From then on AUTO REFRESH goes before the next transaction when it is due.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
@@ -95,9 +96,10 @@ module lipp_sdram_controller
     $fatal(1, "lipp_sdram_controller: ClockHz must be about 35 MHz to 400 MHz");
   end
   // ---- what is due ----
-  typedef enum logic [2:0] {PowerUpStep, FirstStep, SecondStep, ModeStep, ReadyStep} step_e;
+  typedef enum logic [1:0] {PowerUpStep, RefreshStep, ModeStep, ReadyStep} step_e;
   typedef enum logic [2:0] {Idle, Activate, Column, Close, Refresh, Mode, Pause} state_e;
   step_e step_q, step_d;
+  logic [2:0] more_q, more_d;   // refreshes of the initialisation but for the last
   state_e state_q, state_d, after_q, after_d;
   logic [TimerBits-1:0] timer_q;
   logic tick_q, due_q, open_q;  // a refresh is due; a transaction may be taken
@@ -130,14 +132,18 @@ module lipp_sdram_controller
   always_comb begin
     state_d = state_q;
     step_d = step_q;
+    more_d = more_q;
     after_d = after_q;
     pause_d = pause_q >> 1;
     unique case (state_q)
       Idle: begin
         unique case (step_q)
-          PowerUpStep: if (tick_q) {state_d, step_d} = {Close, FirstStep};
-          FirstStep: {state_d, step_d} = {Refresh, SecondStep};
-          SecondStep: {state_d, step_d} = {Refresh, ModeStep};
+          PowerUpStep: if (tick_q) {state_d, step_d} = {Close, RefreshStep};
+          RefreshStep: begin
+            state_d = Refresh;
+            more_d = more_q - 1'b1;
+            if (more_q == '0) step_d = ModeStep;
+          end
           ModeStep: {state_d, step_d} = {Mode, ReadyStep};
           default: if (due_q) state_d = Refresh;
               else if (valid_i && open_q) state_d = Activate;
@@ -172,6 +178,7 @@ module lipp_sdram_controller
       state_q <= Idle;
       after_q <= Idle;
       step_q <= PowerUpStep;
+      more_q <= '1;
       pause_q <= '0;
       hold_q <= '0;
       write_take_o <= 1'b0;
@@ -179,6 +186,7 @@ module lipp_sdram_controller
       state_q <= state_d;
       after_q <= after_d;
       step_q <= step_d;
+      more_q <= more_d;
       pause_q <= pause_d;
       hold_q <= hold_q >> 1 | (state_q == Activate ? HoldBits'(ones(Ras - 1)) : '0)
           | (write_take_o ? HoldBits'(ones(Wr - 1)) : '0);

@@ -36,10 +36,11 @@ package lipp_sdram_pkg;
     logic [15:0] rows;
   } timing_t;
 
-  /// Speed grades of the MT48LC16M16A2: to 133, 143 and 167 MHz.
-  localparam timing_t Grade75 = '{3, 20, 20, 44, 66, 66, 15, 2, 100, 64, 8192};
-  localparam timing_t Grade7E = '{3, 15, 15, 37, 60, 66, 14, 2, 100, 64, 8192};
-  localparam timing_t Grade6A = '{3, 18, 18, 42, 60, 60, 12, 2, 100, 64, 8192};
+  /// Speed grades of the MT48LC16M16A2: to 133, 143 and 167 MHz. Some makers' chips of this class
+  /// need 200 us at power-up for Micron's 100.
+  localparam timing_t Grade75 = '{3, 20, 20, 44, 66, 66, 15, 2, 200, 64, 8192};
+  localparam timing_t Grade7E = '{3, 15, 15, 37, 60, 66, 14, 2, 200, 64, 8192};
+  localparam timing_t Grade6A = '{3, 18, 18, 42, 60, 60, 12, 2, 200, 64, 8192};
 
   /// Clocks that last at least so long.
   function automatic int clocks(logic [15:0] ns, int hz);

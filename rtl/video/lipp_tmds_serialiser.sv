@@ -8,9 +8,17 @@
 /// after the clock that brought it, when it has long been still; its first pair is at pair_o three
 /// clocks later.
 ///
-/// A bit that changes with each symbol tells where symbols begin: the first change after reset sets
-/// the count to five. Where the clocks' edges meet, a change is seen now a clock sooner, now a clock
-/// later; the count then goes on as it was. A change at any other place sets it again.
+/// A bit that changes with each symbol tells where symbols begin. A ring of five places counts a
+/// symbol's shift clocks, and the first change after reset sets it:
+///
+///   clock      0  1  2  3  4
+///   begins_q   1  .  .  .  .   a change has been seen: this clock is to be place 3
+///   astray_q   .  1  .  .  .   the ring was elsewhere: place 4
+///   set_q      .  .  1  .  .   place 0
+///   place_q    .  .  .  1  2
+///
+/// Where the clocks' edges meet, a change is seen now a clock sooner, now a clock later, at place 2 or
+/// 4; the ring then goes on as it was. A change at place 0 or 1 sets it again.
 module lipp_tmds_serialiser #(
   parameter int Channels = 3
 ) (
@@ -39,7 +47,7 @@ module lipp_tmds_serialiser #(
   // A LUT of four inputs between registers, and a third of a chip's width: the shift clock is as
   // fast as an FPGA's logic goes.
   logic turn, turned_q, begins_q, known_q, astray_q, set_q;
-  logic [4:0] place_q;  // a ring with one bit, for the five pairs of a symbol
+  logic [4:0] place_q;  // the ring: one bit is high, its number is the place
   // A register for each channel, near its pads. Synthesis makes one register of equal ones: these
   // differ in their sense, high or low, and in what they are in reset.
   logic [Channels-1:0] load_q, low;
@@ -58,7 +66,6 @@ module lipp_tmds_serialiser #(
     end else begin
       turned_q <= turn;
       begins_q <= turn != turned_q;
-      // A symbol's beginning is seen at place 3, a clock sooner, or later. Three clocks after 3 comes 1.
       astray_q <= begins_q && (!known_q || place_q[0] || place_q[1]);
       known_q <= known_q || begins_q;
       set_q <= astray_q;

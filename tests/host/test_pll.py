@@ -20,58 +20,47 @@ PANELS = {
 }
 
 
-def assert_legal(pll, pixel_mhz, samples, dvi):
+def assert_legal(pll, pixel_mhz, dvi):
     """The data sheet's limits (FPGA-DS-02012: sysCLOCK PLL timing), and what the clocks are to each other."""
     assert 8 <= pll.oscillator_mhz <= 400
     assert 10 <= pll.oscillator_mhz / pll.input_div <= 400
-    dividers = (pll.input_div, pll.back_div, pll.shift_div, pll.system_div, pll.memory_div, pll.pixel_div)
+    dividers = (pll.input_div, pll.back_div, pll.shift_div, pll.system_div, pll.memory_div)
     assert all(1 <= divider <= 128 for divider in dividers)
-    assert 1 <= pll.feedback_div <= 80
     # The phase detector compares the oscillator, divided, with the output that is fed back, divided.
-    assert pll.oscillator_mhz / pll.input_div == pll.vco_mhz / pll.back_div / pll.feedback_div
+    assert pll.oscillator_mhz / pll.input_div == pll.vco_mhz / pll.back_div
     assert 3.125 <= pll.vco_mhz / pll.back_div <= 400
-    assert pll.pixel_div in (pll.system_div, pll.shift_div, pll.back_div)
     assert 400 <= pll.vco_mhz <= 800
     clocks = pll.clocks_mhz
-    assert abs(clocks["pixel"] / pixel_mhz - 1) <= Fraction(11, 1000)
-    assert clocks["system"] == samples * clocks["pixel"]
+    assert abs(clocks["system"] / pixel_mhz - 1) <= Fraction(11, 1000)
     if dvi:
-        assert clocks["shift"] == 5 * clocks["pixel"]
+        assert clocks["shift"] == 5 * clocks["system"]
     assert MEMORY[0] <= clocks["memory"] <= MEMORY[1]
 
 
 def test_the_two_video_modes():
     """By hand: 25 MHz * 20 and 25 MHz * 30 are 500 and 750 MHz."""
     vga = solve(panel_pixel_mhz(640, 480, PANELS[640, 480]), Fraction(25), MEMORY)
-    assert vga == Pll(Fraction(25), 1, 1, 20, 4, 20, 4, 20)
-    assert (vga.vco_mhz, vga.clocks_mhz["memory"], vga.clocks_mhz["pixel"]) == (500, 125, 25)
+    assert vga == Pll(Fraction(25), 1, 20, 4, 20, 4)
+    assert (vga.vco_mhz, vga.clocks_mhz["memory"], vga.clocks_mhz["system"]) == (500, 125, 25)
     hd = solve(panel_pixel_mhz(1280, 720, PANELS[1280, 720]), Fraction(25), MEMORY)
-    assert hd == Pll(Fraction(25), 1, 1, 30, 2, 10, 6, 10)
+    assert hd == Pll(Fraction(25), 1, 30, 2, 10, 6)
     assert [hd.clocks_mhz[name] for name in ("shift", "system", "memory")] == [375, 75, 125]
 
 
 def test_no_pixel_clock_is_above_the_fastest():
     """Below 75 MHz comes 73.75 MHz: 25 MHz / 2 * 59 is 737.5 MHz."""
     pixel = panel_pixel_mhz(1280, 720, PANELS[1280, 720])
-    assert solve(pixel, Fraction(25), MEMORY, fastest_mhz=Fraction(75)).clocks_mhz["pixel"] == 75
+    assert solve(pixel, Fraction(25), MEMORY, fastest_mhz=Fraction(75)).clocks_mhz["system"] == 75
     slower = solve(pixel, Fraction(25), MEMORY, fastest_mhz=Fraction(749, 10))
-    assert slower.clocks_mhz["pixel"] == Fraction(7375, 100)
-    assert_legal(slower, pixel, 1, True)
+    assert slower.clocks_mhz["system"] == Fraction(7375, 100)
+    assert_legal(slower, pixel, True)
 
 
-@pytest.mark.parametrize(("samples", "dvi"), [(1, True), (1, False), (2, False)])
+@pytest.mark.parametrize("dvi", [True, False])
 @pytest.mark.parametrize("size", PANELS)
-def test_dividers_are_legal(size, samples, dvi):
+def test_dividers_are_legal(size, dvi):
     pixel = panel_pixel_mhz(*size, PANELS[size])
-    assert_legal(solve(pixel, Fraction(25), MEMORY, samples=samples, dvi=dvi), pixel, samples, dvi)
-
-
-def test_five_outputs_are_one_too_many_for_most_panels():
-    """DVI with two samples a pixel: pixels are what is fed back, so multiples of 12.5 MHz."""
-    vga, wide = (panel_pixel_mhz(*size, PANELS[size]) for size in ((640, 480), (800, 480)))
-    assert_legal(solve(vga, Fraction(25), MEMORY, samples=2), vga, 2, True)
-    with pytest.raises(InputError, match="or one sample a pixel"):
-        solve(wide, Fraction(25), MEMORY, samples=2)
+    assert_legal(solve(pixel, Fraction(25), MEMORY, dvi=dvi), pixel, dvi)
 
 
 def test_any_pixel_clock_that_has_dividers_finds_legal_ones():
@@ -86,7 +75,7 @@ def test_any_pixel_clock_that_has_dividers_finds_legal_ones():
         except InputError:
             continue
         found += 1
-        assert_legal(pll, pixel, 1, dvi)
+        assert_legal(pll, pixel, dvi)
     assert found > 40
 
 
@@ -94,7 +83,7 @@ def test_no_dividers_are_better():
     """All dividers of a small part of the space, by the formulas."""
     pixel, oscillator = Fraction(252, 10), Fraction(25)
     best = solve(pixel, oscillator, MEMORY)
-    key = -best.clocks_mhz["memory"], best.input_div, abs(best.clocks_mhz["pixel"] / pixel - 1)
+    key = -best.clocks_mhz["memory"], best.input_div, abs(best.clocks_mhz["system"] / pixel - 1)
     tried = 0
     for input_div, shift, memory, times in product((1, 2), range(3, 7), range(3, 14), range(1, 81)):
         vco = oscillator / input_div * times

@@ -34,10 +34,11 @@ Floats = npt.NDArray[np.float64]
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 #: Directions in which a cell looks alike.
 FOLDS = {"square": 4, "hex": 6}
-#: Rays across the inner cell, and in the square in which an outline is looked for; slopes; their directions.
-ACROSS, OUTLINE_POINTS, SLOPES, DIRECTIONS = 7, 4096, 9, 16
-#: Side of that square, in pitches.
-AROUND = 2.4
+#: Rays across the inner cell; slopes; their directions.
+ACROSS, SLOPES, DIRECTIONS = 7, 9, 16
+#: An outline: points across the middle of the cell, those on the edge, halvings that find them, rounds, and twice the
+#: distance within which the edge is, in pitches.
+INSIDE, EDGE_POINTS, HALVINGS, ROUNDS, AROUND = 12, 96, 11, 3, 2.4
 
 
 def outline_mm(display: Display) -> float:
@@ -152,38 +153,54 @@ def _plain(display: Display) -> Display:
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
     """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
 
-    They are means of the points whose rays a photograph gives to their lenslet as `lenslets.measure_lenslets` does: of
-    the strongest aberrations at a cell's edge, it takes the point on the panel for one of a neighbour.
+    They are means over the points whose rays a photograph gives to their lenslet as `lenslets.measure_lenslets` does:
+    of the strongest aberrations at a cell's edge, it takes the point on the panel for one of a neighbour.
     """
-    # A regular grid would not notice a seam that moves between two of its lines.
-    square = np.outer(np.arange(OUTLINE_POINTS) + 0.5, R2_STEPS) % 1.0
-    around = AROUND * display.array.coarsest_mm * (square - 0.5)
-    many = np.broadcast_to(around, (len(slopes), *around.shape))
-    seen, at = _traced(display, slopes, many, height_mm, distance_mm)
     lattice = Lattice.of(display.array)
-    steps = np.linalg.inv(np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)]).T)
-    middles = _mean(many, seen)
-    grown = 1.0 + display.aperture_distance_mm / distance_mm
-    for k in range(len(slopes)):
-        across, landed = around[seen[k]] @ steps.T, at[k, seen[k]] @ steps.T / grown
-        middle = across.mean(axis=0)
-        for _ in range(3):
-            own = given_to(across - middle, landed)
-            if own.sum() < 0.2 * len(own):
-                break
-            middle = across[own].mean(axis=0)
-        middles[k] = np.linalg.inv(steps) @ middle
+    axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
+    to_steps, grown = np.linalg.inv(axes), 1.0 + display.aperture_distance_mm / distance_mm
+    side = MIDDLE * (2.0 * np.arange(INSIDE) + 1.0 - INSIDE) / INSIDE
+    inside = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2) @ axes
+    # Directions that no seam repeats, others for each slope.
+    angles = 2.0 * np.pi / EDGE_POINTS * (np.arange(EDGE_POINTS) + R2_STEPS[0] * np.arange(len(slopes))[:, None] % 1.0)
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
+    middles = np.zeros_like(slopes)
+    for _ in range(ROUNDS):
+        seen, at = _traced(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
+        found = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(seen)]
+        centre, moves, shift = (np.array(part) for part in zip(*found, strict=True))
+
+        def given(points: Floats) -> npt.NDArray[np.bool_]:
+            """Tell which points (N, M, 2) from the middles a photograph gives to the lenslet."""
+            seen, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)  # noqa: B023
+            landed, across = at @ to_steps / grown, points @ to_steps
+            own = (landed - centre[:, None] - across @ moves) @ np.linalg.inv(np.eye(2) - moves)  # noqa: B023
+            return np.asarray(seen & (abs(own - shift[:, None]) < NEAR).all(axis=2))  # noqa: B023
+
+        # The edge in each direction, between a point inside and one outside.
+        low, high = np.zeros(angles.shape), np.full(angles.shape, 0.5 * AROUND * display.array.coarsest_mm)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            there = given(ways * middle[..., None])
+            low, high = np.where(there, middle, low), np.where(there, high, middle)
+        edge = 0.5 * (low + high)
+        area = 0.5 * (edge**2).sum(axis=1)
+        middles = middles + (ways * edge[..., None] ** 3).sum(axis=1) / 3.0 / np.maximum(area, 1e-300)[:, None]
     return middles
 
 
-def given_to(across: Floats, landed: Floats) -> npt.NDArray[np.bool_]:
-    """Tell which points a photograph gives to their lenslet; both in steps, from the middle and from anywhere."""
-    some = (abs(across) < MIDDLE).all(axis=1)
-    centre = np.median(landed[some], axis=0) if some.any() else np.zeros(2)
-    moves = np.linalg.lstsq(across[some], landed[some] - centre, rcond=None)[0]
+def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the middle of panel points, how they move with points across the cell, and their mean own place.
+
+    Both in steps of the lattice; `across` from the middle, `landed` from anywhere. The own place is that of
+    `lenslets.measure_lenslets`, from the lenslet's.
+    """
+    if len(across) < 3:
+        return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
+    centre = np.median(landed, axis=0)
+    moves = np.linalg.lstsq(across, landed - centre, rcond=None)[0]
     own = (landed - centre - across @ moves) @ np.linalg.inv(np.eye(2) - moves)
-    own -= own[some].mean(axis=0)
-    return np.asarray((abs(own) < NEAR).all(axis=1))
+    return centre, moves, own.mean(axis=0)
 
 
 def _inner(display: Display) -> Floats:

@@ -57,7 +57,6 @@ SYMBOL_CLOCKS = 2
 #: What the nets of clocks are called, in the top or at a port `_o` of what makes them; the oscillator's is the port's.
 CLOCK_NETS = {
     "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
-    "pixel_clk": "pixel", "back": "pixel",
 }  # fmt: skip
 #: Bits of a colour that a board sends.
 BOARD_BITS = 8
@@ -92,11 +91,11 @@ class Plan:
 
     @property
     def clocks_mhz(self) -> dict[str, float]:
-        """The clocks of its design by their roles; pixels have one of their own when the system's is a multiple."""
+        """The clocks of its design by their roles."""
         made = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
-        unused = [*(["shift"] if self.board.video != "dvi" else []), *(["pixel"] * (made["pixel"] == made["system"]))]
-        roles = {name: mhz for name, mhz in made.items() if name not in unused}
-        return roles | {"oscillator": self.board.oscillator_mhz}
+        if self.board.video != "dvi":
+            del made["shift"]
+        return made | {"oscillator": self.board.oscillator_mhz}
 
     @property
     def parameters(self) -> dict[str, str | int]:
@@ -128,7 +127,7 @@ class Plan:
         return [(self.board.folder / name).resolve() for name in self.board.constraints]
 
 
-def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False, samples: int = 1) -> Plan:
+def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False) -> Plan:
     """Return what is built; raise InputError for a display that the board cannot show at 60 Hz."""
     check_panel(display)
     where = f"display '{display.name}'"
@@ -144,7 +143,7 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
         what = f"two frames take {frames_mb:.1f} MiB, the SDRAM of {board.name} has {board.memory.megabytes}"
         raise input_error(where, what, "choose a smaller panel")
     pixel = panel_pixel_mhz(panel.width_px, panel.height_px, timing)
-    wanted = [("the system", samples, board.limits.system_mhz)]
+    wanted = [("the system", 1, board.limits.system_mhz)]
     if board.video == "dvi":
         wanted.insert(0, ("DVI's bits", SHIFT_CLOCKS, board.limits.shift_mhz or math.inf))
     for name, times, most in wanted:
@@ -162,11 +161,11 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
         what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MOST_SHARE:.0%} are there for it"
         raise input_error(where, what, "choose a narrower panel")
     fastest_pixel = min(Fraction(most) / times for _, times, most in wanted if most < math.inf)
-    scene = SceneBuild(layers, bilinear=bilinear, samples=samples) if layers else None
+    scene = SceneBuild(layers, bilinear=bilinear) if layers else None
     build = replace(board_build(display, scene), cross_cells=False)
     try:
         pll = solve(
-            pixel, Fraction(board.oscillator_mhz), (least, fastest), samples=samples, dvi=board.video == "dvi",
+            pixel, Fraction(board.oscillator_mhz), (least, fastest), dvi=board.video == "dvi",
             fastest_mhz=fastest_pixel,
         )  # fmt: skip
         step_of(board.baud, round(pll.clocks_mhz["system"] * 1_000_000))
@@ -291,7 +290,7 @@ def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
         elif last[roles[role]][0] < mhz:
             missed.append(f"{role} {last[roles[role]][0]:.1f} of {mhz:.1f} MHz")
     if {"shift", "system"} <= roles.keys():
-        symbols = roles.get("pixel", roles["system"])
+        symbols = roles["system"]
         ends = rf"posedge {re.escape(symbols)}\s+-> posedge {re.escape(roles['shift'])}\s*: ([\d.]+) ns"
         ways = re.findall(rf"Max delay {ends}", said)
         most = SYMBOL_CLOCKS * 1000 / made.clocks_mhz["shift"]

@@ -1,6 +1,6 @@
 """Dividers of an ECP5's PLL (EHXPLLL) for a panel: clocks for the system, its pixels, their bits and the memory.
 
-    VCO = oscillator / input_div * feedback_div * back_div
+    VCO = oscillator / input_div * back_div
 
 Each output is the VCO by its own divider; the one of back_div is fed back. Limits are those of the data sheet of ECP5
 and ECP5-5G (FPGA-DS-02012), MHz.
@@ -20,7 +20,8 @@ VCO_MHZ = (Fraction(400), Fraction(800))
 #: Greatest value of each divider; the least is 1.
 MAX_DIVIDER = 128
 #: How far a pixel clock may be from the one asked for. Monitors follow this much, and the phase detector's limit leaves
-#: no finer steps from 25 MHz: 1280 x 720 gets 75 MHz for 74.25 (+1.0 %), 640 x 480 gets 25 MHz for 25.2 (-0.8 %).
+#: no finer steps from 25 MHz: 1280 x 720 gets 75 MHz for 74.25 (+1.0 %), 640 x 480 gets 25 MHz for the 25.2 of 60
+#: frames a second (-0.8 %; VESA's 25.175 MHz: -0.7 %).
 TOLERANCE = Fraction(11, 1000)
 #: Bits of a pixel on a pair of DVI's wires, two in each clock.
 SHIFT_CLOCKS = 5
@@ -28,38 +29,32 @@ SHIFT_CLOCKS = 5
 
 @dataclass(frozen=True)
 class Pll:
-    """A PLL's dividers.
-
-    A pixel clock that is not the system's has the output of the shift clock, without DVI, or the one that is fed back.
-    """
+    """A PLL's dividers; a pixel takes a system clock."""
 
     oscillator_mhz: Fraction
     input_div: int
-    feedback_div: int
     back_div: int
     shift_div: int
     system_div: int
     memory_div: int
-    pixel_div: int
 
     @property
     def vco_mhz(self) -> Fraction:
         """Frequency of the oscillator inside."""
-        return self.oscillator_mhz / self.input_div * self.feedback_div * self.back_div
+        return self.oscillator_mhz / self.input_div * self.back_div
 
     @property
     def clocks_mhz(self) -> dict[str, Fraction]:
         """Frequencies of the outputs."""
-        names = ("shift", "system", "memory", "pixel")
+        names = ("shift", "system", "memory")
         return {name: self.vco_mhz / getattr(self, f"{name}_div") for name in names}
 
     @property
     def parameters(self) -> dict[str, int]:
         """The RTL's parameters."""
         return {
-            "InputDiv": self.input_div, "FeedbackDiv": self.feedback_div, "BackDiv": self.back_div,
+            "InputDiv": self.input_div, "BackDiv": self.back_div,
             "ShiftDiv": self.shift_div, "SystemDiv": self.system_div, "MemoryDiv": self.memory_div,
-            "PixelDiv": self.pixel_div,
         }  # fmt: skip
 
 
@@ -68,16 +63,15 @@ def solve(
     oscillator_mhz: Fraction,
     memory_mhz: tuple[Fraction, Fraction],
     *,
-    samples: int = 1,
     dvi: bool = True,
     fastest_mhz: Fraction | None = None,
 ) -> Pll:
     """Return dividers with a pixel clock within `TOLERANCE` of `pixel_mhz`.
 
     Of these the best has the fastest memory clock, then the fastest phase detector, which makes the least jitter, then
-    the nearest pixel clock. `memory_mhz` are the least and the greatest clock of the memory. The system has `samples`
-    clocks a pixel; with `dvi` there are five shift clocks a pixel. `fastest_mhz` is the greatest pixel clock. Raises
-    InputError when no dividers give such clocks.
+    the nearest pixel clock. `memory_mhz` are the least and the greatest clock of the memory. With `dvi` there are five
+    shift clocks a pixel. `fastest_mhz` is the greatest pixel clock. Raises InputError when no dividers give such
+    clocks.
     """
     if not INPUT_MHZ[0] <= oscillator_mhz <= INPUT_MHZ[1]:
         what = f"an oscillator of {float(oscillator_mhz):g} MHz cannot drive the PLL"
@@ -85,18 +79,18 @@ def solve(
     least, most = pixel_mhz * (1 - TOLERANCE), pixel_mhz * (1 + TOLERANCE)
     if fastest_mhz is not None:
         most = min(most, fastest_mhz)
-    found = list(_candidates((least, most), oscillator_mhz, memory_mhz, samples, dvi))
+    found = list(_candidates((least, most), oscillator_mhz, memory_mhz, dvi))
     if not found:
         low, high = map(float, memory_mhz)
         raise input_error(
             f"{float(pixel_mhz):.3f} MHz",
             f"the PLL has no pixel clock within {float(TOLERANCE):.1%} beside one of {low:.0f} to {high:.0f} MHz",
-            "choose another size of panel" + (", or one sample a pixel" if samples > 1 else ""),
+            "choose another size of panel",
         )
 
     def rank(pll: Pll) -> tuple[Fraction, ...]:
         clocks = pll.clocks_mhz
-        return -clocks["memory"], Fraction(pll.input_div), abs(clocks["pixel"] / pixel_mhz - 1), pll.vco_mhz
+        return -clocks["memory"], Fraction(pll.input_div), abs(clocks["system"] / pixel_mhz - 1), pll.vco_mhz
 
     return min(found, key=rank)
 
@@ -105,28 +99,21 @@ def _candidates(
     pixel_mhz: tuple[Fraction, Fraction],
     oscillator_mhz: Fraction,
     memory_mhz: tuple[Fraction, Fraction],
-    samples: int,
     dvi: bool,
 ) -> Iterator[Pll]:
-    unit = samples * (SHIFT_CLOCKS if dvi else 1)
+    unit = SHIFT_CLOCKS if dvi else 1
     for input_div in range(1, MAX_DIVIDER + 1):
         detector = oscillator_mhz / input_div
         if not PHASE_DETECTOR_MHZ[0] <= detector <= PHASE_DETECTOR_MHZ[1]:
             continue
-        for pixel_div in range(unit, MAX_DIVIDER + 1, unit):
-            low = max(pixel_mhz[0] * pixel_div, VCO_MHZ[0]) / detector
-            high = min(pixel_mhz[1] * pixel_div, VCO_MHZ[1]) / detector
-            system_div = pixel_div // samples
-            shift_div = pixel_div // SHIFT_CLOCKS if dvi else pixel_div
-            shared = dvi and samples > 1  # the pixel clock's output is fed back
-            for times in range(-(-low // 1), high // 1 + 1):
-                if shared and times % pixel_div:
-                    continue
-                vco, back_div = detector * times, pixel_div if shared else times
+        for system_div in range(unit, MAX_DIVIDER + 1, unit):
+            low = max(pixel_mhz[0] * system_div, VCO_MHZ[0]) / detector
+            high = min(pixel_mhz[1] * system_div, VCO_MHZ[1]) / detector
+            for times in range(-(-low // 1), min(high // 1, MAX_DIVIDER) + 1):
+                vco = detector * times
                 most, least = vco / memory_mhz[0] // 1, -(-(vco / memory_mhz[1]) // 1)
                 for memory_div in range(max(least, 1), min(most, MAX_DIVIDER) + 1):
-                    outputs = shift_div, system_div, memory_div, pixel_div
-                    yield Pll(oscillator_mhz, input_div, times // back_div, back_div, *outputs)
+                    yield Pll(oscillator_mhz, input_div, times, system_div // unit, system_div, memory_div)
 
 
 def panel_pixel_mhz(width: int, height: int, timing: tuple[int, ...], rate_hz: int = 60) -> Fraction:

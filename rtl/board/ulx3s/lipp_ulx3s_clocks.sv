@@ -3,40 +3,33 @@
 
 /// The ULX3S's clocks, all of one PLL, from its oscillator of 25 MHz.
 ///
-///   VCO = 25 MHz / InputDiv * FeedbackDiv * BackDiv
+///   VCO = 25 MHz / InputDiv * BackDiv
 ///
-/// Each output is VCO by its divider; the one of BackDiv is fed back. pixel_clk_o is the output
-/// whose divider is PixelDiv: system, shift, or the one that is fed back. `lippmann.dev.pll` finds
-/// the dividers.
+/// Each output is VCO by its divider; the one of BackDiv is fed back. A pixel takes a system clock.
+/// `lippmann.dev.pll` finds the dividers.
 ///
-/// lost_o rises when the PLL was locked and no longer is, two or three clocks of clk_i later, and
-/// stays high until the FPGA is configured again.
+/// lost_o rises when the PLL was locked for 256 clocks and no longer is, two or three clocks of clk_i
+/// later, and stays high until the FPGA is configured again. It needs clk_i: of an oscillator that
+/// stops nothing is told.
 module lipp_ulx3s_clocks #(
   parameter int InputDiv = 1,
-  parameter int FeedbackDiv = 1,
   parameter int BackDiv = 20,
   parameter int ShiftDiv = 4,
   parameter int SystemDiv = 20,
-  parameter int MemoryDiv = 4,
-  parameter int PixelDiv = 20
+  parameter int MemoryDiv = 4
 ) (
   input  logic clk_i,
   output logic shift_clk_o,
   output logic system_clk_o,
   output logic memory_clk_o,
-  output logic pixel_clk_o,
   output logic locked_o,
   output logic lost_o
 );
 
-  if (PixelDiv != SystemDiv && PixelDiv != ShiftDiv && PixelDiv != BackDiv) begin : gen_illegal
-    $fatal(1, "lipp_ulx3s_clocks: PixelDiv must be SystemDiv, ShiftDiv or BackDiv");
-  end
-
   logic back;
   (* ICP_CURRENT = "12", LPF_RESISTOR = "8", MFG_ENABLE_FILTEROPAMP = "1", MFG_GMCREF_SEL = "2" *)
   EHXPLLL #(
-    .FEEDBK_PATH("CLKOP"), .CLKI_DIV(InputDiv), .CLKFB_DIV(FeedbackDiv),
+    .FEEDBK_PATH("CLKOP"), .CLKI_DIV(InputDiv), .CLKFB_DIV(1),
     .CLKOP_ENABLE("ENABLED"), .CLKOP_DIV(BackDiv), .CLKOP_CPHASE(BackDiv - 1),
     .CLKOS_ENABLE("ENABLED"), .CLKOS_DIV(ShiftDiv), .CLKOS_CPHASE(ShiftDiv - 1),
     .CLKOS2_ENABLE("ENABLED"), .CLKOS2_DIV(SystemDiv), .CLKOS2_CPHASE(SystemDiv - 1),
@@ -47,16 +40,16 @@ module lipp_ulx3s_clocks #(
     .ENCLKOS(1'b0), .ENCLKOS2(1'b0), .ENCLKOS3(1'b0), .CLKOP(back), .CLKOS(shift_clk_o),
     .CLKOS2(system_clk_o), .CLKOS3(memory_clk_o), .LOCK(locked_o)
   );
-  assign pixel_clk_o = PixelDiv == SystemDiv ? system_clk_o
-                     : PixelDiv == ShiftDiv ? shift_clk_o : back;
 
   // No reset forgets it: it begins with the FPGA's configuration.
   (* async_reg = "true", keep = "true" *) logic [1:0] locked_q;
   logic seen_q, lost_q;
-  initial {locked_q, seen_q, lost_q} = '0;
+  logic [7:0] steady_q;  // clocks locked, as a PLL may bounce before it has locked
+  initial {locked_q, seen_q, lost_q, steady_q} = '0;
   always_ff @(posedge clk_i) begin
     locked_q <= {locked_q[0], locked_o};
-    seen_q <= seen_q || locked_q[1];
+    steady_q <= locked_q[1] ? steady_q + 1'b1 : '0;
+    seen_q <= seen_q || steady_q == '1;
     lost_q <= lost_q || (seen_q && !locked_q[1]);
   end
   assign lost_o = lost_q;

@@ -24,12 +24,10 @@ module lipp_ulx3s_lcd #(
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
-  parameter int FeedbackDiv = 1,
   parameter int BackDiv = 20,
   parameter int ShiftDiv = 4,
   parameter int SystemDiv = 20,
-  parameter int MemoryDiv = 4,
-  parameter int PixelDiv = 20
+  parameter int MemoryDiv = 4
 ) (
   input  wire         clk_25mhz,
   input  wire  [2:1]  btn,
@@ -60,14 +58,14 @@ module lipp_ulx3s_lcd #(
 );
 
   // ---- clocks ----
-  logic unused_shift_clk, clk, mem_clk, pixel_clk, locked, lost, rst_n;
+  logic unused_shift_clk, clk, mem_clk, locked, lost, rst_n;
   logic [24:0] blink_q;
   lipp_ulx3s_clocks #(
-    .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .BackDiv(BackDiv), .ShiftDiv(ShiftDiv),
-    .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv), .PixelDiv(PixelDiv)
+    .InputDiv(InputDiv), .BackDiv(BackDiv), .ShiftDiv(ShiftDiv),
+    .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv)
   ) i_clocks (
     .clk_i(clk_25mhz), .shift_clk_o(unused_shift_clk), .system_clk_o(clk), .memory_clk_o(mem_clk),
-    .pixel_clk_o(pixel_clk), .locked_o(locked), .lost_o(lost)
+    .locked_o(locked), .lost_o(lost)
   );
   assign rst_n = locked && !btn[1];
   always_ff @(posedge clk) blink_q <= blink_q + 1'b1;
@@ -85,7 +83,7 @@ module lipp_ulx3s_lcd #(
     .HSync(HSync), .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack),
     .HPositive(HPositive), .VPositive(VPositive), .Build(Build), .Scene(Scene), .Timing(Timing)
   ) i_video_board (
-    .clk_i(clk), .pixel_clk_i(pixel_clk), .shift_clk_i(1'b0), .mem_clk_i(mem_clk),
+    .clk_i(clk), .pixel_clk_i(clk), .shift_clk_i(1'b0), .mem_clk_i(mem_clk),
     .rst_ni(rst_n), .clock_lost_i(lost), .identity_i(Identity), .step_i(UartStep),
     .rx_i(ftdi_txd), .tx_o(ftdi_rxd), .button_i(btn[2]), .linked_o(linked), .shown_o(shown),
     .alarm_o(alarm), .pattern_o(pattern), .cke_o(cke), .cs_no(cs_n), .ras_no(ras_n),
@@ -94,7 +92,7 @@ module lipp_ulx3s_lcd #(
     .pair_o(unused_pair)
   );
   assign led = {blink_q[24], pattern, locked, alarm || lost, shown, linked};
-  assign wifi_gpio0 = 1'b1;  // the ESP32 leaves the FPGA alone
+  assign wifi_gpio0 = 1'b1;  // low would start the ESP32's loader
 
   // ---- pins ----
   lipp_ulx3s_memory i_memory (
@@ -104,10 +102,10 @@ module lipp_ulx3s_lcd #(
     .sdram_d
   );
   for (genvar k = 0; k < 27; k++) begin : gen_pad
-    OFS1P3DX i_pad (.SCLK(pixel_clk), .SP(1'b1), .CD(1'b0), .D(video[k]), .Q(pads[k]));
+    OFS1P3DX i_pad (.SCLK(clk), .SP(1'b1), .CD(1'b0), .D(video[k]), .Q(pads[k]));
   end
   assign {lcd_de, lcd_hsync, lcd_vsync, lcd_r, lcd_g, lcd_b} = pads;
-  ODDRX1F i_clock (.SCLK(pixel_clk), .RST(1'b0), .D0(1'b0), .D1(1'b1), .Q(lcd_clk));
+  ODDRX1F i_clock (.SCLK(clk), .RST(1'b0), .D0(1'b0), .D1(1'b1), .Q(lcd_clk));
 
 endmodule
 

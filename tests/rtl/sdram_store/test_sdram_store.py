@@ -15,7 +15,7 @@ MAIN = Path(__file__).with_name("main.cpp")
 MODEL = TOP / "sim" / "board" / "sdram.h"
 #: Fields of a timing_t, 16 bits each, of grade -7E: latency, tRCD, tRP, tRAS, tRC, tRFC, tWR, tMRD, 100 us, 64 ms,
 #: rows.
-GRADE_7E = (3, 15, 15, 37, 60, 66, 14, 2, 100, 64, 8192)
+GRADE_7E = (3, 15, 15, 37, 60, 66, 14, 2, 200, 64, 8192)
 
 
 def timing(fields):
@@ -95,7 +95,7 @@ WRONG = {
     "tRRD": {"rrd": 80_000},
     "tWR": {"wr": 16_200},
     "tMRD": {"mrd_clocks": 3},
-    "power-up 100 us": {"power_up": 101_000_000},
+    "power-up 100 us": {"power_up": 201_000_000},
     "refresh interval": {"refresh": 500_000_000, "rows": 65},
 }
 
