@@ -229,7 +229,8 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
         assert routed == [1, 2, 3]
     lines = (tmp_path / "build/bitstream/ulx3s-hd-square.bit").read_text().splitlines()
     assert lines[0] == ".device LFE5U-85F"
-    assert lines[1].startswith(".comment Lippmann board=ulx3s display=hd-square identity=507097880726521b seed=3")
+    head = ".comment Lippmann board=ulx3s display=hd-square identity=507097880726521b design="
+    assert re.fullmatch(re.escape(head) + r"[0-9a-f]{16} seed=3 sha256=[0-9a-f]{64}", lines[1])
     done = CliRunner().invoke(bitstream.main, ["--display", display, "--seeds", "1,2"])
     assert isinstance(done.exception, bitstream.TimingError)
     assert done.exception.exit_code == 1

@@ -200,7 +200,7 @@ def make_seeds(place):
     """Make a folder with a good file for every reader, by the commands that make them."""
     import cv2
     import lippmann as lp
-    from lippmann.board.bitfile import comment
+    from lippmann.board.bitfile import comment, sealed
     from lippmann.calibration.codes import PatternSet
     from lippmann.calibration.result import Calibration, FoundCamera, Parameter
     from lippmann.cli import run
@@ -235,9 +235,9 @@ def make_seeds(place):
     assert run(["vectors", *common, "--case", "cell-edges", "--fraction-bits", "16", "-o", "words"]) == 0
     for found, name in (("words.csv", "rays.csv"), ("expected.mem", "rays.mem"), ("inputs.mem", "inputs.mem")):
         shutil.copy(next(Path("words").rglob(found)), name)
-    text = b"\xff\x00" + comment("ulx3s", "vga", "0" * 16, 1).encode() + b"\x00\xff\xff\xff\xbd\xb3"
+    text = b"\xff\x00" + comment("ulx3s", "vga", "0" * 16, "0" * 16, 1).encode() + b"\x00\xff\xff\xff\xbd\xb3"
     identity = b"\xe2\x00\x00\x00" + struct.pack(">I", 0x41113043)
-    Path("b.bit").write_bytes(text + b"\xff" * 4 + identity + bytes(64) + b"\x5e\x00\x00\x00")
+    Path("b.bit").write_bytes(sealed(text + b"\xff" * 4 + identity + bytes(64) + b"\x5e\x00\x00\x00"))
     for name in ("p.png", "p.jpg", "p.tif"):
         cv2.imwrite(name, rng.integers(0, 256, (20, 30, 3), np.uint8))
     Path("patterns.toml").write_text(PatternSet.of(vga).text(vga))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 from lippmann.board import program as program_module
-from lippmann.board.bitfile import comment, read_bitfile
+from lippmann.board.bitfile import comment, read_bitfile, sealed
 from lippmann.board.fpga_boards import board_of_port, fpga_board, usual_baud
 from lippmann.cli import run
 from lippmann.errors import InputError
@@ -20,14 +20,16 @@ ULX3S = SimpleNamespace(device="/dev/ttyUSB3", vid=0x0403, pid=0x6015, product="
 OTHER = SimpleNamespace(device="/dev/ttyUSB1", vid=0x0403, pid=0x6015, product="FT231X USB UART")
 
 
-OWN = comment("ulx3s", "vga-square", IDENTITY, 2)
+DESIGN = "0123456789abcdef"
+OWN = comment("ulx3s", "vga-square", IDENTITY, DESIGN, 2)
 
 
 def bits(text=OWN, idcode=0x41113043):
     """A bitstream as ecppack writes it, without its frames: texts, preamble, reset of the checksum, identity, end."""
     texts = b"".join(one.encode() + b"\0" for one in (text, "Part: LFE5U-85F-6CABGA381") if one)
     head = b"\xff\x00" + texts + b"\xff" + b"\xff\xff\xbd\xb3" + b"\xff" * 4 + b"\x3b\0\0\0"
-    return head + b"\xe2\0\0\0" + idcode.to_bytes(4, "big") + b"\x22\0\0\0" + bytes(64) + b"\x5e\0\0\0" + b"\xff" * 4
+    rest = b"\xe2\0\0\0" + idcode.to_bytes(4, "big") + b"\x22\0\0\0" + bytes(64) + b"\x5e\0\0\0" + b"\xff" * 4
+    return sealed(head + rest)
 
 
 @pytest.fixture
@@ -51,7 +53,7 @@ def loads(place, script):
 
 def on_usb(place, monkeypatch, *serials, density=85):
     """List devices as Linux does: a hub, an adapter of another product, and ULX3S boards of these serial numbers."""
-    devices = place / f"usb-{len(serials)}-{density}-{len(set(serials))}"
+    devices = place / f"usb-{'-'.join(map(repr, serials))}-{density}"
     monkeypatch.setattr(program_module, "USB_DEVICES", devices)
     listed = [("1d6b", "0002", "xHCI Host Controller", "0"), ("0403", "6015", "FT231X USB UART", "DN0"),
               *(("0403", "6015", f"ULX3S FPGA {density}K v3.0.8", serial) for serial in serials)]  # fmt: skip
@@ -81,12 +83,13 @@ def called(place):
 
 def test_the_loader_is_called(place, capsys):
     assert run(["board", "program", "board.bit", "--display", VGA]) == 0
-    assert capsys.readouterr().out == "ulx3s: runs vga-square\n"
-    assert called(place) == ["--board", "ulx3s", "--write-sram", "board.bit"]
+    assert capsys.readouterr().out == f"ulx3s: runs vga-square (design {DESIGN})\n"
+    assert called(place) == ["--board", "ulx3s", "--ftdi-serial", "K00219", "--write-sram", "board.bit"]
     assert run(["board", "program", "board.bit", "--flash", "--serial", "K00219", "--json"]) == 0
     assert called(place) == ["--board", "ulx3s", "--ftdi-serial", "K00219", "--write-flash", "board.bit"]
     assert json.loads(capsys.readouterr().out) == {
-        "file": "board.bit", "board": "ulx3s", "device": "LFE5U-85F", "display": "vga-square", "identity": IDENTITY,
+        "file": "board.bit", "board": "ulx3s", "device": "LFE5U-85F", "display": "vga-square",
+        "identity": IDENTITY, "design": DESIGN,
         "flash": True,
     }  # fmt: skip
 
@@ -100,14 +103,24 @@ def test_a_missing_loader(place, monkeypatch, capsys):
 def test_no_board_and_two_boards(place, monkeypatch, capsys):
     on_usb(place, monkeypatch)
     line = refused(capsys, 1, "board.bit")
+    assert line.startswith(
+        "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; there is 'FT231X USB UART' (DN0): if that is"
+    )
+    monkeypatch.setattr(program_module, "on_usb", lambda _: [])
+    line = refused(capsys, 1, "board.bit")
     assert line == "lippmann: ulx3s: no 'ULX3S FPGA 85K' is on USB; connect its USB socket US1, and switch it on"
+    monkeypatch.undo()
+    monkeypatch.chdir(place)
+    monkeypatch.setenv("PATH", str(place / "bin"), prepend=os.pathsep)
     on_usb(place, monkeypatch, "K00219", "K00042")
     assert "2 boards are on USB (K00219, K00042); name one with --serial" in refused(capsys, 1, "board.bit")
     assert not (place / "called.txt").exists()
     assert run(["board", "program", "board.bit", "--serial", "K00042"]) == 0
     assert "K00042" in called(place)
     capsys.readouterr()
-    assert "there is K00219, K00042" in refused(capsys, 1, "board.bit", "--serial", "K1")
+    assert "there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in refused(
+        capsys, 1, "board.bit", "--serial", "K1"
+    )
 
 
 def test_boards_that_cannot_be_told_apart_and_other_densities(place, monkeypatch, capsys):
@@ -115,7 +128,16 @@ def test_boards_that_cannot_be_told_apart_and_other_densities(place, monkeypatch
     assert "2 boards are on USB (K00219, K00219); unplug all but one" in refused(capsys, 1, "board.bit")
     on_usb(place, monkeypatch, "K1", density=12)
     line = refused(capsys, 1, "board.bit")
-    assert "ulx3s: no 'ULX3S FPGA 85K' is on USB; connect" in line
+    assert (
+        "ulx3s: no 'ULX3S FPGA 85K' is on USB; there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 12K v3.0.8' (K1): " in line
+    )
+    # The maker's text, or another density's, is no hindrance to one who names the adapter.
+    assert run(["board", "program", "board.bit", "--serial", "K1"]) == 0
+    assert called(place)[2:4] == ["--ftdi-serial", "K1"]
+    capsys.readouterr()
+    (place / "called.txt").unlink()
+    on_usb(place, monkeypatch, "")
+    assert "has no serial number, and other adapters of its kind are on USB" in refused(capsys, 1, "board.bit")
     assert not (place / "called.txt").exists()
 
 
@@ -140,7 +162,11 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("script", "said"),
     [
-        ('echo "Error: CRC mismatch" >&2; exit 1', "openFPGALoader failed (Error: CRC mismatch); plug the board in"),
+        ('echo "Error: JTAG is stuck"; echo "std::exception" >&2; exit 1', "failed (Error: JTAG is stuck); plug the"),
+        ('echo "mismatch between idcodes"; echo "Error: std::exception"; exit 1', "not the bitstream's (mismatch"),
+        ('echo "CRC check: FAIL"; echo "Error: std::exception"; exit 1', "refuses the bitstream (CRC check"),
+        ('echo "unable to claim usb device"; exit 1', "another program uses the board's adapter (unable to claim"),
+        ('echo "Error: can\'t access SPI flash"; exit 1', "openFPGALoader failed (Error: can't access SPI flash)"),
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
         ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
@@ -164,14 +190,17 @@ def test_a_loader_that_does_not_end(place, monkeypatch, capsys):
         (b"PNG" * 100, (), "is not an ECP5 bitstream"),
         (bits()[:100], (), "is not an ECP5 bitstream"),
         (bits()[:-9], (), "is a bitstream without its end"),
+        (bits().replace(bytes(64), bytes(60) + b"flip"), (), "is damaged: its digest is another one"),
+        (bits().replace(bytes(64), bytes(32)), (), "is damaged"),
+        (bits() * 2, (), "is damaged"),
         (bits().replace(b"\xe2\0\0\0", b"\xe3\0\0\0"), (), "is not an ECP5 bitstream"),
         (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
         (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
         (bits(""), (), "names no board; name it with --board"),
         (bits(), ("--board", "ulx3s_lcd"), "is for ulx3s, not ulx3s_lcd"),
-        (bits(comment("arty", "x", IDENTITY, 1)), (), "arty: no such board"),
+        (bits(comment("arty", "x", IDENTITY, DESIGN, 1)), (), "arty: no such board"),
         (bits(), ("--board", "ulx3"), "did you mean ulx3s?"),
-        (bits(comment("ulx3s", "x", "0" * 16, 1)), ("--display", VGA), f"is for display {'0' * 16}"),
+        (bits(comment("ulx3s", "x", "0" * 16, DESIGN, 1)), ("--display", VGA), f"is for display {'0' * 16}"),
         (bits(""), ("--board", "ulx3s", "--display", VGA), "is for display unknown"),
     ],
 )

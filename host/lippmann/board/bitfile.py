@@ -7,6 +7,7 @@ command is PROGRAM_DONE (5E), FF may follow.
 
 from __future__ import annotations
 
+import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,12 +31,16 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """A bitstream's header; board, display and identity are empty when another program wrote it."""
+    """A bitstream's header; all but the first are empty when another program wrote it.
+
+    `design` is the hash of all that it was made of.
+    """
 
     idcode: int
     board: str
     display: str
     identity: str
+    design: str
 
     @property
     def device(self) -> str:
@@ -43,14 +48,30 @@ class BitFile:
         return DEVICES.get(self.idcode, f"0x{self.idcode:08x}")
 
 
-def comment(board: str, display: str, identity: str, seed: int) -> str:
-    """Return the text in a bitstream's header."""
-    return f"Lippmann board={board} display={display} identity={identity} seed={seed}"
+#: The digest in the text before it is known.
+NO_DIGEST = "0" * 64
+
+
+def comment(board: str, display: str, identity: str, design: str, seed: int) -> str:
+    """Return the text in a bitstream's header, still without the digest of what follows."""
+    told = f"Lippmann board={board} display={display} identity={identity} design={design} seed={seed}"
+    return f"{told} sha256={NO_DIGEST}"
+
+
+def sealed(data: bytes) -> bytes:
+    """Return a bitstream with the digest of its configuration in its text."""
+    return data.replace(NO_DIGEST.encode(), _digest(data).encode(), 1)
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data[data.find(PREAMBLE) :]).hexdigest()
 
 
 def read_bitfile(path: Path) -> BitFile:
     """Return the header of a bitstream; raise InputError for another kind of file, an unreadable one or a part."""
     try:
+        if path.exists() and not path.is_file():
+            raise input_error(str(path), "cannot be read (it is no file)", REMEDY)
         data = read_limited(path, MAX_BITSTREAM_BYTES, REMEDY)
     except FileNotFoundError:
         raise input_error(str(path), "no such file", "run make bitstream") from None
@@ -65,5 +86,12 @@ def read_bitfile(path: Path) -> BitFile:
     if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
         raise input_error(str(path), "is a bitstream without its end", "copy it again, or run make bitstream")
     texts = data[:start].decode("ascii", errors="replace")
-    told = re.search(r"Lippmann board=(\S+) display=(.+?) identity=([0-9a-f]{16})", texts)
-    return BitFile(int.from_bytes(data[at + 4 : at + 8], "big"), *(told.groups() if told else ("", "", "")))
+    told = re.search(
+        r"Lippmann board=(\S+) display=(.+?) identity=([0-9a-f]{16}) design=(\w+) .*sha256=([0-9a-f]{64})", texts
+    )
+    idcode = int.from_bytes(data[at + 4 : at + 8], "big")
+    if told is None:
+        return BitFile(idcode, "", "", "", "")
+    if told[5] != _digest(data):
+        raise input_error(str(path), "is damaged: its digest is another one", "copy it again, or run make bitstream")
+    return BitFile(idcode, *told.groups()[:4])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from lippmann.board.bitfile import BitFile, read_bitfile
@@ -15,16 +16,37 @@ from lippmann.sim.tools import Tool
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
 #: Longest time of a load, which takes a quarter of a minute; into the flash memory some minutes, s.
 LOAD_SECONDS = 600.0
+CONNECT = "connect its USB socket US1, and switch it on"
 REPLUG = "plug the board in again, then run it again"
 #: Where Linux lists the devices on USB.
 USB_DEVICES = Path("/sys/bus/usb/devices")
-#: Words of openFPGALoader when it finds no board, and when the system does not let it open the one that is there.
+#: Words of openFPGALoader, and what they come to: the cause is the first of these that it says, whatever it says last.
+CAUSES: tuple[tuple[tuple[str, ...], str, str], ...] = (
+    (("permission denied", "access denied", "usb_open() failed"), "openFPGALoader may not use the board",
+     "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again"),
+    (("unable to claim",), "another program uses the board's adapter", "close it, then run it again"),
+    (("mismatch", "id err"), "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
+    (("crc",), "the FPGA refuses the bitstream", "make it again (make bitstream)"),
+)  # fmt: skip
+#: Its words when it finds no board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
-NOT_ALLOWED = ("permission", "access", "usb_open() failed")
+#: What is no cause: how its own error ends.
+EMPTY = "std::exception"
 
 
-def on_usb(usb: Usb) -> list[str] | None:
-    """Return the serial numbers of a kind of board on USB; None where Linux does not list the devices.
+@dataclass(frozen=True)
+class Adapter:
+    """A USB adapter: the text of its product, and its serial number, which may be empty."""
+
+    text: str
+    serial: str
+
+    def __str__(self) -> str:
+        return f"'{self.text}' ({self.serial or 'without a serial number'})"
+
+
+def on_usb(usb: Usb) -> list[Adapter] | None:
+    """Return the adapters on USB with a board's identity, whatever their text; None where Linux does not list them.
 
     A board without a serial port is found too: openFPGALoader takes the adapter from the port's driver.
     """
@@ -36,10 +58,41 @@ def on_usb(usb: Usb) -> list[str] | None:
         for name in ("idVendor", "idProduct", "product", "serial"):
             path = device / name
             told[name] = path.read_text(errors="replace").strip() if path.is_file() else ""
-        same = (told["idVendor"], told["idProduct"]) == (f"{usb.vendor:04x}", f"{usb.product:04x}")
-        if same and usb.text in told["product"]:
-            found.append(told["serial"])
+        if (told["idVendor"], told["idProduct"]) == (f"{usb.vendor:04x}", f"{usb.product:04x}"):
+            found.append(Adapter(told["product"], told["serial"]))
     return found
+
+
+def chosen(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
+    """Return the serial number of the adapter to use; None: the only one there is, or where they are not listed.
+
+    `serial` names one also when its text is not the board's: that of a new chip is the maker's. Raises DeviceError
+    unless one is left.
+    """
+    if adapters is None:
+        return serial
+    there = ", ".join(map(str, adapters)) or "none"
+    if serial is not None:
+        if serial not in [one.serial for one in adapters]:
+            what = "no adapter on USB has this serial number"
+            raise no_board_error(f"--serial {serial}", what, f"there is {there}")
+        return serial
+    boards = [one for one in adapters if board.usb.text in one.text]
+    if not boards:
+        what, remedy = f"no '{board.usb.text}' is on USB", CONNECT
+        if adapters:
+            remedy = f"there is {there}: if that is the board, name it with --serial (ftx_prog gives it its text)"
+        raise no_board_error(board.name, what, remedy)
+    if len(boards) > 1:
+        distinct = len({one.serial for one in boards}) == len(boards) and all(one.serial for one in boards)
+        what = (
+            f"{len(boards)} boards are on USB ({', '.join(one.serial or 'without a serial number' for one in boards)})"
+        )
+        raise device_error(board.name, what, "name one with --serial" if distinct else "unplug all but one")
+    if not boards[0].serial and len(adapters) > 1:
+        what = f"it has no serial number, and other adapters of its kind are on USB ({there})"
+        raise device_error(board.name, what, "unplug those")
+    return boards[0].serial or None
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
@@ -82,19 +135,7 @@ def program(
     file = read_bitfile(path)
     board = board_of(path, file, name)
     loader = LOADER.path()
-    serials = on_usb(board.usb)
-    remedy = "connect its USB socket US1, and switch it on"
-    if serials is not None and serial is not None and serial not in serials:
-        known = ", ".join(serials) or "none"
-        raise no_board_error(
-            f"--serial {serial}", f"no {board.name} on USB has this serial number", f"there is {known}"
-        )
-    if serials == []:
-        raise no_board_error(board.name, f"no '{board.usb.text}' is on USB", remedy)
-    if serials is not None and serial is None and len(serials) > 1:
-        distinct = len(set(serials)) == len(serials) and all(serials)
-        what = f"{len(serials)} boards are on USB ({', '.join(one or 'without a serial number' for one in serials)})"
-        raise device_error(board.name, what, "name one with --serial" if distinct else "unplug all but one")
+    serial = chosen(board, on_usb(board.usb), serial)
     log(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")
     again = "write it again before you switch it off: its flash memory holds a part" if flash else REPLUG
     command = [str(loader), "--board", board.usb.loader, *(["--ftdi-serial", serial] if serial else [])]
@@ -111,18 +152,20 @@ def program(
     except OSError as error:
         raise InputError(f"{loader}: cannot be run ({error.strerror}); {LOADER.remedy}") from None
     if done.returncode:
-        raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, remedy, again)
+        raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, again)
     return board
 
 
-def _failure(board: FpgaBoard, said: str, code: int, remedy: str, again: str) -> DeviceError:
+def _failure(board: FpgaBoard, said: str, code: int, again: str) -> DeviceError:
     """Return the error of a loader that failed, with its own words."""
     lines = [" ".join(line.split()) for line in said.replace("\r", "\n").splitlines() if line.strip()]
+    for words, what, remedy in CAUSES:
+        for line in lines:
+            if any(word in line.lower() for word in words):
+                return device_error(board.name, f"{what} ({line})", remedy)
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
-    why = (wrong or lines or [f"exit code {code}"])[-1]
-    if any(word in said.lower() for word in NOT_ALLOWED):
-        group = "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again"
-        return device_error(board.name, f"openFPGALoader may not use the board ({why})", group)
+    telling = [line for line in wrong if EMPTY not in line]
+    why = (telling or wrong or lines or [f"exit code {code}"])[-1]
     if any(word in said.lower() for word in NOT_FOUND):
-        return no_board_error(board.name, f"openFPGALoader finds no board ({why})", remedy)
+        return no_board_error(board.name, f"openFPGALoader finds no board ({why})", CONNECT)
     return device_error(board.name, f"openFPGALoader failed ({why})", again)

@@ -38,6 +38,7 @@ def program_command(
     found = program(path, board, serial, flash, log)
     result = {
         "file": file, "board": found.name, "device": told.device, "display": told.display, "identity": told.identity,
-        "flash": flash,
+        "design": told.design, "flash": flash,
     }  # fmt: skip
-    emit(result, f"{found.name}: {'its flash memory holds' if flash else 'runs'} {told.display or file}")
+    what = f"{told.display} (design {told.design})" if told.display else file
+    emit(result, f"{found.name}: {'its flash memory holds' if flash else 'runs'} {what}")

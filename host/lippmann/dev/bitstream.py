@@ -19,7 +19,7 @@ from typing import Any
 
 import click
 
-from lippmann.board.bitfile import comment
+from lippmann.board.bitfile import comment, sealed
 from lippmann.board.fpga_boards import FpgaBoard, fpga_board
 from lippmann.cli import run
 from lippmann.cli.output import log
@@ -303,13 +303,15 @@ def pack(made: Plan, seed: int) -> Path:
     """Pack a seed that meets every clock into the bitstream; its header tells what it is for. Returns its path."""
     top, folder = repository(), _work_folder(made)
     lines = (folder / f"seed-{seed}.config").read_text().splitlines(keepends=True)
-    lines.insert(1, f".comment {comment(made.board.name, made.display.name, made.display.identity, seed)}\n")
+    design = folder.name.rpartition("-")[2]
+    text = comment(made.board.name, made.display.name, made.display.identity, design, seed)
+    lines.insert(1, f".comment {text}\n")
     told, packed = folder / "packed.config", folder / "packed.bit"
     told.write_text("".join(lines))
     run_tool(["yowasp-ecppack", "--compress", *(str(path.relative_to(top)) for path in (told, packed))])
     bit = top / "build" / "bitstream" / f"{made.name}.bit"
     with replacing(bit) as partial:
-        partial.write_bytes(packed.read_bytes())
+        partial.write_bytes(sealed(packed.read_bytes()))
     return bit.relative_to(top)
 
 
@@ -350,6 +352,8 @@ def _seeds(text: str) -> list[int]:
         seeds = [int(word) for word in re.split(r"[,\s]+", text.strip())]
     except ValueError:
         raise input_error("--seeds", f"'{text}' is not a list of numbers", "give one such as 1,2,3") from None
+    if len(set(seeds)) < len(seeds):
+        raise input_error("--seeds", f"'{text}' has a number twice", "give each once")
     for seed in seeds:
         if not 0 <= seed <= MOST_SEED:
             raise input_error("--seeds", f"{seed} is out of range", f"give numbers from 0 to {MOST_SEED}")
@@ -374,6 +378,8 @@ def main(
     report: str | None,
 ) -> None:  # fmt: skip
     """Make the bitstream of an FPGA board for a display, into build/bitstream/.
+
+    The environment variable NEXTPNR names another nextpnr-ecp5 than PyPI's.
 
     Example: python -m lippmann.dev.bitstream --board ulx3s --display scenes/displays/hd-square.toml
     """
