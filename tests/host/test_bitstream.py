@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -130,6 +131,42 @@ def test_a_wrong_board_file_is_named(tmp_path, monkeypatch):
         with pytest.raises(InputError, match=said):
             fpga_boards()
     fpga_boards.cache_clear()
+
+
+def test_a_board_like_another_has_its_keys_in_tables_too(tmp_path, monkeypatch):
+    monkeypatch.setattr("lippmann.board.fpga_boards.hardware", lambda: tmp_path)
+    files = {
+        "first": (TOP / "rtl/board/ulx3s/board.toml").read_text().replace('"ulx3s"', '"first"', 1),
+        "second": 'name = "second"\nlike = "first"\n[memory]\nmegabytes = 64\n',
+        "third": 'name = "third"\nlike = "second"\n[limits]\nsystem_mhz = 50.0\n',
+    }
+    for name, text in files.items():
+        (tmp_path / "rtl/board" / name).mkdir(parents=True)
+        (tmp_path / "rtl/board" / name / "board.toml").write_text(text)
+    fpga_boards.cache_clear()
+    third, first = fpga_board("third"), fpga_board("first")
+    assert (third.memory.megabytes, third.memory.grade) == (64, first.memory.grade)
+    assert (third.limits.system_mhz, third.limits.memory_mhz) == (50.0, first.limits.memory_mhz)
+    (tmp_path / "rtl/board/first/board.toml").write_text('like = "third"\n' + files["first"])
+    fpga_boards.cache_clear()
+    with pytest.raises(InputError, match="end the circle"):
+        fpga_boards()
+    fpga_boards.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"top": "nosuch"}, "there is no nosuch.sv beside it"),
+        ({"constraints": ["none.lpf"]}, "there is no file none.lpf"),
+        ({"memory": {"grade": "Nonsense"}}, "memory.grade: 'Nonsense' is no grade; choose from Grade75, "),
+    ],
+)
+def test_a_board_file_that_names_what_there_is_not(change, said):
+    board = fpga_board("ulx3s")
+    change = {k: replace(getattr(board, k), **v) if isinstance(v, dict) else v for k, v in change.items()}
+    with pytest.raises(InputError, match=re.escape(said)):
+        bitstream.plan(replace(board, **change), load_display(str(TOP / "scenes/displays/vga-square.toml")))
 
 
 def test_every_key_of_a_board_file_is_documented():

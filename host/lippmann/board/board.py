@@ -375,7 +375,9 @@ class Board:
         remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
         raise self._error(
             f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}",
-            remedy if changed else "stream the frame again, or end the scene that the board draws (scene.source), or its button's test pattern",
+            remedy
+            if changed
+            else "stream the frame again, or end the scene (scene.source) or the button's test pattern",
         )
 
     def next_seq(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo
@@ -15,6 +15,8 @@ from lippmann.link.port import DEFAULT_BAUD
 from lippmann.sim.tools import hardware
 from lippmann.toml import documented, key, load, read
 
+#: Most boards of which each is like the next.
+MOST_LIKE = 8
 #: Folder of the boards' folders in a checkout, and the file in each.
 FOLDER, FILE = Path("rtl", "board"), "board.toml"
 
@@ -96,14 +98,25 @@ class FpgaBoard:
         return same and self.usb.text in (port.product or "")
 
 
+def _keys(path: Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return the keys of a file, with those of the board that it is like where it has none, in its tables too."""
+    keys = load(path, "board")
+    name = str(keys.get("like", ""))
+    if not name:
+        return keys
+    if name in above or len(above) > MOST_LIKE:
+        raise input_error(f"{path}: like", f"{name} is like this board", "end the circle")
+    other = _keys(path.parent.parent / name / FILE, (*above, path.parent.name))
+    tables = {key: {**other[key], **value} for key, value in keys.items() if isinstance(value, dict) and key in other}
+    return {**other, **keys, **tables}
+
+
 @cache
 def fpga_boards() -> dict[str, FpgaBoard]:
     """Return the boards by name; raise InputError for a file that is wrong."""
     found = {}
     for path in sorted((hardware() / FOLDER).glob(f"*/{FILE}")):
-        keys = load(path, "board")
-        other = path.parent.parent / str(keys.get("like")) / FILE
-        board = read(FpgaBoard, {**(load(other, "board") if "like" in keys else {}), **keys}, str(path))
+        board = read(FpgaBoard, _keys(path), str(path))
         if board.name != path.parent.name:
             raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{path.parent.name}"')
         found[board.name] = board

@@ -37,7 +37,7 @@ from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
 from lippmann.sim.harness import parameters
-from lippmann.sim.tools import repository
+from lippmann.sim.tools import hardware, repository
 from lippmann.sim.virtual_board import TIMING, board_build, check_panel, step_of, timing_of
 
 #: Seeds that are tried unless others are asked for.
@@ -129,6 +129,7 @@ class Plan:
 
 def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False) -> Plan:
     """Return what is built; raise InputError for a display that the board cannot show at 60 Hz."""
+    _check_board(board)
     check_panel(display)
     where = f"display '{display.name}'"
     panel, timing = display.panel, timing_of(display)
@@ -172,6 +173,20 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
     except InputError as error:
         raise InputError(f"{where} on {board.name}: {error}") from None
     return Plan(board, display, scene, build, pll)
+
+
+def _check_board(board: FpgaBoard) -> None:
+    """Refuse a board whose file names what there is not."""
+    where = board.folder / "board.toml"
+    if not any((folder / f"{board.top}.sv").is_file() for folder in board.folders):
+        raise input_error(f"{where}: top", f"there is no {board.top}.sv beside it", "name the top module")
+    for name in board.constraints:
+        if not (board.folder / name).is_file():
+            raise input_error(f"{where}: constraints", f"there is no file {name}", "name files of pins (.lpf)")
+    grades = re.findall(r"localparam timing_t (\w+)", (hardware() / "rtl/memory/lipp_sdram_pkg.sv").read_text())
+    if board.memory.grade not in grades:
+        what = f"'{board.memory.grade}' is no grade"
+        raise input_error(f"{where}: memory.grade", what, f"choose from {', '.join(grades)}")
 
 
 # ---- synthesis, placement, bitstream ----
