@@ -197,10 +197,10 @@ def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
     """
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
-    centre = np.median(landed, axis=0)
-    moves = np.linalg.lstsq(across, landed - centre, rcond=None)[0]
+    centre = np.asarray(np.median(landed, axis=0))
+    moves = np.asarray(np.linalg.lstsq(across, landed - centre, rcond=None)[0])
     own = (landed - centre - across @ moves) @ np.linalg.inv(np.eye(2) - moves)
-    return centre, moves, own.mean(axis=0)
+    return centre, moves, np.asarray(own.mean(axis=0))
 
 
 def _inner(display: Display) -> Floats:
