@@ -118,6 +118,7 @@ def test_no_board_and_two_boards(place, monkeypatch, capsys):
     assert run(["board", "program", "board.bit", "--serial", "K00042"]) == 0
     assert "K00042" in called(place)
     capsys.readouterr()
+    assert "--serial: is empty" in refused(capsys, 2, "board.bit", "--serial", "")
     assert "there is 'FT231X USB UART' (DN0), 'ULX3S FPGA 85K v3.0.8' (K00219), " in refused(
         capsys, 1, "board.bit", "--serial", "K1"
     )

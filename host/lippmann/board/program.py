@@ -134,6 +134,8 @@ def program(
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)
+    if serial == "":
+        raise input_error("--serial", "is empty", "give the number that lippmann doctor or lsusb -v tells")
     loader = LOADER.path()
     serial = chosen(board, on_usb(board.usb), serial)
     log(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")
