@@ -6,13 +6,18 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from junitparser import Error, Failure, JUnitXml
-from lippmann.conditioning.cases import CASES
+from lippmann.conditioning.cases import CASES, Out
+from lippmann.conditioning.search import random_aims, random_pixels
 from lippmann.conditioning.stream import Stream
 from lippmann.conditioning.vectors import OUTPUTS, memory_lines, widths
+from lippmann.diagnose.coverage import POINTS, covered
+from lippmann.diagnose.faults import golden
 from lippmann.diagnose.judge import judge
 from lippmann.diagnose.stream import StreamReader
 from lippmann.display import load_display, parse_display
@@ -169,6 +174,55 @@ def test_words_are_judged_bit_for_bit():
     assert (wrong.wrong, wrong.stage) == (1, "status")
 
 
+# ---- coverage points ----
+
+
+def met_by(display):
+    found = Counter()
+    for rays in Stream(display, "all", "exact", 0, 24).sets():
+        found.update(covered(rays, golden(rays)))
+    return {name for name in POINTS if found[name]}
+
+
+def test_the_cases_meet_every_point():
+    """On each display, but for rays that miss every dome: those are of domes towards the panel, and of walls."""
+    met = {name: met_by(parse_display(text)) for name, text in DISPLAY_TEXTS.items()}
+    assert all(some >= set(POINTS) - {"missed"} for some in met.values())
+    assert met["viewer"] == met["skewed"] == set(POINTS)
+
+
+def test_plain_rays_meet_few_points():
+    """A random ray of a plain display is on no edge, not tiny, and not steep."""
+    display = parse_display(DISPLAYS["plain"])
+    rng = np.random.default_rng(3)
+    plain = Out("plain", display, random_pixels(display, rng, 500), random_aims(display, rng, 500))
+    found = covered(plain, golden(plain))
+    assert {name for name, rays in found.items() if rays} <= {"turned-array", "ok", "internal-reflection", "crosstalk"}
+    assert found["turned-array"] == 500
+
+
+def test_the_predicates_by_hand():
+    """A pixel on a corner of four cells of 0.5 mm; the middle of one; a third on an edge."""
+    text = DISPLAYS["plain"].replace("rotation_deg = 9.0", "rotation_deg = 0.0").replace("[0.31, -0.17]", "[0.0, 0.0]")
+    display = parse_display(text)  # 32 x 20 mm, pixels of 0.05 mm, so lenslets of 20 pixels
+    pixels = np.array([[330.0, 210.0], [320.0, 200.0], [330.0, 203.0]])
+    given = Out("hand", display, pixels, np.array([[0.0, 0.0], [0.0, 0.0], [0.2, 1e-200]]))
+    rays = golden(given)
+    masks = {name: POINTS[name](given, rays).tolist() for name in POINTS}
+    assert masks["pixel-on-a-corner"] == [True, False, False]
+    assert masks["pixel-on-an-edge"] == [True, False, True]
+    assert masks["chief-ray"] == [True, True, False]
+    assert masks["tiny-coordinate"] == [False, False, True]
+    assert masks["contact"] == [False] * 3
+
+
+def test_the_page_lists_the_points():
+    page = (TOP / "docs/reference/coverage.md").read_text()
+    assert re.findall(r"^\| `([\w-]+)` \| (.*) \|$", page, re.M) == [
+        (name, " ".join(point.__doc__.split())) for name, point in POINTS.items()
+    ]
+
+
 # ---- a design in SystemVerilog ----
 
 
@@ -224,7 +278,9 @@ def test_the_pipe_of_commands(tracer, tmp_path):
     answers = answered(tracer, questions)
     done = subprocess.run(regress, input=answers, capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
-    assert done.stdout.decode().endswith(" sets: right\n")
+    assert re.search(
+        r" in 2 sets: right\ncoverage: \d+ of \d+ points met; not pixel-on-a-corner, tie, ", done.stdout.decode()
+    )
     suite = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
     assert (suite.tests, suite.failures, suite.errors) == (2, 0, 0)
     assert {case.name for case in suite} == {"cell-edges/pixels", "cell-edges/aims"}

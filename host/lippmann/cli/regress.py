@@ -45,6 +45,7 @@ def command(
 
     Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
     """
+    from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.foreign import read_foreign
     from lippmann.diagnose.judge import judge
     from lippmann.diagnose.junit import headline, table, write_junit
@@ -73,12 +74,14 @@ def command(
         lines.append(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
     else:
         lines += headline(verdict).split("; ", 1)
+    lines.append(summary([verdict.covered])[1])
     emit({**dataclasses.asdict(verdict), **shown}, lines)
     return 0 if verdict.right else FOUND_WRONG
 
 
 def _judge_stream(tolerance_urad: float, tolerance_nm: float, junit: str | None) -> int:
     """Judge the stream at stdin; what was judged is told also when it ends in the middle."""
+    from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
     from lippmann.diagnose.junit import headline, write_junit
     from lippmann.diagnose.stream import StreamReader
@@ -95,12 +98,15 @@ def _judge_stream(tolerance_urad: float, tolerance_nm: float, junit: str | None)
     if junit is not None:
         write_junit(Path(junit), verdicts, why)
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
+    met, told = summary(verdict.covered for _, verdict in verdicts)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
     lines = [f"{name}: {headline(verdict)}" for name, verdict in verdicts if not verdict.right]
     lines.append(
         f"{rays} rays in {len(verdicts)} set{'s' * (len(verdicts) != 1)}: {f'{wrong} wrong' if wrong else 'right'}"
     )
-    emit({"right": not wrong and ended is None, "rays": rays, "wrong": wrong, "ended": why, "sets": sets}, lines)
+    lines.append(told)
+    whole = {"right": not wrong and ended is None, "rays": rays, "wrong": wrong, "ended": why, "covered": met}
+    emit({**whole, "sets": sets}, lines)
     if ended is not None:
         raise ended
     return FOUND_WRONG if wrong else 0

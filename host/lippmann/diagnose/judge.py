@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -20,6 +20,7 @@ from lippmann.conditioning.cases import Out
 from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
+from lippmann.diagnose.coverage import covered
 from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.pairs import pairs
@@ -69,7 +70,8 @@ class Verdict:
 
     `rays` in the file; `on_edge` change status or lenslet within a rounding and are not judged in full; `wrong` are
     wrong in some array. `stage` is the first step that is wrong (None: all is right), `fault` the explanation (None:
-    none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of a ray.
+    none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of a ray. `covered`
+    are the rays that meet each point of `coverage.POINTS`.
     """
 
     rays: int
@@ -80,6 +82,7 @@ class Verdict:
     fault: str | None
     explained: float
     compared: tuple[Compared, ...]
+    covered: dict[str, int] = field(default_factory=dict)
 
     @property
     def right(self) -> bool:
@@ -100,8 +103,15 @@ def judge(
     inputs. Words must be equal. With `two_faults` a pair of faults is looked for when no single one explains the rays,
     which takes some ten seconds.
     """
-    if foreign.words is not None:
-        return _judge_words(foreign, *foreign.words, two_faults)
+    verdict = (
+        _judge_numbers(foreign, tolerance_urad, tolerance_nm, two_faults)
+        if foreign.words is None
+        else _judge_words(foreign, *foreign.words, two_faults)
+    )
+    return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
+
+
+def _judge_numbers(foreign: Foreign, tolerance_urad: float, tolerance_nm: float, two_faults: bool) -> Verdict:
     given = foreign.given
     seen = _compare(foreign, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
     compared = tuple(seen.compared(name) for name in foreign.fields)
