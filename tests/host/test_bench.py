@@ -145,7 +145,7 @@ def test_the_page_of_calibrations():
     assert "6 of 7 numbers lie inside" in text
     assert "1 of 2 displays were refused: blurred" in text
     assert "1280 pixels wide" in text
-    assert "with 2000 pixels across" in text
+    assert "with 4000 pixels across" in text
     assert "with 25.5 dB before, 35.7 dB after, and 35.4 dB" in text
     assert "| one | noise | 4 | 99 | - | - | - | - | - | - | too dark |" in text
 
