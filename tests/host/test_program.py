@@ -9,6 +9,7 @@ import pytest
 from lippmann.board import program as program_module
 from lippmann.board.bitfile import comment, read_bitfile, sealed
 from lippmann.board.fpga_boards import board_of_port, fpga_board, usual_baud
+from lippmann.cli import doctor as doctor_module
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.link import port as port_module
@@ -284,3 +285,14 @@ def test_doctor_names_the_board_and_the_loader(place, monkeypatch, capsys):
     assert not checks["openFPGALoader"]["ok"]
     assert not checks["openFPGALoader"]["needed"]
     assert "apt-get install -y openfpgaloader" in checks["openFPGALoader"]["detail"]
+
+
+def test_doctor_goes_on_beside_a_broken_board_file(monkeypatch, capsys):
+    def broken():
+        raise InputError("rtl/board/mine/board.toml: fpga.speed: 9 is above 8; give 8 at most")
+
+    monkeypatch.setattr(doctor_module, "fpga_boards", broken)
+    assert run(["doctor", "--json"]) in (0, 3)
+    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
+    assert "fpga.speed" in checks["board files"]["detail"]
+    assert not checks["board files"]["ok"]

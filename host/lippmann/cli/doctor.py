@@ -9,11 +9,11 @@ from typing import Any
 
 from lippmann import __version__
 from lippmann.board.discovery import baud_of_board
-from lippmann.board.fpga_boards import board_of_port
+from lippmann.board.fpga_boards import board_of_port, fpga_boards
 from lippmann.board.program import LOADER
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
-from lippmann.errors import DeviceError, LippmannError, MissingLibraryError, to_install
+from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, to_install
 from lippmann.limits import free_memory_mb
 from lippmann.link.port import adapter_ports, port_trouble, ports
 from lippmann.povray.program import POVRAY
@@ -60,12 +60,18 @@ def command(
     for tool in (*RTL_TOOLS, LOADER, POVRAY):
         at = tool.find()
         check(tool.name, at is not None, f"{tool.purpose}; {at or f'missing: {tool.remedy}'}", needed=False)
+    known_boards = True
+    try:
+        fpga_boards()
+    except InputError as error:  # of a reader's own board: the ports are looked at all the same
+        known_boards = False
+        check("board files", False, str(error), needed=False)
     adapters = adapter_ports()
     for url in ports():
         # Opening a port moves its control lines, which resets some devices.
         trouble = port_trouble(url) if url in adapters else None
         detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
-        board = board_of_port(url)
+        board = board_of_port(url) if known_boards else None
         known = "" if board is None else f"{board.title}, {board.baud} baud: "
         check(url, trouble is None, f"{known}{trouble or detail}", needed=False)
     code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
