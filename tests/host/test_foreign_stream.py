@@ -16,6 +16,7 @@ from lippmann.conditioning.cases import CASES, Out
 from lippmann.conditioning.search import random_aims, random_pixels
 from lippmann.conditioning.stream import Stream
 from lippmann.conditioning.vectors import OUTPUTS, memory_lines, widths
+from lippmann.diagnose.bounds import load_bounds
 from lippmann.diagnose.coverage import POINTS, covered
 from lippmann.diagnose.faults import golden
 from lippmann.diagnose.judge import judge
@@ -221,6 +222,75 @@ def test_the_page_lists_the_points():
     assert re.findall(r"^\| `([\w-]+)` \| (.*) \|$", page, re.M) == [
         (name, " ".join(point.__doc__.split())) for name, point in POINTS.items()
     ]
+
+
+# ---- bounds ----
+
+BOUNDS = """
+direction_urad = 5.0
+point_nm = 20.0
+[[step]]
+array = "origin_mm"
+point_nm = 400.0
+[[case]]
+point = "chief-ray"
+direction_urad = 90.0
+[[case]]
+point = "turned-array"
+direction_urad = 70.0
+"""
+
+
+def biased(answers, urad, nm):
+    """Answers whose directions are turned by so much, and whose points are moved along z."""
+    lines = []
+    for line in answers.splitlines(keepends=True):
+        words = line.split()
+        if not line.startswith(b"#") and len(words) == 14:
+            words[10] = repr(float(words[10]) + nm * 1e-6).encode()
+            words[11] = repr(float(words[11]) + urad * 1e-6).encode()
+            lines.append(b" ".join(words) + b"\n")
+        else:
+            lines.append(line)
+    return b"".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("urad", "nm", "right"),
+    [(60, 0, True), (80, 0, "chief"), (100, 0, False), (0, 300, True), (0, 500, False)],
+)
+def test_bounds_of_steps_and_cases(urad, nm, right, tracer, tmp_path):
+    """Chief rays may be off by 90 microradians, others of a turned array by 70, exit points by 400 nm."""
+    (tmp_path / "bounds.toml").write_text(BOUNDS)
+    bounds = load_bounds(tmp_path / "bounds.toml")
+    answers = biased(answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=300)), urad, nm)
+    found = {
+        name: judge(foreign, bounds, two_faults=False)
+        for name, foreign in StreamReader(answers.splitlines(keepends=True)).sets()
+    }
+    wanted = {"chief-ray": bool(right), "random/0": right is True}
+    assert {name: verdict.right for name, verdict in found.items()} == wanted
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("direction_urad = 0.0", "direction_urad"),
+        ("colour = 1", "colour"),
+        ('[[case]]\npoint = "grazing-exits"', "did you mean grazing-exit?"),
+        ('[[step]]\narray = "pixel"\npoint_nm = 1.0', "array"),
+    ],
+)
+def test_bad_bounds(text, said, tmp_path, capsys):
+    from lippmann.cli import run
+
+    (tmp_path / "b.toml").write_text(text)
+    assert run(["regress", "--stream", "--bounds", str(tmp_path / "b.toml")]) == 2
+    line = capsys.readouterr().err
+    assert "b.toml" in line
+    assert said in line
+    assert run(["regress", "--stream", "--bounds", "b.toml", "--tolerance-nm", "3"]) == 2
+    assert "leave out --bounds" in capsys.readouterr().err
 
 
 # ---- a design in SystemVerilog ----

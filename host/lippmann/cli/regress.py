@@ -15,6 +15,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
 
 if TYPE_CHECKING:
+    from lippmann.diagnose.bounds import Bounds
     from lippmann.diagnose.judge import Verdict
 
 #: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
@@ -31,10 +32,17 @@ def command(
     ),
     model: Model = LENS_MODEL,
     fraction_bits: int = word_length("a .csv or .mem"),
-    tolerance_urad: float = option(
-        "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32.", 2.0, Finite()
+    tolerance_urad: float | None = option(
+        "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32. Default: 2.",
+        None,
+        Finite(),
     ),
-    tolerance_nm: float = option("Tolerance of points in numbers, beside the effect of that rounding.", 50.0, Finite()),
+    tolerance_nm: float | None = option(
+        "Tolerance of points in numbers, beside the effect of that rounding. Default: 50.", None, Finite()
+    ),
+    bounds_path: str | None = option(
+        "Bounds by step and by hard case (.toml), for both tolerances.", None, flag="--bounds", metavar="FILE"
+    ),
     junit: str | None = option("JUnit XML of the verdicts, for continuous integration.", None, metavar="FILE"),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
@@ -51,21 +59,19 @@ def command(
     from lippmann.diagnose.junit import headline, table, write_junit
     from lippmann.images import check_output
 
-    for name, value in (("--tolerance-urad", tolerance_urad), ("--tolerance-nm", tolerance_nm)):
-        if value <= 0.0:
-            raise input_error(name, f"{value:g} is not positive", "give a positive number")
+    bounds = _bounds(bounds_path, tolerance_urad, tolerance_nm)
     if junit is not None:
         check_output(Path(junit), (".xml",))
     if stream:
         for name, given in (("--display", display_path), ("--rays", rays_path), ("--inputs", inputs_path)):
             if given is not None:
                 raise input_error(name, "the stream has it", f"leave out {name} or --stream")
-        return _judge_stream(tolerance_urad, tolerance_nm, junit)
+        return _judge_stream(bounds, junit)
     if rays_path is None or display_path is None:
         raise InputError("no rays; give --display and --rays, or --stream")
     display = load_display(display_path)
     inputs = None if inputs_path is None else Path(inputs_path)
-    verdict = judge(read_foreign(Path(rays_path), display, model, fraction_bits, inputs), tolerance_urad, tolerance_nm)
+    verdict = judge(read_foreign(Path(rays_path), display, model, fraction_bits, inputs), bounds)
     if junit is not None:
         write_junit(Path(junit), [(Path(rays_path).stem, verdict)])
     shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
@@ -79,7 +85,23 @@ def command(
     return 0 if verdict.right else FOUND_WRONG
 
 
-def _judge_stream(tolerance_urad: float, tolerance_nm: float, junit: str | None) -> int:
+def _bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
+    """Return the bounds of a file, or those of two tolerances."""
+    from lippmann.diagnose.bounds import Bounds, load_bounds
+
+    given = {"direction_urad": urad, "point_nm": nm}
+    for (key, value), name in zip(given.items(), ("--tolerance-urad", "--tolerance-nm"), strict=True):
+        if value is not None and path is not None:
+            raise input_error(name, "the file of bounds has it", f"write {key} there, or leave out --bounds")
+        if value is not None and value <= 0.0:
+            raise input_error(name, f"{value:g} is not positive", "give a positive number")
+    if path is not None:
+        return load_bounds(Path(path))
+    usual = Bounds()
+    return Bounds(direction_urad=urad or usual.direction_urad, point_nm=nm or usual.point_nm)
+
+
+def _judge_stream(bounds: Bounds, junit: str | None) -> int:
     """Judge the stream at stdin; what was judged is told also when it ends in the middle."""
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
@@ -91,7 +113,7 @@ def _judge_stream(tolerance_urad: float, tolerance_nm: float, junit: str | None)
     try:
         for name, foreign in StreamReader(sys.stdin.buffer).sets():
             first = all(verdict.right for _, verdict in verdicts)
-            verdicts.append((name, judge(foreign, tolerance_urad, tolerance_nm, two_faults=first)))
+            verdicts.append((name, judge(foreign, bounds, two_faults=first)))
     except InputError as error:
         ended = error
     why = None if ended is None else str(ended)

@@ -20,6 +20,7 @@ from lippmann.conditioning.cases import Out
 from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
+from lippmann.diagnose.bounds import Bounds
 from lippmann.diagnose.coverage import covered
 from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
@@ -94,26 +95,24 @@ class Verdict:
 _Finding = tuple[str | None, str | None, float]
 
 
-def judge(
-    foreign: Foreign, tolerance_urad: float = 2.0, tolerance_nm: float = 50.0, two_faults: bool = True
-) -> Verdict:
+def judge(foreign: Foreign, bounds: Bounds = Bounds(), two_faults: bool = True) -> Verdict:  # noqa: B008 (frozen)
     """Judge foreign rays.
 
-    `tolerance_urad` and `tolerance_nm` are how far directions and points may be off, beside the effect of rounding the
-    inputs. Words must be equal. With `two_faults` a pair of faults is looked for when no single one explains the rays,
-    which takes some ten seconds.
+    `bounds` are how far directions and points may be off, beside the effect of rounding the inputs. Words must be
+    equal. With `two_faults` a pair of faults is looked for when no single one explains the rays, which takes some ten
+    seconds.
     """
     verdict = (
-        _judge_numbers(foreign, tolerance_urad, tolerance_nm, two_faults)
+        _judge_numbers(foreign, bounds, two_faults)
         if foreign.words is None
         else _judge_words(foreign, *foreign.words, two_faults)
     )
     return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
 
 
-def _judge_numbers(foreign: Foreign, tolerance_urad: float, tolerance_nm: float, two_faults: bool) -> Verdict:
+def _judge_numbers(foreign: Foreign, bounds: Bounds, two_faults: bool) -> Verdict:
     given = foreign.given
-    seen = _compare(foreign, tolerance_urad * 1e-6, tolerance_nm * 1e-6, *_roundings(given))
+    seen = _compare(foreign, bounds, *_roundings(given))
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
     if wrong.any():
@@ -200,8 +199,8 @@ class _Comparison:
         return Compared(name, FIELDS[name][0], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-def _compare(foreign: Foreign, turn: float, shift_mm: float, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
-    """Compare arrays with golden's, within `turn` (radians) and `shift_mm`.
+def _compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
+    """Compare arrays with golden's, within bounds.
 
     Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off.
     """
@@ -218,9 +217,8 @@ def _compare(foreign: Foreign, turn: float, shift_mm: float, panel_mm: Floats, a
             for name, far in most.items():
                 np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
     limits = dict.fromkeys(WHOLE, np.zeros(n))
-    place = shift_mm + np.maximum(panel_mm, aim_mm).max(axis=1)
-    limits |= dict.fromkeys(("panel_mm", "start_mm", "near_mm", "centre_mm"), place)
-    limits |= {name: (turn if name == "direction" else shift_mm) + far for name, far in most.items()}
+    moved = np.maximum(panel_mm, aim_mm).max(axis=1)
+    limits |= {name: limit + most.get(name, moved) for name, limit in bounds.limits(given, rays).items()}
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
     return _Comparison(given, foreign.fields, rays, limits, edge, alone)
 
@@ -458,7 +456,8 @@ def _diagnosed_words(
     unit = 2.0 ** -(build.fraction_bits + 1)
     place = WORD_UNITS * unit * foreign.given.display.array.radius_mm
     moved = np.full_like(foreign.given.pixels, place)
-    seen = _compare(foreign, WORD_UNITS * unit, place, moved, moved)
+    wide = Bounds(direction_urad=1e6 * WORD_UNITS * unit, point_nm=1e6 * place)
+    seen = _compare(foreign, wide, moved, moved)
     ties = lenslets & (seen.edge | seen.ties)
     if (ties == wrong).all():
         return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0
