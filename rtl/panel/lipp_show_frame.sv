@@ -55,16 +55,9 @@ module lipp_show_frame #(
   end
   always_ff @(posedge clk_i) if (begins) buffer_o <= front_i;
 
-  // Whether the store has a pixel hangs on its FIFO: that way ends here.
-  logic come, take;
-  logic [23:0] come_rgb;
-  lipp_skid_buffer #(.Width(24)) i_buffer (
-    .clk_i, .rst_ni, .clear_i(1'b0), .in_valid_i(pixel_valid_i), .in_ready_o(pixel_ready_o),
-    .in_data_i(pixel_rgb_i), .out_valid_o(come), .out_ready_i(take), .out_data_o(come_rgb)
-  );
   lipp_pixel_feed #(.Pixels(Width * Height)) i_feed (
     .clk_i, .rst_ni, .begin_i(begin_q), .fed_i(begins), .shown_i(shows), .none_o(none),
-    .last_o(last), .pixel_valid_i(come), .pixel_ready_o(take), .pixel_rgb_i(come_rgb), .want_i,
+    .last_o(last), .pixel_valid_i, .pixel_ready_o, .pixel_rgb_i, .want_i,
     .hit_o(hit), .rgb_o, .underflow_o
   );
 

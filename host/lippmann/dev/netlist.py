@@ -124,7 +124,7 @@ class Boards:
         """Return the virtual board on a byte line, with its frames in block RAM or in an SDRAM."""
         top = f"lipp_board_with_{'sdram' if memory == 'sdram' else 'store'}"
         build = virtual_board.board_build(display, scene)
-        parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene)
+        parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene, memory)
         panel = display.panel
         source = Source(top, parameters, flow.ecp5_files(top))
         netlist = synthesised(source, f"board-{memory}-{panel.width_px}x{panel.height_px}")

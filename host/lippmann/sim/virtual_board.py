@@ -41,7 +41,7 @@ Memory = Literal["block", "sdram"]
 #: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
 CLOCK_HZ = 148_500_000
 #: Clock of the SDRAM, Hz: that of a ULX3S at 1280 x 720.
-MEMORY_HZ = 123_800_000
+MEMORY_HZ = 125_000_000
 #: Frames a second of a board with SDRAM, and its slowest clock, Hz: that of a line of 3 Mbaud.
 FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
 #: Largest side of a board's panel, px: that of the video timing's counters (rtl/board/lipp_board.sv).
@@ -343,7 +343,7 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
 
 
 def board_parameters(
-    display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None
+    display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None, memory: Memory = "block"
 ) -> dict[str, int | str]:
     """Return the parameters of `lipp_board_with_store`, or `lipp_board_with_sdram`, for a display."""
     panel = display.panel
@@ -355,6 +355,7 @@ def board_parameters(
         "Height": panel.height_px,
         **dict(zip(TIMING, timing_of(display), strict=True)),
         **({} if scene is None else {"Scene": f"26'h{scene.word:07x}"}),
+        **({"MemoryHz": MEMORY_HZ} if memory == "sdram" else {}),
     }
 
 
@@ -375,7 +376,7 @@ def compiled(
     top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
     parts = sorted((top / "sim" / "board").iterdir())
-    numbers = board_parameters(display, build, byte_link, clock_hz, scene)
+    numbers = board_parameters(display, build, byte_link, clock_hz, scene, memory)
     panel = display.panel
     defines = [
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
