@@ -13,6 +13,7 @@ module stream_bench;
 
   // ---- what the notes say ----
   real width, height, pixel_x, pixel_y, pitch_x, pitch_y, turn, offset_x, offset_y, thickness, index, gap, depth, c, s;
+  real shear, eye, extent;
   string grid, model;
 
   function automatic void note(input string line);
@@ -31,6 +32,9 @@ module stream_bench;
         "thickness": thickness = text.atoreal();
         "index": index = text.atoreal();
         "gap": gap = text.atoreal();
+        "shear": shear = text.atoreal();
+        "eye_distance": eye = text.atoreal();
+        "extent_x": extent = text.atoreal();
         "grid": grid = text;
         default: ;
       endcase
@@ -112,7 +116,8 @@ module stream_bench;
         note(line);
         if (line.substr(0, 6) == "# rays ") begin
           configure();
-          if (grid != "square" || model != "pinhole") $fatal(1, "it answers square lenslets of the model pinhole alone");
+          if (grid != "square" || model != "pinhole" || shear != 0.0 || eye != 0.0 || extent != 0.0)
+            $fatal(1, "it answers plain square lenslets of the model pinhole alone");
         end
         $write("%s", line);
       end else if ($sscanf(line, "%*d %f %f", at_u, at_v) == 2) begin

@@ -217,13 +217,6 @@ def test_the_predicates_by_hand():
     assert masks["contact"] == [False] * 3
 
 
-def test_the_page_lists_the_points():
-    page = (TOP / "docs/reference/coverage.md").read_text()
-    assert re.findall(r"^\| `([\w-]+)` \| (.*) \|$", page, re.M) == [
-        (name, " ".join(point.__doc__.split())) for name, point in POINTS.items()
-    ]
-
-
 # ---- bounds ----
 
 BOUNDS = """

@@ -169,14 +169,6 @@ def test_a_board_goes_on_after_a_killed_stream(place):
             finished([*words, "--verify"])
 
 
-def assert_all_end(place):
-    """Wait until no program runs in a folder: one that has told that it ends takes a moment more."""
-    until = time.monotonic() + PATIENCE_S
-    while left := list(programs_in(place)):
-        assert time.monotonic() < until, left
-        time.sleep(0.1)
-
-
 def test_a_killed_start_of_a_board_is_no_hindrance(place):
     rng = np.random.default_rng([SEED, 2])
     words = ["board", "start", "--display", "tiny.toml", "--ready", "board.json", "--capture", "shown", "--background"]
@@ -188,10 +180,13 @@ def test_a_killed_start_of_a_board_is_no_hindrance(place):
         process = started(stop)  # the board may run, or not, or have ended because nobody waits for it
         said = str(process.communicate())
         assert process.returncode in (0, 2) or "the command that waited for this board was killed" in said, said
-        assert_all_end(place)  # when it is ready, and sees that nobody waits
+        until = time.monotonic() + PATIENCE_S
+        while left := list(programs_in(place)):  # it ends when it is ready, and sees that nobody waits
+            assert time.monotonic() < until, left
+            time.sleep(0.1)
         finished(words)
         assert list(programs_in(place))  # the board
         finished(stop)
         assert not Path("board.json").exists()
-        assert_all_end(place)
+        assert not list(programs_in(place))
         assert not partials(place)

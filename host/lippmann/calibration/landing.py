@@ -169,20 +169,16 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
         seen, at = _traced(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
         found = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(seen)]
         centre, moves, shift = (np.array(part) for part in zip(*found, strict=True))
-
-        def given(points: Floats) -> npt.NDArray[np.bool_]:
-            """Tell which points (N, M, 2) from the middles a photograph gives to the lenslet."""
-            seen, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)  # noqa: B023
-            landed, across = at @ to_steps / grown, points @ to_steps
-            own = (landed - centre[:, None] - across @ moves) @ np.linalg.inv(np.eye(2) - moves)  # noqa: B023
-            return np.asarray(seen & (abs(own - shift[:, None]) < NEAR).all(axis=2))  # noqa: B023
-
-        # The edge in each direction, between a point inside and one outside.
         low, high = np.zeros(angles.shape), np.full(angles.shape, 0.5 * AROUND * display.array.coarsest_mm)
         for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            there = given(ways * middle[..., None])
-            low, high = np.where(there, middle, low), np.where(there, high, middle)
+            half = 0.5 * (low + high)
+            points = ways * half[..., None]
+            seen, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)
+            own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
+                np.eye(2) - moves
+            )
+            there = seen & (abs(own - shift[:, None]) < NEAR).all(axis=2)  # given to the lenslet
+            low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)
         middles = middles + (ways * edge[..., None] ** 3).sum(axis=1) / 3.0 / np.maximum(area, 1e-300)[:, None]

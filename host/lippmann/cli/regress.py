@@ -56,7 +56,7 @@ def command(
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.foreign import read_foreign
     from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.junit import headline, table, write_junit
+    from lippmann.diagnose.junit import write_junit
     from lippmann.images import check_output
 
     bounds = _bounds(bounds_path, tolerance_urad, tolerance_nm)
@@ -75,11 +75,11 @@ def command(
     if junit is not None:
         write_junit(Path(junit), [(Path(rays_path).stem, verdict)])
     shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
-    lines = list(table(verdict))
+    lines = list(verdict.lines)
     if verdict.right:
         lines.append(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
     else:
-        lines += headline(verdict).split("; ", 1)
+        lines += verdict.headline.split("; ", 1)
     lines.append(summary([verdict.covered])[1])
     emit({**dataclasses.asdict(verdict), **shown}, lines)
     return 0 if verdict.right else FOUND_WRONG
@@ -102,10 +102,10 @@ def _bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
 
 
 def _judge_stream(bounds: Bounds, junit: str | None) -> int:
-    """Judge the stream at stdin; what was judged is told also when it ends in the middle."""
+    """Judge the stream at stdin. If it ends early, print the verdicts so far, then the error."""
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.junit import headline, write_junit
+    from lippmann.diagnose.junit import write_junit
     from lippmann.diagnose.stream import StreamReader
 
     verdicts: list[tuple[str, Verdict]] = []
@@ -122,7 +122,7 @@ def _judge_stream(bounds: Bounds, junit: str | None) -> int:
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
     met, told = summary(verdict.covered for _, verdict in verdicts)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
-    lines = [f"{name}: {headline(verdict)}" for name, verdict in verdicts if not verdict.right]
+    lines = [f"{name}: {verdict.headline}" for name, verdict in verdicts if not verdict.right]
     lines.append(
         f"{rays} rays in {len(verdicts)} set{'s' * (len(verdicts) != 1)}: {f'{wrong} wrong' if wrong else 'right'}"
     )

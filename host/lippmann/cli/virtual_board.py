@@ -242,11 +242,16 @@ def _content(ready: Path) -> dict[str, Any]:
 def _running(ready: Path) -> dict[str, Any]:
     """Return `url` and `pid` of a ready file, when the process runs this command; else nothing."""
     content = _content(ready)
+    return content if _alive(content.get("pid")) else {}
+
+
+def _alive(pid: int | None) -> bool:
+    """Tell whether a process runs this command."""
     try:
-        words = Path(f"/proc/{content.get('pid')}/cmdline").read_bytes().split(b"\0")
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except OSError:
-        return {}
-    return content if b"board" in words and b"start" in words else {}
+        return False
+    return b"board" in words and b"start" in words
 
 
 @make_command("stop")
@@ -270,7 +275,7 @@ def stop_command(ready: Path = option("The --ready file of the board's start.", 
     # The board first waits for its simulator, then writes its last frames.
     seconds = virtual_board.STOP_SECONDS + CAPTURE_SECONDS
     until = time.monotonic() + seconds
-    while _running(ready):
+    while _alive(pid):  # the ready file goes a moment before the process
         if time.monotonic() > until:
             raise DeviceError(f"{url}: the board does not end within {seconds:g} s; kill process {pid}")
         time.sleep(CHECK_S)

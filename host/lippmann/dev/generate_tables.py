@@ -1,7 +1,8 @@
-"""Writes what the declarations of the TOML files say into the documentation: key tables and JSON Schemas.
+"""Writes what the code declares into the documentation: key tables and JSON Schemas of TOML files, coverage points.
 
 `python -m lippmann.dev.generate_tables` (`make docs-tables`) writes them. A page holds a table between
-`<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`.
+`<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`, that of the points between `<!-- points -->` and
+`<!-- end of points -->`.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
+from lippmann.diagnose.coverage import POINTS
 from lippmann.errors import input_error
 from lippmann.sim.tools import repository
 from lippmann.toml import Schema, bounds_text, rivals, tables
 
 SCHEMAS = Path("docs/reference/schemas")
+POINTS_MARKED = re.compile(r"(<!-- points -->\n).*?(<!-- end of points -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
 
 
@@ -28,9 +31,16 @@ def generate(top: Path) -> dict[Path, str]:
     made = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
     for page in sorted(top.glob("docs/**/*.md")):
         text = page.read_text()
-        if MARKED.search(text):
-            made[page.relative_to(top)] = MARKED.sub(_filled, text)
+        filled = POINTS_MARKED.sub(lambda place: place[1] + _points() + place[2], MARKED.sub(_filled, text))
+        if MARKED.search(text) or POINTS_MARKED.search(text):
+            made[page.relative_to(top)] = filled
     return made
+
+
+def _points() -> str:
+    """Return the table of the coverage points of `lippmann regress`."""
+    rows = (f"| `{name}` | {' '.join((point.__doc__ or '').split())} |\n" for name, point in POINTS.items())
+    return f"| point | met by |\n|---|---|\n{''.join(rows)}"
 
 
 def _filled(place: re.Match[str]) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
@@ -58,8 +58,9 @@ class Bounds:
         """Return how far each array of rays may be off, (N,), radians and mm; `rays` are golden's."""
         count = len(rays["status"])
         steps = {one.array: one.point_nm for one in self.step}
-        names: tuple[Step, ...] = ("panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "origin_mm")
-        found: dict[str, Floats] = {name: np.full(count, 1e-6 * steps.get(name, self.point_nm)) for name in names}
+        found: dict[str, Floats] = {
+            name: np.full(count, 1e-6 * steps.get(name, self.point_nm)) for name in get_args(Step)
+        }
         found["direction"] = np.full(count, 1e-6 * self.direction_urad)
         for name, limit in found.items():
             most = np.zeros(count)

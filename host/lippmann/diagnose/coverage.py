@@ -17,7 +17,6 @@ from lippmann.display import MAX_SIDE_PX
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status
-from lippmann.optics.system import System
 
 Arrays = Mapping[str, Floats]
 Predicate = Callable[[Out, Arrays], Bools]
@@ -75,14 +74,11 @@ def _border(given: Out, points: Floats) -> tuple[Bools, Bools]:
     lattice = Lattice.of(array)
     x, y = points.T
     step = ULPS * np.spacing(np.abs(given.pixels).max() * max(given.display.panel.pitches_mm) + array.coarsest_mm)
-    owners = set()
-    found = []
+    around = []
     for dx, dy in ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 1), (0, -1), (1, 0), (-1, 0)):
         i, j, _, _ = lattice.locate(NumpyBackend(), x + dx * step, y + dy * step)
-        found.append(i * 4096 + j)
-        owners.add((dx, dy))
-    around = np.sort(np.stack(found), axis=0)
-    cells = 1 + (np.diff(around, axis=0) != 0).sum(axis=0)
+        around.append(i + 1j * j)
+    cells = 1 + (np.diff(np.sort(np.stack(around), axis=0), axis=0) != 0).sum(axis=0)
     return np.asarray(cells >= 2), np.asarray(cells >= 3)
 
 
@@ -238,12 +234,10 @@ def grazing_launch(given: Out, rays: Arrays) -> Bools:
 
 def _exit_cosine(given: Out, rays: Arrays) -> Floats:
     """Return the cosine of the exit ray to the normal of the last face, 1 for rays that are lost."""
-    frame, array = System.of(given.display).frame, given.display.array
+    array = given.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":
-        x, y = frame.turn_back(*rays["local_mm"][:, :2].T)
-        x, y = frame.turn(x, y)
-        normal = np.stack([x, y, rays["local_mm"][:, 2] + array.radius_mm], axis=1) / array.radius_mm
+        normal = (rays["local_mm"] + (0.0, 0.0, array.radius_mm)) / array.radius_mm
     through = np.isin(rays["status"][:, 0], (int(Status.OK), int(Status.CROSSTALK)))
     return np.where(through, (normal * rays["direction"]).sum(axis=1), 1.0)
 

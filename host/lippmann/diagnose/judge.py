@@ -21,7 +21,7 @@ from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.bounds import Bounds
-from lippmann.diagnose.coverage import covered
+from lippmann.diagnose.coverage import covered, tie
 from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.pairs import pairs
@@ -90,6 +90,25 @@ class Verdict:
         """Whether no ray is wrong."""
         return not self.wrong
 
+    @property
+    def headline(self) -> str:
+        """The verdict on wrong rays in a line."""
+        told = f"{self.wrong} of {self.rays} rays wrong, the first is {self.first_wrong}"
+        return f"{told}; stage: {self.stage}; {self.fault or 'no single fault explains them'}"
+
+    @property
+    def lines(self) -> list[str]:
+        """A line for each array that was compared."""
+        lines = []
+        for entry in self.compared:
+            least, most = entry.limits
+            allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
+            lines.append(
+                f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
+                f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
+            )
+        return lines
+
 
 #: Stage, fault and share of the rays that it explains.
 _Finding = tuple[str | None, str | None, float]
@@ -102,17 +121,14 @@ def judge(foreign: Foreign, bounds: Bounds = Bounds(), two_faults: bool = True) 
     equal. With `two_faults` a pair of faults is looked for when no single one explains the rays, which takes some ten
     seconds.
     """
-    verdict = (
-        _judge_numbers(foreign, bounds, two_faults)
-        if foreign.words is None
-        else _judge_words(foreign, *foreign.words, two_faults)
-    )
-    return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
+    if foreign.words is not None:
+        verdict = _judge_words(foreign, *foreign.words, two_faults)
+        return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
+    seen = _compare(foreign, bounds, *_roundings(foreign.given))
+    return replace(_judge_numbers(foreign, seen, two_faults), covered=covered(foreign.given, seen.golden))
 
 
-def _judge_numbers(foreign: Foreign, bounds: Bounds, two_faults: bool) -> Verdict:
-    given = foreign.given
-    seen = _compare(foreign, bounds, *_roundings(given))
+def _judge_numbers(foreign: Foreign, seen: _Comparison, two_faults: bool) -> Verdict:
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
     if wrong.any():
@@ -159,10 +175,7 @@ class _Comparison:
     @property
     def ties(self) -> Bools:
         """The panel points exactly on an edge that two cells share, which only one of them owns."""
-        array, start = self.given.display.array, self.golden["start_mm"]
-        px, py = array.pitches_mm
-        tied = start[:, 0] - array.shear * start[:, 1] == -0.5 * px
-        return np.asarray(tied | (start[:, 1] == -0.5 * py) if array.grid == "square" else tied)
+        return tie(self.given, self.golden)
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
         """Return how far values of an array are from another's, as `_distance`; 0 where they are not given."""

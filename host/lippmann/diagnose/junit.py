@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -27,9 +27,9 @@ def write_junit(path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str 
         case = _case(suite, name)
         if not verdict.right:
             failure = ElementTree.SubElement(
-                case, "failure", {"type": verdict.stage or "", "message": headline(verdict)}
+                case, "failure", {"type": verdict.stage or "", "message": verdict.headline}
             )
-            failure.text = "\n".join(table(verdict))
+            failure.text = "\n".join(verdict.lines)
     if ended is not None:
         ElementTree.SubElement(_case(suite, "stream"), "error", {"type": "stream", "message": ended})
     ElementTree.indent(top)
@@ -40,20 +40,3 @@ def write_junit(path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str 
 def _case(suite: ElementTree.Element, name: str) -> ElementTree.Element:
     case = name.partition("/")[0]
     return ElementTree.SubElement(suite, "testcase", {"classname": f"lippmann.{case}", "name": name})
-
-
-def headline(verdict: Verdict) -> str:
-    """Return a verdict on wrong rays in a line."""
-    told = f"{verdict.wrong} of {verdict.rays} rays wrong, the first is {verdict.first_wrong}"
-    return f"{told}; stage: {verdict.stage}; {verdict.fault or 'no single fault explains them'}"
-
-
-def table(verdict: Verdict) -> Iterable[str]:
-    """Yield a line for each array that was compared."""
-    for entry in verdict.compared:
-        least, most = entry.limits
-        allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
-        yield (
-            f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
-            f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
-        )

@@ -12,6 +12,7 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NoReturn, get_args
 
 import numpy as np
@@ -52,6 +53,8 @@ class _Set:
     expected: int = -1
     digest: str = ""
     lines: list[bytes] = field(default_factory=list)
+    #: Number of the first ray's line in the stream.
+    first: int = 0
 
 
 class StreamReader:
@@ -158,7 +161,7 @@ class StreamReader:
         if now.expected != len(now.lines):
             self._refuse(f"the set {now.name} has {len(now.lines)} of its {max(0, now.expected)} rays", AGAIN)
         display = parse_display("\n".join(now.file), f"{self._where}, the set {now.name}")
-        self._first = self.number - len(now.lines)
+        now.first = self.number - len(now.lines)
         foreign, digest = (self._words if now.words else self._decimal)(now, display)
         if digest != now.digest:
             self._refuse(f"questions of the set {now.name} were changed", AGAIN)
@@ -168,7 +171,7 @@ class StreamReader:
     def _decimal(self, now: _Set, display: Display) -> tuple[Foreign, str]:
         table = _whole(now.lines)
         if table is None:
-            table = np.array([self._row(n, line) for n, line in enumerate(now.lines)])
+            table = np.array([self._row(now, n, line) for n, line in enumerate(now.lines)])
         given = Out(now.name, display, table[:, :2], table[:, 2:4], now.model)
         status, lenslet, origin, direction = (
             np.ascontiguousarray(part) for part in np.split(table[:, 4:], [1, 3, 6], 1)
@@ -177,55 +180,55 @@ class StreamReader:
         fields = {"lenslet": lenslet, "origin_mm": origin, "direction": direction, "status": status}
         return Foreign(given, fields, alone=alone), digest_of_numbers(table[:, :4])
 
-    def _row(self, n: int, line: bytes) -> list[float]:
+    def _row(self, now: _Set, n: int, line: bytes) -> list[float]:
         """Return the numbers of a line behind its ray's, filled up with NaN where a lost ray has its status alone."""
-        words = self._columns(n, line)
+        words = self._columns(now, n, line)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
-            self._wrong(n, f"has {answered} numbers behind its question", REMEDY)
+            self._wrong(now, n, f"has {answered} numbers behind its question", REMEDY)
         try:
             row = [float(word) for word in words[1:]]
         except ValueError:
-            self._wrong(n, "has a word that is no number", REMEDY)
+            self._wrong(now, n, "has a word that is no number", REMEDY)
         if not all(map(math.isfinite, row)):
-            self._wrong(n, "has a number that is not finite", "give the status alone for a ray that is lost")
+            self._wrong(now, n, "has a number that is not finite", "give the status alone for a ray that is lost")
         if any(abs(one) > MOST_WHOLE or one % 1.0 for one in row[ASKED - 1 : ASKED + 2]):
-            self._wrong(n, "has a status or lenslet that is no integer", REMEDY)
+            self._wrong(now, n, "has a status or lenslet that is no integer", REMEDY)
         if answered == LOST and row[-1] not in (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED):
-            self._wrong(n, "has its status alone, and is not lost", REMEDY)
+            self._wrong(now, n, "has its status alone, and is not lost", REMEDY)
         return row + [math.nan] * (ANSWERED - answered)
 
-    def _columns(self, n: int, line: bytes) -> list[str]:
+    def _columns(self, now: _Set, n: int, line: bytes) -> list[str]:
         """Return the words of a line, the first of which is the ray's number."""
         try:
             words = line.decode("ascii").split()
         except UnicodeDecodeError:
-            self._wrong(n, "is not text", AGAIN)
+            self._wrong(now, n, "is not text", AGAIN)
         if not words or words[0] != str(n):
-            self._wrong(n, f"has ray {words[0][:20] if words else 'none'} where {n} is next", AGAIN)
+            self._wrong(now, n, f"has ray {words[0][:20] if words else 'none'} where {n} is next", AGAIN)
         return words
 
     def _words(self, now: _Set, display: Display) -> tuple[Foreign, str]:
-        rows = [self._columns(n, line) for n, line in enumerate(now.lines)]
+        rows = [self._columns(now, n, line) for n, line in enumerate(now.lines)]
         for n, row in enumerate(rows):
             if len(row) != 3:
                 self._wrong(
-                    n, f"has {len(row) - 2} words behind its question", "append the bits of a line of expected.mem"
+                    now, n, f"has {len(row) - 2} words behind its question", "append the bits of a line of expected.mem"
                 )
         names = (INPUTS, OUTPUTS)
         columns: dict[str, Ints] = {}
         for place, some in enumerate(names, 1):
             texts = [row[place] for row in rows]
-            words = words_of_lines(texts, widths(some, now.fraction_bits), self._at)
+            words = words_of_lines(texts, widths(some, now.fraction_bits), partial(self._at, now))
             columns |= dict(zip(some, words, strict=True))
         asked = memory_lines([columns[name] for name in INPUTS], widths(INPUTS, now.fraction_bits))
         return foreign_words(columns, display, now.model, now.fraction_bits), digest_of_words(asked)
 
-    def _at(self, n: int) -> str:
-        return f"{self._where}, line {self._first + n}"
+    def _at(self, now: _Set, n: int) -> str:
+        return f"{self._where}, line {now.first + n}"
 
-    def _wrong(self, n: int, what: str, remedy: str) -> NoReturn:
-        raise input_error(self._at(n), what, remedy)
+    def _wrong(self, now: _Set, n: int, what: str, remedy: str) -> NoReturn:
+        raise input_error(self._at(now, n), what, remedy)
 
 
 def _whole(lines: list[bytes]) -> npt.NDArray[np.float64] | None:
