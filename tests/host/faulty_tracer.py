@@ -17,6 +17,8 @@ def trace(display, pixels, aims, fault=""):
     shear = {"missing shear": 0.0, "shear's sign": -array.shear}.get(fault, array.shear)
     if fault == "wrong index":
         n = 1.4585
+    if fault == "another glass":
+        n, R = 1.4585, R / (n - 1.0) * 0.4585
     if fault == "radius for focal length":
         R = array.focal_length_mm
     if fault == "gap wrong":

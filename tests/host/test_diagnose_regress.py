@@ -63,6 +63,7 @@ FAULTS = {
     "neighbour's lenslet": ("lenslet", "neighbour's lenslet traced: (+1, +0)"),
     "aperture plane": ("aim", "aperture plane without the index"),
     "wrong index": ("first face", "array.index is 1.4585 for 1.52"),
+    "another glass": ("first face", "another glass, of the same focal length: array.index is 1.4585 for 1.52"),
     "gap wrong": ("first face", "gap_mm is 0.7125 for 0.7"),
     "radius for focal length": ("dome", "focal length taken for the radius"),
     "normalisation missing": ("exit", "not normalised"),

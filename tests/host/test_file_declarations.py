@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from lippmann import toml
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
+from lippmann.dev import promises
 from lippmann.dev.generate_tables import MARKED, generate
 from lippmann.display import Display, Panel, load_display, parse_display
 from lippmann.errors import InputError
@@ -51,6 +52,44 @@ def test_a_table_that_does_not_exist_is_refused(tmp_path):
     (tmp_path / "docs/page.md").write_text("<!-- keys: display pannel -->\n<!-- end of keys -->\n")
     with pytest.raises(InputError, match=r"keys: display pannel.*no such table; choose from panel, array"):
         generate(tmp_path)
+
+
+PROMISE = """[[promise]]
+page = "docs/page.md"
+words = "nothing is lost"
+kept_by = ["rtl/kept.sv"]
+tests = ["tests/test_page.py::test_nothing_is_lost"]
+points = ["tie"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("", "", None),
+        ("nothing is lost", "nothing was lost", r"words: docs/page.md does not say 'nothing was lost'; quote what"),
+        ("docs/page.md", "docs/old.md", r"there is no file docs/old.md; name the file"),
+        ("kept.sv", "old.sv", r"there is no file rtl/old.sv; name the file"),
+        ("test_page.py", "test_old.py", r"there is no file tests/test_old.py; name the file"),
+        ("::test_nothing_is_lost", "::test_nothing_is_los", r"has no test 'test_nothing_is_los'; did you mean"),
+        ('["tie"]', '["ties"]', r"points: there is no coverage point 'ties'; did you mean tie"),
+    ],
+)
+def test_a_promise_whose_words_file_test_or_point_is_gone_is_refused(old, new, said, tmp_path):
+    for name, text in {
+        "docs/page.md": "Here nothing\nis lost.\n",
+        "docs/reference/promises.md": "<!-- promises -->\n<!-- end of promises -->\n",
+        "docs/promises.toml": PROMISE.replace(old, new),
+        "rtl/kept.sv": "",
+        "tests/test_page.py": "def test_nothing_is_lost():\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    if said is None:
+        assert "| nothing is lost ([page](../../docs/page.md)) |" in generate(tmp_path)[promises.PAGE]
+    else:
+        with pytest.raises(InputError, match=rf"docs/promises.toml: promise\[0\].*{said}"):
+            generate(tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["display", "setup", "film"])

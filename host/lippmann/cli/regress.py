@@ -44,6 +44,7 @@ def command(
         "Bounds by step and by hard case (.toml), for both tolerances.", None, flag="--bounds", metavar="FILE"
     ),
     junit: str | None = option("JUnit XML of the verdicts, for continuous integration.", None, metavar="FILE"),
+    report: str | None = option("Folder for a page with plots of the errors.", None, metavar="FOLDER"),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
@@ -56,24 +57,27 @@ def command(
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.foreign import read_foreign
     from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.junit import write_junit
+    from lippmann.files import make_folder
     from lippmann.images import check_output
 
     bounds = _bounds(bounds_path, tolerance_urad, tolerance_nm)
     if junit is not None:
         check_output(Path(junit), (".xml",))
+    if report is not None:
+        make_folder(Path(report))
+    files = _Files(junit, report)
     if stream:
         for name, given in (("--display", display_path), ("--rays", rays_path), ("--inputs", inputs_path)):
             if given is not None:
                 raise input_error(name, "the stream has it", f"leave out {name} or --stream")
-        return _judge_stream(bounds, junit)
+        return _judge_stream(bounds, files)
     if rays_path is None or display_path is None:
         raise InputError("no rays; give --display and --rays, or --stream")
     display = load_display(display_path)
     inputs = None if inputs_path is None else Path(inputs_path)
-    verdict = judge(read_foreign(Path(rays_path), display, model, fraction_bits, inputs), bounds)
-    if junit is not None:
-        write_junit(Path(junit), [(Path(rays_path).stem, verdict)])
+    foreign = read_foreign(Path(rays_path), display, model, fraction_bits, inputs)
+    verdict = judge(foreign, bounds, maps=files.maps)
+    files.write([(Path(rays_path).stem, verdict)], words=foreign.words is not None)
     shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
     lines = list(verdict.lines)
     if verdict.right:
@@ -101,24 +105,47 @@ def _bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
     return Bounds(direction_urad=urad or usual.direction_urad, point_nm=nm or usual.point_nm)
 
 
-def _judge_stream(bounds: Bounds, junit: str | None) -> int:
+class _Files:
+    """The files that verdicts are written to, where they are asked for."""
+
+    def __init__(self, junit: str | None, report: str | None) -> None:
+        from lippmann.diagnose.error_maps import ErrorMaps
+
+        self.junit, self.report = junit, report
+        self.maps = None if report is None else ErrorMaps()
+
+    def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None = None) -> None:
+        """Write the verdicts on sets of rays; `ended` says why there are no more."""
+        from lippmann.diagnose.junit import write_junit
+
+        if self.junit is not None:
+            write_junit(Path(self.junit), verdicts, ended)
+        if self.report is not None and self.maps is not None:
+            from lippmann.provenance import provenance
+            from lippmann.report.errors import errors_page
+
+            origin = provenance("lippmann regress", ("numpy",))
+            errors_page(origin, verdicts, self.maps.maps, words).write(Path(self.report), as_html=True)
+
+
+def _judge_stream(bounds: Bounds, files: _Files) -> int:
     """Judge the stream at stdin. If it ends early, print the verdicts so far, then the error."""
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.junit import write_junit
     from lippmann.diagnose.stream import StreamReader
 
     verdicts: list[tuple[str, Verdict]] = []
     ended: InputError | None = None
+    words = False
     try:
         for name, foreign in StreamReader(sys.stdin.buffer).sets():
             first = all(verdict.right for _, verdict in verdicts)
-            verdicts.append((name, judge(foreign, bounds, two_faults=first)))
+            verdicts.append((name, judge(foreign, bounds, two_faults=first, maps=files.maps)))
+            words = foreign.words is not None
     except InputError as error:
         ended = error
     why = None if ended is None else str(ended)
-    if junit is not None:
-        write_junit(Path(junit), verdicts, why)
+    files.write(verdicts, words, why)
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
     met, told = summary(verdict.covered for _, verdict in verdicts)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]

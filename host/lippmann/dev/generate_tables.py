@@ -1,8 +1,8 @@
-"""Writes what the code declares into the documentation: key tables and JSON Schemas of TOML files, coverage points.
+"""Writes what the code declares into the documentation: key tables and JSON Schemas of TOML files, points, promises.
 
 `python -m lippmann.dev.generate_tables` (`make docs-tables`) writes them. A page holds a table between
-`<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`, that of the points between `<!-- points -->` and
-`<!-- end of points -->`.
+`<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; that of the coverage points between `<!-- points -->` and
+`<!-- end of points -->`, that of the promises between `<!-- promises -->` and `<!-- end of promises -->`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import click
 
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
+from lippmann.dev import promises
 from lippmann.diagnose.coverage import POINTS
 from lippmann.errors import input_error
 from lippmann.sim.tools import repository
@@ -23,6 +24,7 @@ from lippmann.toml import Schema, bounds_text, rivals, tables
 
 SCHEMAS = Path("docs/reference/schemas")
 POINTS_MARKED = re.compile(r"(<!-- points -->\n).*?(<!-- end of points -->)", re.S)
+PROMISES_MARKED = re.compile(r"(<!-- promises -->\n).*?(<!-- end of promises -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
 
 
@@ -32,7 +34,9 @@ def generate(top: Path) -> dict[Path, str]:
     for page in sorted(top.glob("docs/**/*.md")):
         text = page.read_text()
         filled = POINTS_MARKED.sub(lambda place: place[1] + _points() + place[2], MARKED.sub(_filled, text))
-        if MARKED.search(text) or POINTS_MARKED.search(text):
+        if PROMISES_MARKED.search(filled):
+            filled = PROMISES_MARKED.sub(lambda place: place[1] + promises.table(top) + place[2], filled)
+        if MARKED.search(text) or POINTS_MARKED.search(text) or PROMISES_MARKED.search(text):
             made[page.relative_to(top)] = filled
     return made
 

@@ -91,8 +91,15 @@ def _with(stage: str, name: str, number: str, value: Any) -> Variant:
 
 
 def _with_number(name: str, value: Any, given: Out) -> Out:
-    """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index."""
+    """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index.
+
+    `GLASS` is another index with the radius that keeps the focal length, radius / (index - 1).
+    """
     display = given.display
+    if name == GLASS:
+        radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
+        given, name = _with_number("array.radius_mm", radius, given), "array.index"
+        display = given.display
     part, _, key = name.rpartition(".")
     key, _, entry = key.partition("[")
     if entry:
@@ -336,6 +343,8 @@ def _added(stage: str, name: str, arrays: tuple[str, ...], constant: Any) -> Var
     return _after(stage, name, lambda rays: {array: rays[array] + constant for array in arrays})
 
 
+#: The glass as a number: its index, at the display's focal length.
+GLASS = "another glass, of the same focal length: array.index"
 #: The display's numbers that are fitted, and the step that uses each.
 FITTED = {
     "array.index": "first face",
@@ -384,7 +393,7 @@ def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
         moved = (name, "origin_mm") if name == "local_mm" else (name,)
         yield _added(FIELDS[name][0], f"a constant added to the {what}: {said}", moved, added)
     yield from _word_lengths(values["direction"])
-    for name in FITTED:
+    for name in (*FITTED, GLASS):
         if _number_of(name, given.display) is not None:
             yield from _number(name, given, values["direction"])
 
@@ -416,7 +425,7 @@ def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, Varia
 
 def _number_of(name: str, display: Display) -> float | None:
     """Return a number of the display by its name in `FITTED`; None when it is one pitch of two, or none of two."""
-    path, _, entry = name.partition("[")
+    path, _, entry = name.rpartition(" ")[2].partition("[")
     value = attrgetter(path)(display)
     if isinstance(value, tuple) != bool(entry) or (name == "array.shear" and not value):
         return None
@@ -465,7 +474,8 @@ def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
-        yield _with(FITTED[name], f"{name} is {best:.6g} for {value:.6g}", name, best)
+        stage = FITTED[name.rpartition(" ")[2]]
+        yield _with(stage, f"{name} is {best:.6g} for {value:.6g}", name, best)
 
 
 def _near(display: Display) -> Floats:

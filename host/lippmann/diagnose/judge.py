@@ -22,11 +22,13 @@ from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.bounds import Bounds
 from lippmann.diagnose.coverage import covered, tie
+from lippmann.diagnose.error_maps import ErrorMaps
 from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.pairs import pairs
 from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
+from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
 
@@ -114,17 +116,26 @@ class Verdict:
 _Finding = tuple[str | None, str | None, float]
 
 
-def judge(foreign: Foreign, bounds: Bounds = Bounds(), two_faults: bool = True) -> Verdict:  # noqa: B008 (frozen)
+def judge(
+    foreign: Foreign,
+    bounds: Bounds = Bounds(),  # noqa: B008 (frozen)
+    two_faults: bool = True,
+    maps: ErrorMaps | None = None,
+) -> Verdict:
     """Judge foreign rays.
 
     `bounds` are how far directions and points may be off, beside the effect of rounding the inputs. Words must be
     equal. With `two_faults` a pair of faults is looked for when no single one explains the rays, which takes some ten
-    seconds.
+    seconds. The errors of the rays are added to `maps`.
     """
     if foreign.words is not None:
         verdict = _judge_words(foreign, *foreign.words, two_faults)
+        if maps is not None:
+            _map_words(maps, foreign, *foreign.words)
         return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
     seen = _compare(foreign, bounds, *_roundings(foreign.given))
+    if maps is not None:
+        _map_numbers(maps, seen)
     return replace(_judge_numbers(foreign, seen, two_faults), covered=covered(foreign.given, seen.golden))
 
 
@@ -258,6 +269,14 @@ def _distance(name: str, values: Floats, wanted: Floats) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):
         far = np.linalg.norm(values - wanted, axis=1)
     return np.where(np.isfinite(far), far, np.inf)
+
+
+def _map_numbers(maps: ErrorMaps, seen: _Comparison) -> None:
+    """Add the errors of numbers; their last place is that of a float32 of the vector's largest component."""
+    real = {name: values for name, values in seen.fields.items() if name not in WHOLE}
+    apart = {name: seen.far(name, values, seen.golden) for name, values in real.items()}
+    units = {name: np.spacing(np.abs(seen.golden[name]).max(axis=1).astype(np.float32)) for name in real}
+    maps.add(seen.given, apart, units, ~seen.edge & ~seen.alone)
 
 
 # --- diagnosis --------------------------------------------------------------------------------------------------
@@ -455,6 +474,17 @@ def _judge_words(foreign: Foreign, case: FixedCase, got: FixedRays, two_faults: 
     return _verdict(np.zeros_like(wrong), wrong, finding, tuple(compared))
 
 
+def _map_words(maps: ErrorMaps, foreign: Foreign, case: FixedCase, _: FixedRays) -> None:
+    """Add the errors of words; a unit of the last place is a word's."""
+    given, bits = foreign.given, case.build.fraction_bits
+    twin = rays_of_words(given.display, given.pixels, case.traced(), bits)
+    right = {"local_mm": twin.local_mm, "direction": twin.direction}
+    apart = {name: _distance(name, foreign.fields[name], values) for name, values in right.items()}
+    rays = np.ones(len(given.pixels))
+    units = {"local_mm": given.display.array.radius_mm * word_unit(bits) * rays, "direction": word_unit(bits) * rays}
+    maps.add(given, apart, units, rays > 0.0)
+
+
 def _diagnosed_words(
     foreign: Foreign, build: Build, got: FixedRays, twin: FixedRays, wrong: Bools, first: str, two_faults: bool
 ) -> _Finding:
@@ -466,7 +496,7 @@ def _diagnosed_words(
     slip = (first, rounding) if rounding else _slip(got, twin)
     if slip:
         return *slip, 1.0
-    unit = 2.0 ** -(build.fraction_bits + 1)
+    unit = word_unit(build.fraction_bits)
     place = WORD_UNITS * unit * foreign.given.display.array.radius_mm
     moved = np.full_like(foreign.given.pixels, place)
     wide = Bounds(direction_urad=1e6 * WORD_UNITS * unit, point_nm=1e6 * place)

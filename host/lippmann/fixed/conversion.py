@@ -68,6 +68,11 @@ def aims_of_words(display: Display, a: Ints, b: Ints, fraction_bits: int) -> Flo
     return np.stack([x + array.shear * y, y], axis=1)
 
 
+def word_unit(fraction_bits: int) -> float:
+    """Return what 1 in the last place of a direction's word is; in that of a point's, of the radius."""
+    return 2.0 ** -(fraction_bits + 1)
+
+
 def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bits: int) -> Rays:
     """Return the rays of words: radii become mm, the array's axes the panel's, a lenslet's index its centre.
 
@@ -75,7 +80,7 @@ def rays_of_words(display: Display, pixel: Floats, rays: FixedRays, fraction_bit
     """
     system = System.of(display)
     frame = system.frame
-    unit = 2.0 ** -(fraction_bits + 1)
+    unit = word_unit(fraction_bits)
     length = unit * display.array.radius_mm
     x, y = frame.turn(rays.x * length, rays.y * length)
     dx, dy = frame.turn(rays.dx * unit, rays.dy * unit)

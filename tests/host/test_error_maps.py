@@ -1,0 +1,119 @@
+"""Errors of foreign rays: counted in maps and histograms by hand-made rays, and shown on a page."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.conditioning.cases import Out
+from lippmann.diagnose.error_maps import ErrorMaps, edges
+from lippmann.diagnose.foreign import Foreign, foreign_words
+from lippmann.diagnose.judge import judge
+from lippmann.display import parse_display
+from lippmann.fixed.ray_pipeline import FixedRays
+
+TEXT = """gap_mm = 0.5
+[panel]
+width_px = 96
+height_px = 48
+pixel_pitch_mm = 0.1
+[array]
+grid = "square"
+pitch_mm = 1.0
+radius_mm = 2.0
+index = 1.5
+"""
+DISPLAY = parse_display(TEXT)
+
+
+def test_maps_and_bins_by_hand():
+    """48 cells a side: pixel (10.5, 20.5) of 96 x 48 is cell (5, 20); aperture (0.3, -0.3) of 1.2 pitches (36, 12)."""
+    pixels = np.array([[10.5, 20.5], [10.9, 20.1], [95.9, 47.9], [1.0, 1.0], [2.0, 2.0]])
+    aims = np.array([[0.3, -0.3], [0.3, -0.3], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    far = np.array([3e-6, 2e-6, 0.0, 1.0, np.inf])
+    judged = np.array([True, True, True, False, True])
+    maps = ErrorMaps()
+    for part in (slice(0, 2), slice(2, 5)):
+        given = Out("hand", DISPLAY, pixels[part], aims[part])
+        maps.add(given, {"direction": far[part]}, {"direction": np.full(5, 1e-6)[part]}, judged[part])
+    found = maps.maps["direction"]
+    assert (found.unit, found.rays) == ("microradian", 3)
+    assert (found.worst, found.worst_units) == (pytest.approx(3.0), pytest.approx(3.0))
+    seen = {tuple(map(int, cell)): found.panel[tuple(cell)] for cell in np.argwhere(found.panel >= 0.0)}
+    assert seen == {(20, 5): pytest.approx(3.0), (47, 47): 0.0}
+    seen = {tuple(map(int, cell)): found.lenslet[tuple(cell)] for cell in np.argwhere(found.lenslet >= 0.0)}
+    assert seen == {(12, 36): pytest.approx(3.0), (24, 24): 0.0}
+    # 2 and 3 lie between 10^0.25 = 1.78 and 10^0.5 = 3.16.
+    place = int(np.argmin(np.abs(edges() - 10**0.25))) + 1
+    assert {int(k): int(found.counts[k]) for k in np.flatnonzero(found.counts)} == {0: 1, place: 2}
+
+
+def test_tiny_and_huge_errors_are_counted_at_the_ends():
+    given = Out("hand", DISPLAY, np.full((2, 2), 3.0), None)
+    maps = ErrorMaps()
+    maps.add(given, {"origin_mm": np.array([1e-30, 1e30])}, {"origin_mm": np.ones(2)}, np.ones(2, bool))
+    assert maps.maps["origin_mm"].unit == "nm"
+    assert np.flatnonzero(maps.maps["origin_mm"].counts).tolist() == [1, len(edges())]
+
+
+def chief(count, seed):
+    pixels = np.random.default_rng(seed).uniform((0, 0), (96, 48), (count, 2))
+    return Out("foreign", DISPLAY, pixels, None)
+
+
+def test_a_planted_error_of_numbers_is_at_its_pixel():
+    """A direction within 60 degrees of the axis: a float32 of its largest component has steps of 2^-24."""
+    given = chief(200, 3)
+    direction = given.traced().direction.copy()
+    ray = int(np.argmax(np.abs(direction[:, 2]) > 0.75))
+    direction[ray, 0] += 1e-5
+    maps = ErrorMaps()
+    assert judge(Foreign(given, {"direction": direction}), maps=maps).wrong == 1
+    found = maps.maps["direction"]
+    column, row = (np.floor(given.pixels[ray] / (2.0, 1.0))).astype(int)
+    assert found.panel[row, column] == found.panel.max() == pytest.approx(10.0, rel=1e-9)
+    assert found.worst_units == pytest.approx(1e-5 / 2.0**-24, rel=1e-9)
+    assert found.counts[0] == 199
+
+
+def test_a_word_that_is_one_off_is_one_unit_off():
+    bits = 16
+    words = {name: np.zeros(50, np.int64) for name in (*"uvab", *FixedRays._fields)}
+    words |= {"u": np.arange(50) << 18, "v": np.full(50, 24 << 18)}
+    twin = foreign_words(words, DISPLAY, "exact", bits).words[0].traced()
+    columns = {**words, **{name: getattr(twin, name).copy() for name in FixedRays._fields}}
+    columns["dx"][7] += 1
+    columns["y"][9] -= 2
+    maps = ErrorMaps()
+    assert judge(foreign_words(columns, DISPLAY, "exact", bits), maps=maps).wrong == 2
+    assert maps.maps["direction"].worst_units == pytest.approx(1.0)
+    assert maps.maps["direction"].worst == pytest.approx(1e6 * 2.0**-17)
+    assert maps.maps["local_mm"].worst_units == pytest.approx(2.0)
+    assert maps.maps["local_mm"].worst == pytest.approx(1e6 * 2.0 * 2.0 * 2.0**-17)
+    assert [int(found.counts[0]) for found in maps.maps.values()] == [49, 49]
+
+
+@pytest.mark.parametrize("added", [0.0, 1e-4])
+def test_the_page_tells_the_verdict(added, tmp_path, capsys):
+    given = chief(300, 5)
+    rays = given.traced()
+    direction = rays.direction + np.array([added, 0.0, 0.0])
+    (tmp_path / "d.toml").write_text(TEXT)
+    np.savez(tmp_path / "mine.npz", pixel=given.pixels, direction=direction, origin_mm=rays.origin_mm)
+    words = ["regress", "--display", tmp_path / "d.toml", "--rays", tmp_path / "mine.npz", "--json"]
+    code = run([*map(str, words), "--report", str(tmp_path / "page")])
+    assert code == (4 if added else 0)
+    page = (tmp_path / "page/errors.md").read_text()
+    assert "# Errors of 300 rays" in page
+    if added:
+        assert "**1 of 1 sets wrong.** The first: mine, 300 of 300 rays, step exit; a constant added" in page
+        assert "| exit | direction | 300 | 100 | microradian |" in page
+    else:
+        assert "**Right**, in 1 set." in page
+    assert "| dome | origin_mm | 300 | 0 | nm | 0 |" in page
+    with (tmp_path / "page/errors-sets.csv").open() as file:
+        (row,) = csv.DictReader(line for line in file if line[0] != "#")
+    assert (row["set"], row["rays"], row["wrong"]) == ("mine", "300", "300" if added else "0")
+    assert json.loads(capsys.readouterr().out)["right"] is (added == 0.0)
+    assert (tmp_path / "page/errors.html").read_text().count("<img") == 2
