@@ -8,10 +8,10 @@
 ///                     |
 ///                     +-> de_o, hsync_o, vsync_o, rgb_o -> lipp_dvi_out -> pair_o
 ///
-/// Four clocks: clk_i of ClockHz; pixel_clk_i, clk_i divided by the clocks a pixel, from the same
-/// source; shift_clk_i, five times pixel_clk_i, from the same source; mem_clk_i of MemoryHz, unrelated.
-/// Each has its reset from rst_ni, which is asynchronous, such as a PLL's lock: while it is low the
-/// video is black, and afterwards until a frame is shown.
+/// Three clocks: clk_i of ClockHz, which with Dvi is the pixels'; shift_clk_i, five times clk_i, from
+/// the same source; mem_clk_i of MemoryHz, unrelated. Each has its reset from rst_ni, which is
+/// asynchronous, such as a PLL's lock: while it is low the video is black, and afterwards until a
+/// frame is shown.
 ///
 /// The pins of the SDRAM are described at `lipp_sdram_controller`, the lamps at `lipp_board_lamps`.
 module lipp_video_board #(
@@ -36,7 +36,6 @@ module lipp_video_board #(
   parameter int PadClocks = 2
 ) (
   input  logic            clk_i,
-  input  logic            pixel_clk_i,
   input  logic            shift_clk_i,   // used with Dvi
   input  logic            mem_clk_i,
   input  logic            rst_ni,
@@ -98,17 +97,19 @@ module lipp_video_board #(
 
   // ---- video ----
   if (Dvi) begin : gen_dvi
-    logic pixel_rst_n, shift_rst_n;
-    lipp_reset_sync i_pixel_reset (.clk_i(pixel_clk_i), .rst_ni, .rst_no(pixel_rst_n));
+    if (Scene.layers != 0 && Scene.samples_bits != 0) begin : gen_illegal_samples
+      $fatal(1, "lipp_video_board: with Dvi a pixel has one clock, so one sample");
+    end
+    logic shift_rst_n;
     lipp_reset_sync i_shift_reset (.clk_i(shift_clk_i), .rst_ni, .rst_no(shift_rst_n));
     lipp_dvi_out i_dvi_out (
-      .pixel_clk_i, .pixel_rst_ni(pixel_rst_n), .de_i(de_o), .hsync_i(hsync_o), .vsync_i(vsync_o),
+      .pixel_clk_i(clk_i), .pixel_rst_ni(rst_n), .de_i(de_o), .hsync_i(hsync_o), .vsync_i(vsync_o),
       .rgb_i(rgb_o), .shift_clk_i, .shift_rst_ni(shift_rst_n), .pair_o
     );
   end else begin : gen_parallel
     assign pair_o = '0;
-    logic unused_clocks;
-    assign unused_clocks = ^{pixel_clk_i, shift_clk_i};
+    logic unused_clock;
+    assign unused_clock = shift_clk_i;
   end
 
 endmodule

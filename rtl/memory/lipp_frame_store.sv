@@ -3,9 +3,9 @@
 
 /// Two buffers of pixels: one port writes, two read, each with a latency of two.
 ///
-/// This is a plain memory that represents the board's memory, SDRAM on a real board. The address is
-/// the buffer and the pixel's index. a_rgb_o(t) is the pixel at a_at_i(t - 2), as written before
-/// t - 2; likewise b. The content after power-up is undefined.
+/// A plain memory, that of `lipp_block_store`. The address is the buffer and the pixel's index.
+/// a_rgb_o(t) is the pixel at a_at_i(t - 2), as written before t - 2; likewise b. The content after
+/// power-up is undefined.
 module lipp_frame_store #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -5,9 +5,7 @@
 ///
 ///   tmds_encoder (blue with both syncs, green, red) -> tmds_serialiser -> pair_o
 ///
-/// A pixel lasts ClocksPerPixel clocks of clk_i; pixel_i marks the first of them. pixel_clk_i has one
-/// clock a pixel, made from the same source, and takes what scan_out holds for a whole pixel. With
-/// one clock a pixel both are the same clock.
+/// A pixel lasts one clock of pixel_clk_i. shift_clk_i is five times as fast, from the same source.
 ///
 /// pair_o[0] to [2] are blue, green and red; [3] is the pixel's clock, high in the first five bits.
 module lipp_dvi_out (

@@ -25,12 +25,10 @@ module ulx3s_rtl #(
   parameter int ClockHz = 25_000_000,
   parameter int MemoryHz = 125_000_000,
   parameter int InputDiv = 1,
-  parameter int FeedbackDiv = 1,
   parameter int BackDiv = 20,
   parameter int ShiftDiv = 4,
   parameter int SystemDiv = 20,
-  parameter int MemoryDiv = 4,
-  parameter int PixelDiv = 20
+  parameter int MemoryDiv = 4
 ) (
   input  wire         clk_25mhz,
   input  wire         pll_clkop,
@@ -60,8 +58,8 @@ module ulx3s_rtl #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
     .Build(Build), .Scene(Scene), .Identity(Identity), .UartStep(UartStep), .ClockHz(ClockHz),
-    .MemoryHz(MemoryHz), .InputDiv(InputDiv), .FeedbackDiv(FeedbackDiv), .BackDiv(BackDiv),
-    .ShiftDiv(ShiftDiv), .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv), .PixelDiv(PixelDiv)
+    .MemoryHz(MemoryHz), .InputDiv(InputDiv), .BackDiv(BackDiv), .ShiftDiv(ShiftDiv),
+    .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv)
   ) i_ulx3s (
     .clk_25mhz, .btn, .led, .wifi_gpio0, .ftdi_txd, .ftdi_rxd, .sdram_clk, .sdram_cke, .sdram_csn,
     .sdram_rasn, .sdram_casn, .sdram_wen, .sdram_ba, .sdram_a, .sdram_dqm, .sdram_d, .gpdi_dp

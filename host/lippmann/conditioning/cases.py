@@ -217,15 +217,20 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
 
 
 def _flips(
-    display: Display, random: np.random.Generator, count: int, status: Status, reach: float = 1.5
+    display: Display, random: np.random.Generator, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims before rays get a status, and aims well before; (M, 2) each, M <= count."""
+    """Return pixels, the last aims before rays get a status, and aims well before; (M, 2) each, M <= count.
+
+    With `centres` they are whole pixels, which every word holds exactly.
+    """
 
     def has(aims: Floats) -> Any:
         return trace(display, pixels, aims).status == int(status)
 
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]
+    if centres:
+        pixels = np.floor(pixels) + 0.5
     inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
     mixed = ~has(inner) & has(outer)
     chosen = np.flatnonzero(mixed)[:count]
@@ -243,11 +248,35 @@ def total_reflection(display: Display, random: np.random.Generator, count: int) 
 
 @_case
 def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection."""
+    """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection.
+
+    Those of the second set, from whole pixels, are as near to it as words can tell.
+    """
     dense = changed(steep(display), index=1.9)
-    pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION)
-    back = 10.0 ** random.uniform(-15.0, -1.0, (len(pixels), 1))
-    yield Out("grazing-exit", dense, pixels, last + back * (inner - last))
+    for name, nearest, farthest, centres in (
+        ("grazing-exit", -15.0, -1.0, False), ("grazing-exit/words", -7.5, -5.5, True),
+    ):  # fmt: skip
+        pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
+        back = 10.0 ** random.uniform(nearest, farthest, (len(pixels), 1))
+        yield Out(name, dense, pixels, last + back * (inner - last))
+
+
+@_case
+def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Steep domes hit at up to 1.4 pitches from the lenslet: rays that leave through the one behind the neighbour.
+
+    None do where the domes face the viewer: rays reach farther cells there only from farther aims.
+    """
+    pitch = display.array.finest_mm
+    far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
+    many = 400 * count
+    angle, reach = random.uniform(0.0, 2.0 * math.pi, many), random.uniform(1.1, 1.4, many) * pitch
+    pixels, aims = random_pixels(far, random, many), np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
+    rays = Out("far-cells", far, pixels, aims)
+    traced = rays.traced()
+    crossed = (traced.status == int(Status.CROSSTALK)) & (np.abs(traced.lenslet - rays.steps()["home"]).max(axis=1) >= 2)
+    if crossed.any():
+        yield rays.some(np.flatnonzero(crossed)[:count])
 
 
 @_case
@@ -450,7 +479,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def converged(display: Display) -> dict[str, Display]:
-    """Elemental images that converge on an eye: as near as allowed, a metre aside, behind steep lenslets, far away."""
+    """Elemental images that converge on an eye: near, a metre aside, behind steep lenslets, far away, beside the panel."""
     panel = display.panel
 
     def seen(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
@@ -462,6 +491,7 @@ def converged(display: Display) -> dict[str, Display]:
         "metre-aside": seen(display, 600.0, (-1e3, 1e3)),
         "steep": seen(steep(display), 0.5 * panel.width_mm),
         "far": seen(display, 1e12),
+        "beside": seen(display, 2.0 * panel.width_mm, (0.6 * panel.width_mm, 0.0)),
     }
 
 

@@ -83,7 +83,7 @@ module lipp_ulx3s_lcd #(
     .HSync(HSync), .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack),
     .HPositive(HPositive), .VPositive(VPositive), .Build(Build), .Scene(Scene), .Timing(Timing)
   ) i_video_board (
-    .clk_i(clk), .pixel_clk_i(clk), .shift_clk_i(1'b0), .mem_clk_i(mem_clk),
+    .clk_i(clk), .shift_clk_i(1'b0), .mem_clk_i(mem_clk),
     .rst_ni(rst_n), .clock_lost_i(lost), .identity_i(Identity), .step_i(UartStep),
     .rx_i(ftdi_txd), .tx_o(ftdi_rxd), .button_i(btn[2]), .linked_o(linked), .shown_o(shown),
     .alarm_o(alarm), .pattern_o(pattern), .cke_o(cke), .cs_no(cs_n), .ras_no(ras_n),

@@ -392,6 +392,7 @@ REFUSED = [
     ("board", {"VFront": 0, **LIGHT}, "board: porches must be 0 or more, and syncs and VFront 1"),
     ("board", {"Width": 16383, "Height": 16383, **LIGHT}, "board: the panel must have fewer than 65536 tiles"),
     ("board", {"ClockHz": -1, **LIGHT}, "board: ClockHz must be 1 or more"),
+    ("video_board", {**drawn(samples_bits=1), **LIGHT}, "video_board: with Dvi a pixel has one clock"),
     ("board", {**drawn(4, 3, 8, 192), **LIGHT}, "board: Scene must be a legal build, or have no layers"),
     (
         "board",
