@@ -84,7 +84,7 @@ def command(
         lines.append(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
     else:
         lines += verdict.headline.split("; ", 1)
-    lines.append(summary([verdict.covered])[1])
+    lines.append(summary([verdict.covered], foreign.words is not None)[1])
     emit({**dataclasses.asdict(verdict), **shown}, lines)
     return 0 if verdict.right else FOUND_WRONG
 
@@ -147,7 +147,7 @@ def _judge_stream(bounds: Bounds, files: _Files) -> int:
     why = None if ended is None else str(ended)
     files.write(verdicts, words, why)
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
-    met, told = summary(verdict.covered for _, verdict in verdicts)
+    met, told = summary((verdict.covered for _, verdict in verdicts), words)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
     lines = [f"{name}: {verdict.headline}" for name, verdict in verdicts if not verdict.right]
     lines.append(

@@ -274,7 +274,9 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
     pixels, aims = random_pixels(far, random, many), np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
     rays = Out("far-cells", far, pixels, aims)
     traced = rays.traced()
-    crossed = (traced.status == int(Status.CROSSTALK)) & (np.abs(traced.lenslet - rays.steps()["home"]).max(axis=1) >= 2)
+    crossed = (traced.status == int(Status.CROSSTALK)) & (
+        np.abs(traced.lenslet - rays.steps()["home"]).max(axis=1) >= 2
+    )
     if crossed.any():
         yield rays.some(np.flatnonzero(crossed)[:count])
 
@@ -479,7 +481,7 @@ def register_limits(display: Display) -> dict[str, Display]:
 
 @_of_displays
 def converged(display: Display) -> dict[str, Display]:
-    """Elemental images that converge on an eye: near, a metre aside, behind steep lenslets, far away, beside the panel."""
+    """Elemental images that converge on an eye: near, aside, behind steep lenslets, far away, beside the panel."""
     panel = display.panel
 
     def seen(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:

@@ -17,7 +17,7 @@ import click
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.dev import promises
-from lippmann.diagnose.coverage import POINTS
+from lippmann.diagnose.coverage import BEYOND_WORDS, POINTS
 from lippmann.errors import input_error
 from lippmann.sim.tools import repository
 from lippmann.toml import Schema, bounds_text, rivals, tables
@@ -43,8 +43,12 @@ def generate(top: Path) -> dict[Path, str]:
 
 def _points() -> str:
     """Return the table of the coverage points of `lippmann regress`."""
-    rows = (f"| `{name}` | {' '.join((point.__doc__ or '').split())} |\n" for name, point in POINTS.items())
-    return f"| point | met by |\n|---|---|\n{''.join(rows)}"
+    beyond = {name: f"no: {why}" for name, why in BEYOND_WORDS.items()}
+    rows = (
+        f"| `{name}` | {' '.join((point.__doc__ or '').split())} | {beyond.get(name, '')} |\n"
+        for name, point in POINTS.items()
+    )
+    return f"| point | met by | in words |\n|---|---|---|\n{''.join(rows)}"
 
 
 def _filled(place: re.Match[str]) -> str:

@@ -70,7 +70,7 @@ def errors_page(origin: Mapping[str, str], verdicts: Sequence[tuple[str, Verdict
          "fault": one.fault}
         for name, one in verdicts
     ]  # fmt: skip
-    met, told = summary(one.covered for _, one in verdicts)
+    met, told = summary((one.covered for _, one in verdicts), words)
     context: dict[str, Any] = {
         "arrays": arrays,
         "wrong": [one for one in sets if one["wrong"]],
