@@ -14,6 +14,7 @@ from lippmann.sim.tools import repository
 
 COMMANDS = (
     "bitstream",
+    "code_coverage",
     "crossings",
     "formal",
     "generate_registers",

@@ -18,7 +18,7 @@ from pathlib import Path
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.files import is_full, moved, no_space, partial_folder
 from lippmann.programs import run_program
-from lippmann.sim.tools import build_folder, verilator_environment, verilator_version
+from lippmann.sim.tools import build_folder, repository, verilator_environment, verilator_version
 
 #: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
@@ -29,6 +29,9 @@ UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 
 #: Verilator's options for hundred thousands of assignments of bits: functions that the compiler is through with soon.
 NETLIST = ("--output-split-cfuncs", "1000")
+
+#: The environment variable that names a folder for what simulations cover (sim/coverage/).
+COVERAGE = "LIPPMANN_COVERAGE"
 
 #: What every model includes.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
@@ -55,6 +58,7 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
     Verilator always count.
     """
     key = hashlib.sha256(processor() + verilator_version().encode() + Path(__file__).read_bytes())
+    key.update(b"covered" if os.environ.get(COVERAGE) else b"")
     for one in inputs:
         key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
@@ -96,6 +100,11 @@ def verilated(
     model's class as `Vtop`, in Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker.
     """
     with partial_folder(output) as work:
+        if os.environ.get(COVERAGE):
+            (work / "bind.sv").write_text(f"bind {top} coverage i_coverage();\n")
+            sources = [*sources, repository() / "sim" / "coverage" / "coverage.sv", work / "bind.sv"]
+            options = [*options, "--coverage-line", "--coverage-toggle"]
+            flags = [*flags, "-DVM_COVERAGE=1"]
         _run(
             [
                 "verilator_bin", "--cc", "--prefix", "Vtop", "-Mdir", str(work), "--top-module", top, "-O3", *options,
@@ -103,7 +112,7 @@ def verilated(
             ]
         )  # fmt: skip
         made = sorted(work.glob("Vtop*.cpp"))
-        (work / "all.cpp").write_text("".join(map(_include, [*made, *main])))
+        (work / "all.cpp").write_text("#include <unistd.h>\n" + "".join(map(_include, [*made, *main])))
         runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]

@@ -1,0 +1,205 @@
+"""`make coverage`: which lines of the RTL and of the host the quick tests execute, and which toggles of the RTL.
+
+The tests run as in `make test`; the simulations and coverage.py leave their counts in build/coverage/. Lines that no
+test executes are listed, with the reasons of docs/coverage-holes.toml.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import click
+
+from lippmann import toml
+from lippmann.cli import run
+from lippmann.errors import InputError, LippmannError
+from lippmann.images import check_output
+from lippmann.provenance import provenance
+from lippmann.report.pages import Page
+from lippmann.report.plots import bar_charts
+from lippmann.sim.compilation import COVERAGE
+from lippmann.sim.tools import build_folder, repository
+from lippmann.toml import documented, key
+
+HOLES = Path("docs/coverage-holes.toml")
+#: What coverage.py is told: every process counts, also those that a command starts and that a signal ends.
+SETTINGS = """[run]
+source = host/lippmann
+data_file = {folder}/host
+parallel = true
+patch = subprocess
+sigterm = true
+"""
+#: A point of Verilator's file: its keys with values, and its count.
+POINT = re.compile(r"^C '(.*)' (\d+)$", re.M)
+#: Files with a bar.
+SHOWN = 15
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Hole:
+    """Why lines of a file are not executed by the quick tests."""
+
+    file: Annotated[str, key("the file, from the top of the checkout")]
+    why: Annotated[str, key("the reason")]
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Holes:
+    """The file of reasons."""
+
+    hole: Annotated[tuple[Hole, ...], key("")] = ()
+
+
+@dataclass
+class Counted:
+    """The points of a file, and how often each was met: lines by number, toggles by name."""
+
+    lines: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    toggles: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+
+
+def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
+    """Add up Verilator's coverage files; return the points of each file of rtl/, by its path from the top.
+
+    A line of several branches is met when one of them is.
+    """
+    found: dict[str, Counted] = defaultdict(Counted)
+    for file in files:
+        for keys, count in POINT.findall(file.read_text(errors="replace")):
+            point: dict[str, str] = dict(re.findall(r"\x01([^\x02]*)\x02([^\x01]*)", keys))
+            path = Path(point["f"])
+            if not path.is_relative_to(top / "rtl"):
+                continue
+            counted = found[str(path.relative_to(top))]
+            if point["t"] == "toggle":
+                counted.toggles[f"{point['l']}:{point['o']}"] += int(count)
+            else:
+                for line in _lines(point.get("S", point["l"])):
+                    counted.lines[line] += int(count)
+    return dict(sorted(found.items()))
+
+
+def _lines(text: str) -> Iterable[int]:
+    """Yield the numbers of a list such as 4-6,9."""
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        yield from range(int(first), int(last or first) + 1)
+
+
+def rtl_rows(found: Mapping[str, Counted]) -> list[dict[str, Any]]:
+    """Return a row for each file: lines and toggles, those met, and the lines that were not."""
+    return [
+        {
+            "file": name,
+            "lines": len(one.lines),
+            "met": sum(count > 0 for count in one.lines.values()),
+            "toggles": len(one.toggles),
+            "toggled": sum(count > 0 for count in one.toggles.values()),
+            "missing": _ranges(line for line, count in one.lines.items() if not count),
+        }
+        for name, one in found.items()
+    ]
+
+
+def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for each file of coverage.py's JSON."""
+    return [
+        {
+            "file": name,
+            "lines": one["summary"]["num_statements"],
+            "met": one["summary"]["covered_lines"],
+            "missing": _ranges(one["missing_lines"]),
+        }
+        for name, one in sorted(measured["files"].items())
+        if one["summary"]["num_statements"]
+    ]
+
+
+def _ranges(numbers: Iterable[int]) -> str:
+    """Return numbers as a list such as 4-6, 9."""
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][1] + 1:
+            parts[-1][1] = number
+        else:
+            parts.append([number, number])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in parts)
+
+
+def share(rows: Iterable[Mapping[str, Any]], met: str = "met", of: str = "lines") -> float:
+    """Return the share of lines, or toggles, that were met in all files, percent."""
+    some = list(rows)
+    return float(100.0 * sum(row[met] for row in some) / max(1, sum(row[of] for row in some)))
+
+
+def page(
+    origin: Mapping[str, str], rtl: list[dict[str, Any]], host: list[dict[str, Any]], why: Mapping[str, str]
+) -> Page:
+    """Return the page; `why` has the reasons by file."""
+    least = sorted([*rtl, *host], key=lambda row: row["met"] - row["lines"])[:SHOWN]
+    charts = {"lines that no quick test executes": [float(row["lines"] - row["met"]) for row in least]}
+    plot = bar_charts("code-coverage", [row["file"].removeprefix("host/lippmann/") for row in least], charts)
+    context = {
+        "rtl": rtl,
+        "host": host,
+        "share": {"rtl": share(rtl), "toggles": share(rtl, "toggled", "toggles"), "host": share(host)},
+        "holes": [{**row, "why": why.get(row["file"], "")} for row in rtl if row["missing"]]
+        + [{**row, "why": why[row["file"]]} for row in host if row["missing"] and row["file"] in why],
+    }
+    tables = {"code-coverage-rtl": rtl, "code-coverage-host": host}
+    return Page("code-coverage", origin, [plot], tables, context, Path(__file__).with_name("templates"))
+
+
+def measure(folder: Path, jobs: int) -> None:
+    """Run the quick tests with counters, into a folder that is emptied first; raise LippmannError when one fails."""
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "rtl").mkdir(parents=True)
+    settings = folder / "settings"
+    settings.write_text(SETTINGS.format(folder=folder))
+    tests = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile", "--no-loadscope-reorder"]
+    counted = ["--cov", f"--cov-config={settings}", f"--cov-report=json:{folder / 'host.json'}"]
+    environment = {**os.environ, COVERAGE: str(folder / "rtl"), "LIPPMANN_SEED": "1908"}
+    done = subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False)
+    if done.returncode:
+        raise LippmannError("tests fail: what they execute says little; mend them first")
+
+
+@click.command()
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes of the tests.")
+@click.option("--keep", is_flag=True, help="Read what the last run counted; run no test.")
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the page.")
+def main(jobs: int, keep: bool, report: str) -> None:
+    """Measure which lines the quick tests execute, and write the page.
+
+    Example: python -m lippmann.dev.code_coverage --keep --report out
+    """
+    check_output(Path(report) / "code-coverage.md", (".md",))
+    top, folder = repository(), build_folder() / "coverage"
+    if not keep:
+        measure(folder, jobs)
+    if not (folder / "host.json").exists():
+        raise InputError(f"{folder}: nothing was measured there; leave out --keep")
+    holes = toml.read(Holes, toml.load(top / HOLES, "holes"), str(HOLES)).hole
+    rtl = rtl_rows(read_rtl(sorted((folder / "rtl").glob("*.dat")), top))
+    host = host_rows(json.loads((folder / "host.json").read_text()))
+    origin = provenance("make coverage", ("coverage", "pytest"), {})
+    page(origin, rtl, host, {hole.file: hole.why for hole in holes}).write(Path(report))
+    click.echo(f"RTL: {share(rtl):.1f} % of lines, {share(rtl, 'toggled', 'toggles'):.1f} % of toggles")
+    click.echo(f"host: {share(host):.1f} % of lines")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+`default_nettype none
+
+/// Writes what a simulation has covered, lines and toggles, when it ends: a file of Verilator's format in
+/// the folder that LIPPMANN_COVERAGE names. Bound to the top by lippmann.sim.compilation; only Verilator
+/// reads it. A process may run several models, and one of them several times.
+module coverage;
+
+  final $c(
+    "static int ended = 0; ",
+    "const std::string number = std::to_string(getpid()) + \"-\" ",
+    "+ std::to_string(reinterpret_cast<size_t>(&ended)) + \"-\" + std::to_string(ended++); ",
+    "const std::string folder = std::getenv(\"LIPPMANN_COVERAGE\"); ",
+    "vlSymsp->_vm_contextp__->coveragep()->write((folder + \"/\" + number + \".dat\").c_str());");
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,89 @@
+"""The counts of Verilator and coverage.py, added up by hand-made files and by a small simulation."""
+
+import json
+import subprocess
+
+import pytest
+from lippmann.dev.code_coverage import host_rows, page, read_rtl, rtl_rows, share
+from lippmann.sim.compilation import COVERAGE, verilated
+
+RTL = """module one_branch(input logic clk, input logic [1:0] a, output logic [1:0] q);
+  always_ff @(posedge clk) begin
+    if (a == 2'd1) begin
+      q <= 2'd3;
+    end else begin
+      q <= a;
+    end
+  end
+endmodule
+"""
+#: Ten half clocks with a = 1 at each rising edge: line 4 runs, line 6 does not.
+MAIN = """#include "Vtop.h"
+int main() {
+  VerilatedContext context;
+  Vtop top{&context};
+  for (int half = 0; half < 10; half++) { top.clk = half & 1; top.a = half & 1; top.eval(); }
+  top.final();
+}
+"""
+
+
+def point(file, line, kind, name, count, lines=""):
+    keys = {"f": file, "l": line, "n": 3, "t": kind, "page": f"v_{kind}/m", "o": name}
+    keys |= {"S": lines} if lines else {}
+    return "C '" + "".join(f"\1{key}\2{value}" for key, value in keys.items()) + f"' {count}\n"
+
+
+def test_counts_add_up(tmp_path):
+    rtl = tmp_path / "rtl/core/one.sv"
+    first = point(rtl, 4, "line", "if", 0, "4-5,9") + point(rtl, 6, "line", "else", 7, "6")
+    first += point(rtl, 2, "toggle", "q[0]:0->1", 1) + point(tmp_path / "sim/bench.sv", 1, "line", "block", 0)
+    second = point(rtl, 4, "line", "if", 0, "4-5,9") + point(rtl, 5, "line", "if", 2, "5")
+    second += point(rtl, 2, "toggle", "q[0]:1->0", 0) + point(rtl, 2, "toggle", "q[0]:0->1", 3)
+    for name, text in (("a.dat", first), ("b.dat", second)):
+        (tmp_path / name).write_text("# SystemC::Coverage-3\n" + text)
+    (row,) = rtl_rows(read_rtl([tmp_path / "a.dat", tmp_path / "b.dat"], tmp_path))
+    assert row == {"file": "rtl/core/one.sv", "lines": 4, "met": 2, "toggles": 2, "toggled": 1, "missing": "4, 9"}
+    assert (share([row]), share([row], "toggled", "toggles")) == (50.0, 50.0)
+
+
+def test_a_simulation_tells_its_lines(tmp_path, monkeypatch):
+    (tmp_path / "rtl/core").mkdir(parents=True)
+    rtl, main = tmp_path / "rtl/core/small.sv", tmp_path / "main.cpp"
+    rtl.write_text(RTL)
+    main.write_text(MAIN)
+    monkeypatch.setenv(COVERAGE, str(tmp_path))
+    verilated(tmp_path / "small", "one_branch", [rtl], [main], flags=["-O0"])
+    for _ in range(2):
+        subprocess.run([tmp_path / "small"], check=True)
+    found = read_rtl(tmp_path.glob("*.dat"), tmp_path)["rtl/core/small.sv"]
+    assert {line: count for line, count in found.lines.items() if line in (2, 3, 4, 6)} == {2: 10, 3: 10, 4: 10, 6: 0}
+    assert {name: count for name, count in found.toggles.items() if name.startswith("1:clk")} == {
+        "1:clk:0->1": 10, "1:clk:1->0": 8,
+    }  # fmt: skip
+    monkeypatch.delenv(COVERAGE)
+    verilated(tmp_path / "plain", "one_branch", [rtl], [main], flags=["-O0"])
+    before = set(tmp_path.glob("*.dat"))
+    subprocess.run([tmp_path / "plain"], check=True)
+    assert set(tmp_path.glob("*.dat")) == before
+
+
+def test_the_page_lists_holes_with_reasons(tmp_path):
+    summary = {"num_statements": 4, "covered_lines": 3}
+    measured = {"files": {"host/lippmann/a.py": {"summary": summary, "missing_lines": [7]}}}
+    host = host_rows(json.loads(json.dumps(measured)))
+    assert host == [{"file": "host/lippmann/a.py", "lines": 4, "met": 3, "missing": "7"}]
+    rtl = [{"file": "rtl/a.sv", "lines": 10, "met": 9, "toggles": 4, "toggled": 2, "missing": "3"}]
+    text = page({"date": "today"}, rtl, host, {"rtl/a.sv": "a fault only", "host/lippmann/a.py": "a reason"}).text()
+    for said in (
+        "RTL: 90.0 % of 10 lines, 50.0 % of 4 toggles",
+        "Host: 75.0 % of 4 statements",
+        "| rtl/a.sv | 3 | a fault only |",
+    ):
+        assert said in text
+    assert "| host/lippmann/a.py | 7 | a reason |" in text
+
+
+@pytest.mark.parametrize("numbers", [[]])
+def test_nothing_measured_is_no_share(numbers):
+    assert share(numbers) == 0.0
