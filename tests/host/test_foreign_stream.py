@@ -1,6 +1,7 @@
 """`vectors --stream | PROGRAM | regress --stream`: a tracer in C, right and with faults, words, and bad streams."""
 
 import itertools
+import os
 import random
 import re
 import shutil
@@ -140,6 +141,31 @@ def test_most_pairs_of_faults_are_named(tmp_path):
     random.Random(21).shuffle(able)
     unnamed = [pair for pair in able[:20] if not one_of_two_named(pair, tmp_path)]
     assert len(unnamed) <= 5, unnamed
+
+
+# ---- published sets ----
+
+
+SETS = re.findall(
+    r"^\| (\S+) \| `(--display .*)` \| ([0-9a-f]{64}) \|$", (TOP / "docs/reference/stream.md").read_text(), re.M
+)
+#: Another processor: neither numpy nor the C library uses what the newer ones have.
+OLD_MACHINE = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F",
+}
+
+
+@pytest.mark.parametrize(("name", "options", "digest"), SETS, ids=[name for name, *_ in SETS])
+@pytest.mark.parametrize("environment", [{}, OLD_MACHINE], ids=["this", "old"])
+def test_published_sets_have_their_hash_on_any_machine(name, options, digest, environment):
+    command = [*LIPPMANN, "vectors", "--stream", "--case", "all", *options.split()]
+    done = subprocess.run(command, cwd=TOP, capture_output=True, check=True, env={**os.environ, **environment})
+    assert done.stdout.splitlines()[-1].split()[-1].decode() == digest, name
+
+
+def test_four_sets_are_published():
+    assert [name for name, *_ in SETS] == ["square-1", "hex-1", "square-18-1", "hex-18-1"]
 
 
 # ---- words ----

@@ -209,11 +209,23 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
 def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays that leave the panel at ever flatter angles, down to parallel within rounding or to the array's end."""
     pixels = random_pixels(display, random, count)
-    angle = random.uniform(0.0, 2.0 * math.pi, count)
     # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
-    far = display.aperture_distance_mm * 10.0 ** random.uniform(0.0, min(8.0, math.log10(farthest)), count)
-    yield Out("grazing-launch", display, pixels, np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
+    far = display.aperture_distance_mm * _sizes(random, 1.0, min(1e8, farthest), count)
+    yield Out("grazing-launch", display, pixels, far * _directions(random, count))
+
+
+def _directions(random: np.random.Generator, count: int) -> Floats:
+    """Return unit vectors (N, 2), by a root alone: a sine's last bit depends on the machine, and a set has one hash."""
+    x, y = random.uniform(-1.0, 1.0, (2, count))
+    return np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None]
+
+
+def _sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:
+    """Return numbers of every size from `low` to `high`, (N, 1), by their binary exponents; the same on any machine."""
+    (_, first), (_, last) = math.frexp(low), math.frexp(high)
+    sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
+    return np.asarray(np.clip(sizes, low, high))
 
 
 def _flips(
@@ -254,11 +266,10 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
     """
     dense = changed(steep(display), index=1.9)
     for name, nearest, farthest, centres in (
-        ("grazing-exit", -15.0, -1.0, False), ("grazing-exit/words", -7.5, -5.5, True),
+        ("grazing-exit", 1e-15, 0.1, False), ("grazing-exit/words", 3e-8, 3e-6, True),
     ):  # fmt: skip
         pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
-        back = 10.0 ** random.uniform(nearest, farthest, (len(pixels), 1))
-        yield Out(name, dense, pixels, last + back * (inner - last))
+        yield Out(name, dense, pixels, last + _sizes(random, nearest, farthest, len(pixels)) * (inner - last))
 
 
 @_case
@@ -270,9 +281,8 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
     pitch = display.array.finest_mm
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
-    angle, reach = random.uniform(0.0, 2.0 * math.pi, many), random.uniform(1.1, 1.4, many) * pitch
-    pixels, aims = random_pixels(far, random, many), np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
-    rays = Out("far-cells", far, pixels, aims)
+    aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * _directions(random, many)
+    rays = Out("far-cells", far, random_pixels(far, random, many), aims)
     traced = rays.traced()
     crossed = (traced.status == int(Status.CROSSTALK)) & (
         np.abs(traced.lenslet - rays.steps()["home"]).max(axis=1) >= 2
