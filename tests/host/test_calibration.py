@@ -362,6 +362,9 @@ def test_check_draws_and_judges(case, tmp_path, capfd):
     half = np.where(np.arange(400) < 200, light, 0.05 * light)
     assert not check.judge(half, light - half).right
     assert check.judge(half, light - half).right_share == pytest.approx(0.5, abs=0.05)
+    for dark_columns, wanted in ((288, True), (275, False)):  # of 300 with panel, so 96 and 91.7 %
+        mostly = np.where(np.arange(400) < 50 + dark_columns, light, 0.05 * light)
+        assert check.judge(mostly, 1.05 * light - mostly).right is wanted
     for name, picture in (("1-white", half), ("2-dark", light - half)):
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.round(255 * np.clip(picture, 0, 1) ** (1 / 2.2)).astype(np.uint8))
     assert run(["calibrate", "check", str(tmp_path / "d.toml"), "--photos", str(tmp_path)]) == 4
