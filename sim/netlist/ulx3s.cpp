@@ -8,10 +8,10 @@
 // the GPDI socket. The options are those of sim/board/main.cpp: --step is the UART's bits per system
 // clock in 1 / 65536. Built by lippmann.dev.netlist, which finds in the netlist: LIPPMANN_CLOCKS, an
 // X(port, divider) for each output of the PLL; LIPPMANN_VCO_KHZ; the ports of the clocks of the system, of
-// the memory and of the pairs of bits.
+// the memory and of the pairs of bits. LIPPMANN_TIMING is the rest of a dvi::Timing after the panel's size.
 //
 // SIGTERM and SIGINT end the board, SIGUSR1 presses its button 1. The last line on stdout is a JSON object
-// of counts; a violation of the SDRAM's data sheet is named there.
+// of counts, which lippmann.dev.netlist judges; a violation of the SDRAM's data sheet is named there.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -30,6 +30,7 @@
 #include <vector>
 
 #include "Vtop.h"
+#include "dvi.h"
 #include "line.h"
 #include "screen.h"
 #include "sdram.h"
@@ -72,66 +73,7 @@ Options parse(int count, char** words) {
   return options;
 }
 
-// DVI's symbols of three channels, bit by bit, back to pixels. A symbol begins where the channel of the
-// clock rises.
-class Receiver {
- public:
-  struct Pixel {
-    bool de, hsync, vsync;
-    uint32_t rgb;
-  };
-
-  // The four pairs' levels, the clock's in bit 3. True when a pixel is complete.
-  bool bit(uint8_t levels) {
-    const bool begins = (levels & 8) != 0 && !clock_;
-    clock_ = (levels & 8) != 0;
-    bool whole = false;
-    if (begins) {
-      whole = places_ == 10;
-      if (known_ && !whole) ++slips_;
-      if (whole) decode();
-      known_ = true;
-      places_ = 0;
-      symbols_ = {};
-    }
-    if (places_ < 10)
-      for (int k = 0; k < 3; ++k) symbols_[k] |= (levels >> k & 1) << places_;
-    ++places_;
-    return whole;
-  }
-  const Pixel& pixel() const { return pixel_; }
-  int64_t slips() const { return slips_; }  // symbols that were not ten bits long
-  int64_t bad() const { return bad_; }      // symbols of one pixel that disagree on data or control
-
- private:
-  void decode() {
-    pixel_.rgb = 0;  // the syncs stay as they were through data
-    int data = 0;
-    for (int k = 0; k < 3; ++k) {
-      const uint16_t s = symbols_[k];
-      int control = -1;
-      for (int c = 0; c < 4; ++c)
-        if (s == kControl[c]) control = c;
-      if (control >= 0) {
-        if (k == 0) pixel_.hsync = control & 1, pixel_.vsync = control >> 1;
-        continue;
-      }
-      ++data;
-      const uint8_t q = static_cast<uint8_t>(s >> 9 & 1 ? ~s : s);
-      const uint8_t sums = q ^ static_cast<uint8_t>(q << 1);
-      pixel_.rgb |= static_cast<uint32_t>(s >> 8 & 1 ? sums : sums ^ 0xfe) << 8 * k;
-    }
-    pixel_.de = data == 3;
-    if (data % 3 != 0) ++bad_;
-  }
-
-  static constexpr uint16_t kControl[4] = {0x354, 0x0ab, 0x154, 0x2ab};
-  std::array<uint16_t, 3> symbols_{};
-  Pixel pixel_{};
-  int places_ = 0;
-  bool clock_ = true, known_ = false;
-  int64_t slips_ = 0, bad_ = 0;
-};
+constexpr dvi::Timing kTiming{LIPPMANN_WIDTH, LIPPMANN_HEIGHT, LIPPMANN_TIMING};
 
 class Board {
  public:
@@ -159,12 +101,12 @@ class Board {
       violations += (violations.empty() ? "\"" : ", \"") + name + "\": " + std::to_string(times);
     std::printf("{\"clocks\": %lld, \"seconds\": %.3f, \"processor_seconds\": %.3f, \"bytes_in\": %lld, "
                 "\"bytes_out\": %lld, \"frames\": %lld, \"broken_frames\": %lld, \"bytes_lost\": %lld, "
-                "\"symbol_slips\": %lld, \"bad_symbols\": %lld, \"sdram_reads\": %llu, \"sdram_writes\": %llu, "
+                "%s, \"sdram_reads\": %llu, \"sdram_writes\": %llu, "
                 "\"sdram_violations\": {%s}, \"led\": %d}\n",
                 static_cast<long long>(clocks_), seconds, processor_seconds, static_cast<long long>(in_),
                 static_cast<long long>(out_), static_cast<long long>(screen_.frames()),
                 static_cast<long long>(screen_.broken()), static_cast<long long>(lost_),
-                static_cast<long long>(receiver_.slips()), static_cast<long long>(receiver_.bad()),
+                receiver_.counts().c_str(),
                 static_cast<unsigned long long>(chip_.reads()), static_cast<unsigned long long>(chip_.writes()),
                 violations.c_str(), top_.led);
   }
@@ -216,7 +158,7 @@ class Board {
     if (!top_.LIPPMANN_MEMORY_CLOCK && memory) chip_edge();
     if (top_.LIPPMANN_PAIR_CLOCK != pairs && receiver_.bit(top_.gpdi_dp)) {
       const auto& pixel = receiver_.pixel();
-      const bool vsync = pixel.vsync == LIPPMANN_VSYNC;
+      const bool vsync = pixel.vsync == kTiming.v_positive;
       if (receiver_.slips() != slips_) steady_ = false;
       slips_ = receiver_.slips();
       steady_ = steady_ || (vsync && !vsync_);
@@ -291,7 +233,7 @@ class Board {
   Line line_;
   Uart uart_;
   Screen screen_;
-  Receiver receiver_;
+  dvi::Receiver receiver_{kTiming};
   Sdram chip_{kGrade75};
   uint64_t ticks_ = 0, pressed_ = 0, oscillator_ps_ = 20'000;
   uint16_t word_ = 0;

