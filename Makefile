@@ -90,8 +90,8 @@ manifests: $(READY) ## make the FuseSoC core, Bender.yml and the .f lists of rtl
 synth: $(READY) ## place and route the RTL's named configurations and boards (hours; kept in build/synth)
 	$(BIN)/python -m lippmann.dev.synthesis
 
-# X11 has a variable DISPLAY too: only what is given to make counts.
-given = $(if $(filter command line,$(origin $(1))),--$(2) $($(1)))
+# X11 has a variable DISPLAY too: only what is given to make counts, unless it is empty.
+given = $(if $(filter command line,$(origin $(1))),$(if $(strip $($(1))),--$(2) '$(subst ','\'',$($(1)))'))
 bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 LAYERS=4 BILINEAR=)
 	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,LAYERS,layers) $(if $(filter-out 0 no false,$(BILINEAR)),--bilinear)
 

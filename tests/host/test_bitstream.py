@@ -1,13 +1,17 @@
 """`make bitstream`: what a board cannot show is refused in one line, and what nextpnr says is read as it is meant."""
 
 import re
+import shlex
+import shutil
+import stat
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards
+from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards, read_boards
 from lippmann.cli import run
 from lippmann.dev import bitstream
 from lippmann.display import load_display
@@ -116,42 +120,98 @@ def test_other_bad_input(tmp_path, capsys):
     assert "two files would be ulx3s-vga-square.bit" in refused(capsys, "--display", vga, "--display", vga)
 
 
-def test_a_wrong_board_file_is_named(tmp_path, monkeypatch):
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A checkout's boards: the ULX3S alone; further ones are made by `board`."""
     monkeypatch.setattr("lippmann.board.fpga_boards.hardware", lambda: tmp_path)
-    folder = tmp_path / "rtl" / "board" / "mine"
-    folder.mkdir(parents=True)
-    text = (TOP / "rtl/board/ulx3s/board.toml").read_text()
+    monkeypatch.setattr(bitstream, "hardware", lambda: tmp_path)
+    (tmp_path / "rtl/memory").mkdir(parents=True)
+    shutil.copy(TOP / "rtl/memory/lipp_sdram_pkg.sv", tmp_path / "rtl/memory")
+    shutil.copytree(TOP / "rtl/board/ulx3s", tmp_path / "rtl/board/ulx3s")
+    read_boards.cache_clear()
+    yield tmp_path / "rtl/board"
+    read_boards.cache_clear()
+
+
+def board(folder, name, text):
+    """Write a board's file; all are read anew."""
+    (folder / name).mkdir(exist_ok=True)
+    (folder / name / "board.toml").write_text(text)
+    read_boards.cache_clear()
+
+
+def test_a_wrong_board_file_is_named_and_hinders_no_other_board(folder):
+    text = (folder / "ulx3s/board.toml").read_text()
     for changed, said in (
         (text, 'name: "ulx3s" is not the folder\'s; write "mine"'),
         (text.replace('"ulx3s"', '"mine"', 1).replace("speed = 6", "speed = 9"), "fpga.speed"),
         (text.replace('"ulx3s"', '"mine"', 1) + "\ncolour = 1\n", "colour"),
+        ("name = ", "not TOML"),
+        ("", "the key is missing"),
     ):
-        (folder / "board.toml").write_text(changed)
-        fpga_boards.cache_clear()
+        board(folder, "mine", changed)
         with pytest.raises(InputError, match=said):
             fpga_boards()
-    fpga_boards.cache_clear()
+        with pytest.raises(InputError, match=said):
+            fpga_board("mine")
+        assert fpga_board("ulx3s").baud == 3_000_000
 
 
-def test_a_board_like_another_has_its_keys_in_tables_too(tmp_path, monkeypatch):
-    monkeypatch.setattr("lippmann.board.fpga_boards.hardware", lambda: tmp_path)
-    files = {
-        "first": (TOP / "rtl/board/ulx3s/board.toml").read_text().replace('"ulx3s"', '"first"', 1),
-        "second": 'name = "second"\nlike = "first"\n[memory]\nmegabytes = 64\n',
-        "third": 'name = "third"\nlike = "second"\n[limits]\nsystem_mhz = 50.0\n',
-    }
-    for name, text in files.items():
-        (tmp_path / "rtl/board" / name).mkdir(parents=True)
-        (tmp_path / "rtl/board" / name / "board.toml").write_text(text)
-    fpga_boards.cache_clear()
-    third, first = fpga_board("third"), fpga_board("first")
+def test_a_board_like_another_has_its_keys_in_tables_too(folder):
+    board(folder, "second", 'name = "second"\nlike = "ulx3s"\n[memory]\nmegabytes = 64\n')
+    board(folder, "third", 'name = "third"\nlike = "second"\n[limits]\nsystem_mhz = 50.0\n')
+    third, first = fpga_board("third"), fpga_board("ulx3s")
     assert (third.memory.megabytes, third.memory.grade) == (64, first.memory.grade)
     assert (third.limits.system_mhz, third.limits.memory_mhz) == (50.0, first.limits.memory_mhz)
-    (tmp_path / "rtl/board/first/board.toml").write_text('like = "third"\n' + files["first"])
-    fpga_boards.cache_clear()
-    with pytest.raises(InputError, match="end the circle"):
-        fpga_boards()
-    fpga_boards.cache_clear()
+
+
+def test_a_board_like_another_has_its_pins_and_its_rtl(folder):
+    """Both from the folders where they are; what it names itself is beside its own file."""
+    board(folder, "second", 'name = "second"\nlike = "ulx3s"\n[memory]\nmegabytes = 64\n')
+    board(folder, "third", 'name = "third"\nlike = "second"\nvideo = "parallel"\n')
+    board(folder, "fourth", 'name = "fourth"\nlike = "third"\nconstraints = ["../ulx3s/ulx3s.lpf", "own.lpf"]\n')
+    board(folder, "fifth", 'name = "fifth"\nlike = "fourth"\n')
+    (folder / "fourth/own.lpf").write_text("")
+    pins = {
+        name: [(folder / name / pins).resolve().relative_to(folder) for pins in one.constraints]
+        for name, one in fpga_boards().items()
+    }
+    first = [Path("ulx3s/ulx3s.lpf"), Path("ulx3s/gpdi.lpf")]
+    assert pins["ulx3s"] == pins["second"] == pins["third"] == first
+    assert pins["fourth"] == pins["fifth"] == [Path("ulx3s/ulx3s.lpf"), Path("fourth/own.lpf")]
+    chain = ["fifth", "fourth", "third", "second", "ulx3s"]
+    for count in range(1, 6):
+        assert fpga_board(chain[-count]).folders == [folder / name for name in chain[-count:]]
+        bitstream.check_board(fpga_board(chain[-count]))
+
+
+@pytest.mark.parametrize(
+    ("like", "said"),
+    [
+        ('"nosuch"', 'mine/board.toml: like: "nosuch" is no board; choose from mine, ulx3s'),
+        ('"../../etc"', 'mine/board.toml: like: "../../etc" is no board; choose from'),
+        ('""', 'mine/board.toml: like: "" is no board'),
+        ("7", "mine/board.toml: like: 7 is no board"),
+        ('["ulx3s"]', 'mine/board.toml: like: ["ulx3s"] is no board'),
+        ('"mine"', "mine/board.toml: like: mine is like this board; end the circle"),
+    ],
+)
+def test_a_board_like_none(folder, like, said):
+    board(folder, "mine", f'name = "mine"\nlike = {like}\n')
+    with pytest.raises(InputError, match=re.escape(said)):
+        fpga_board("mine")
+
+
+def test_boards_in_a_circle(folder):
+    """Also where the board that is asked for is not in it, and where the circle has the length of all boards."""
+    names = [f"b{number}" for number in range(12)]
+    for name, other in zip(names, [*names[1:], "b3"], strict=True):
+        board(folder, name, f'name = "{name}"\nlike = "{other}"\n')
+    for name in names:
+        with pytest.raises(InputError, match=r"b\d+/board.toml: like: b\d+ is like this board; end the circle"):
+            fpga_board(name)
+    board(folder, "b11", 'name = "b11"\nlike = "ulx3s"\n')
+    assert fpga_board("b0").folders == [*(folder / name for name in names), folder / "ulx3s"]
 
 
 @pytest.mark.parametrize(
@@ -159,6 +219,12 @@ def test_a_board_like_another_has_its_keys_in_tables_too(tmp_path, monkeypatch):
     [
         ({"top": "nosuch"}, "there is no nosuch.sv beside it"),
         ({"constraints": ["none.lpf"]}, "there is no file none.lpf"),
+        ({"constraints": []}, "board.toml: constraints: is empty; name files of pins (.lpf)"),
+        ({"constraints": [str(TOP / "rtl/board/ulx3s/ulx3s.lpf")]}, "ulx3s.lpf is no path from its folder into the"),
+        ({"constraints": ["ulx3s.lpf", "../../../../mine.lpf"]}, "../../../../mine.lpf is no path from its folder"),
+        ({"constraints": ["gpdi.lpf"]}, "oscillator_mhz: 25 MHz, and no file of pins has a FREQUENCY PORT; give"),
+        ({"oscillator_mhz": 48.0}, 'oscillator_mhz: 48 MHz, and FREQUENCY PORT "clk_25mhz" of ulx3s.lpf is 25 MHz; '),
+        ({"fpga": {"device": "85f"}}, "fpga.device: '85f' is no option of nextpnr; choose from 12k, 25k, 45k, 85k, um"),
         ({"memory": {"grade": "Nonsense"}}, "memory.grade: 'Nonsense' is no grade; choose from Grade75, "),
     ],
 )
@@ -167,6 +233,37 @@ def test_a_board_file_that_names_what_there_is_not(change, said):
     change = {k: replace(getattr(board, k), **v) if isinstance(v, dict) else v for k, v in change.items()}
     with pytest.raises(InputError, match=re.escape(said)):
         bitstream.plan(replace(board, **change), load_display(str(TOP / "scenes/displays/vga-square.toml")))
+
+
+@pytest.mark.parametrize(
+    ("line", "good"),
+    [
+        ('FREQUENCY PORT "clk" 25 MHZ;', True),
+        ("  frequency  port\n  clk 25000.0 kHz ;", True),
+        ('IOBUF PORT "clk" IO_TYPE=LVCMOS33; FREQUENCY PORT "clk" 25000000 HZ;', True),
+        (
+            'FREQUENCY PORT "other" 48 MHZ; # a comment; with a semicolon\nFREQUENCY PORT "clk" 25. MHZ; // its clock',
+            True,
+        ),
+        ('FREQUENCY PORT "clk" 25 KHZ;', False),
+        ('FREQUENCY PORT "clk" 25.1 MHZ;', False),
+        ('# FREQUENCY PORT "clk" 25 MHZ;', False),
+        ('FREQUENCY NET "clk" 25 MHZ;', False),
+    ],
+)
+def test_the_oscillators_clock_in_a_file_of_pins(folder, line, good):
+    board(folder, "mine", 'name = "mine"\nlike = "ulx3s"\nconstraints = ["own.lpf"]\n')
+    (folder / "mine/own.lpf").write_text(line)
+    if good:
+        bitstream.check_board(fpga_board("mine"))
+    else:
+        with pytest.raises(InputError, match="oscillator_mhz: 25 MHz, and "):
+            bitstream.check_board(fpga_board("mine"))
+
+
+def test_a_panel_for_which_the_line_is_too_fast_names_the_key(tmp_path, capsys):
+    line = refused(capsys, "--board", "ulx3s_lcd", "--display", shown(480, 272, tmp_path))
+    assert line.endswith(f" baud, by baud in {TOP}/rtl/board/ulx3s_lcd/board.toml")
 
 
 def test_every_key_of_a_board_file_is_documented():
@@ -224,6 +321,67 @@ def test_what_is_not_met_is_told(old, new, missed):
     assert missed in "; ".join(bitstream.clocks_met(hd(), SAID.replace(old, new))[1])
 
 
+#: The same of 640 x 480 at a parallel panel.
+LCD_SAID = """
+Info: Max frequency for clock '$glbnet$i_clocks.memory_clk_o': 150.00 MHz (PASS at 125.00 MHz)
+Info: Max frequency for clock 'clk_25mhz$TRELLIS_IO_IN': 500.00 MHz (PASS at 25.00 MHz)
+Info: Max frequency for clock             '$glbnet$clk': 21.25 MHz (FAIL at 25.00 MHz)
+"""
+
+
+@pytest.fixture
+def routed(tmp_path, monkeypatch):
+    """A call: nextpnr says a text, writes its configuration or not, and ends with a line of shell; returns the rows."""
+    monkeypatch.setattr(bitstream, "_work_folder", lambda made: tmp_path)
+    made = bitstream.plan(fpga_board("ulx3s_lcd"), load_display(str(TOP / "scenes/displays/vga-square.toml")))
+    files = made.source, made.constraints
+    for module in (bitstream, bitstream.flow):
+        monkeypatch.setattr(module, "repository", lambda: tmp_path)
+    monkeypatch.setattr(bitstream.Plan, "source", files[0])
+    monkeypatch.setattr(bitstream.Plan, "constraints", [])
+    (tmp_path / "netlist.json").write_text("{}")
+    (tmp_path / "written.json").write_text("7")
+    program = tmp_path / "nextpnr-ecp5"
+    monkeypatch.setenv("NEXTPNR", str(program))
+
+    def place(said, writes, ends):
+        (tmp_path / "said").write_text(said)
+        config = "seed-1.config" if writes else "nowhere"
+        program.write_text(f"#!/bin/sh\ncat said\necho configuration > {config}\n{ends}\n")
+        program.chmod(program.stat().st_mode | stat.S_IXUSR)
+        return bitstream.place(made, [1])
+
+    return place
+
+
+@pytest.mark.parametrize(
+    ("said", "writes", "ends", "told"),
+    [
+        ("Info: begins\nERROR: there is no site Z99\n", False, "exit 1", "ERROR: there is no site Z99"),
+        ("Info: begins\n", False, "kill -9 $$", "ended by signal 9"),
+        # Clocks are told after placement too.
+        (LCD_SAID + "ERROR: routing failed\n", False, "exit 1", "ERROR: routing failed"),
+        (LCD_SAID + "Info: Routing..\n", False, "kill -9 $$", "ended by signal 9"),
+        (LCD_SAID.replace("Max frequency for clock 'clk", "'clk") + "ERROR: odd", True, "exit 1", "ERROR: odd"),
+        (LCD_SAID.replace("21.25", "31.25") + "ERROR: no report", True, "exit 1", "ERROR: no report"),
+    ],
+)
+def test_a_nextpnr_that_fails_is_no_clock_that_is_not_met(routed, tmp_path, said, writes, ends, told):
+    """Nothing is kept of it, also where an earlier run has left a configuration: the next call runs it again."""
+    (tmp_path / "seed-1.config").write_text("of an earlier run")
+    for _ in range(2):
+        with pytest.raises(bitstream.LippmannError, match=told):
+            routed(said, writes, ends)
+        assert not (tmp_path / "seed-1.json").exists()
+
+
+def test_a_clock_that_is_not_met_is_kept(routed, tmp_path):
+    (row,) = routed(LCD_SAID + "ERROR: Max frequency for clock '$glbnet$clk': 21.25 MHz (FAIL)\n", True, "exit 1")
+    assert (row["missed"], row["system_mhz"], row["system_ratio"]) == ("system 21.2 of 25.0 MHz", 21.25, 0.85)
+    assert (tmp_path / "seed-1.json").exists()
+    assert routed("ERROR: is not called", False, "exit 1") == [row]
+
+
 def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     """The flow with its tools replaced: what is packed is the first seed that is good, kept results are used again."""
     routed = []
@@ -270,7 +428,7 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     assert re.fullmatch(re.escape(head) + r"[0-9a-f]{16} seed=3 sha256=[0-9a-f]{64}", lines[1])
     done = CliRunner().invoke(bitstream.main, ["--display", display, "--seeds", "1,2"])
     assert isinstance(done.exception, bitstream.TimingError)
-    assert done.exception.exit_code == 1
+    assert done.exception.exit_code == 4
     assert "no seed of 1,2 meets every clock; try others with --seeds" in str(done.exception)
     report = tmp_path / "report"
     report.mkdir()
@@ -278,7 +436,8 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     assert routed[-1] == 4
     text = (report / "bitstream.md").read_text()
-    assert "| 83.2 | 400 | 130 |" in text
+    # Of 75, 375 and 125 MHz, as nextpnr is asked for.
+    assert "| 83.2 | 400 | 130 | 500 | 1.11 | 1.07 | 1.04 |  |" in text
     assert "375.00" in text
     assert "hd-square,3" in (report / "bitstream.csv").read_text()
 
@@ -291,9 +450,21 @@ def test_make_takes_no_display_from_the_environment():
     assert plain.split()[-1] == "lippmann.dev.bitstream"
     asked = ["BOARD=ulx3s_lcd", "DISPLAY=x.toml", "SEEDS=1,2", "LAYERS=0", "BILINEAR=1"]
     full = subprocess.run([*make, *asked], cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
-    assert full.strip().endswith(
-        "lippmann.dev.bitstream --board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear"
-    )
+    words = "lippmann.dev.bitstream --board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear"
+    assert shlex.split(full)[-10:] == words.split()
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (["BOARD=", "DISPLAY=x.toml", "LAYERS=", "SEEDS= "], ["--display", "x.toml"]),
+        (["SEEDS=1 2", "DISPLAY=my display's.toml"], ["--display", "my display's.toml", "--seeds", "1 2"]),
+    ],
+)
+def test_make_takes_values_with_blanks_and_none(asked, words):
+    make = ["make", "-n", "-o", ".venv/.ready", "bitstream", *asked]
+    said = subprocess.run(make, cwd=TOP, capture_output=True, text=True, check=True).stdout
+    assert shlex.split(said)[-len(words) - 1 :] == ["lippmann.dev.bitstream", *words]
 
 
 def test_it_is_a_command(tmp_path):

@@ -217,7 +217,7 @@ def test_doctor_tells_why_a_port_cannot_be_used(capfd, monkeypatch):
     busy = os.ttyname(slave)
     with ModelBoard() as model, open_port(busy):
         for url, code, told in (
-            (model.url, 0, "a board at 115200 baud"),
+            (model.url, 0, "a board answers"),
             ("/dev/ttyNONE", 1, "no such port; plug"),
             (busy, 1, "the port is busy; close the other program"),
             ("gopher://there", 2, "is not a port"),

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import runpy
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import sys
 import pytest
 from click.testing import CliRunner
 from lippmann.cli import run
-from lippmann.dev import mutation
+from lippmann.dev import flow, mutation
 from lippmann.sim.tools import repository
 
 COMMANDS = (
@@ -27,6 +28,7 @@ COMMANDS = (
 )
 
 REPORTS = repository() / "docs/reports"
+VGA = repository() / "scenes/displays/vga-square.toml"
 
 
 def process(place, module, *arguments):
@@ -112,6 +114,60 @@ def test_faults_leave_elaboration_checks_alone():
     assert not [
         line for line in tried if line.startswith("  if (Walk > 4") or line.startswith("  if (Model > ModelExact")
     ]
+
+
+#: A register that samples another clock's, as yosys writes it, with nothing that may be left out.
+FLOP = {"type": "TRELLIS_FF", "parameters": {}, "port_directions": {"CLK": "input", "DI": "input", "Q": "output"}}
+CROSSING = {
+    "ports": {name: {"direction": "input", "bits": [bit]} for name, bit in (("a", 2), ("b", 3), ("d", 4))},
+    "cells": {
+        "one": FLOP | {"connections": {"CLK": [2], "DI": [4], "Q": [5]}},
+        "two": FLOP | {"connections": {"CLK": [3], "DI": [5], "Q": [6]}},
+    },
+    "netnames": {name: {"bits": [bit]} for name, bit in (("a", 2), ("b", 3), ("d", 4), ("one_q", 5), ("two_q", 6))},
+}
+
+
+def test_a_netlist_without_attributes_is_checked(tmp_path):
+    path = tmp_path / "netlist.json"
+    path.write_text(json.dumps({"modules": {"top": CROSSING}}))
+    code, _, err = called(tmp_path, "crossings", path, "--timed", "d")
+    assert code == 4
+    assert err == ["lippmann: one_q (a) reaches DI of two (b) without a synchroniser"]
+
+
+@pytest.mark.parametrize(
+    "modules",
+    [[], {"top": 1}, {"top": {}}, {"top": CROSSING | {"ports": None}}, {"top": CROSSING | {"cells": {"one": {}}}}],
+)
+def test_what_is_no_netlist_is_told_in_one_line(tmp_path, modules):
+    path = tmp_path / "netlist.json"
+    path.write_text(json.dumps({"modules": modules}))
+    code, out, err = called(tmp_path, "crossings", path)
+    assert (code, out) == (2, [])
+    assert err == [f"lippmann: {path}: this is no netlist of yosys; write it with synth_ecp5 -json"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            ("--board", "ulx3s_lcd"),
+            "--board ulx3s_lcd: it has lipp_ulx3s_lcd, parallel, Grade75; simulated are lipp_ulx3s, dvi, Grade75; ",
+        ),
+        (("--board", "ulx3s", "--memory", "block"), "--memory: ulx3s has its frames in its SDRAM; leave out --memory"),
+        (("--board", "ulx3s", "--memory", "sdram"), "--memory: ulx3s has its frames in its SDRAM; leave out --memory"),
+        (("--board", "ulx3"), "ulx3: no such board; did you mean ulx3s?"),
+    ],
+)
+def test_a_board_that_is_not_simulated_is_refused_before_synthesis(tmp_path, monkeypatch, options, said):
+    def synthesise(*_):
+        raise AssertionError("it is synthesised")
+
+    monkeypatch.setattr(flow, "synthesise", synthesise)
+    code, out, err = called(tmp_path, "netlist", *options, "--display", VGA)
+    assert (code, out, len(err)) == (2, [], 1)
+    assert err[0].startswith(f"lippmann: {said}")
 
 
 RESULTS = """<testsuites><testsuite tests="4" time="90" timestamp="2026-01-02T03:04:05.6">

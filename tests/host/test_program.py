@@ -2,13 +2,14 @@
 
 import json
 import os
+import shutil
 import stat
 from types import SimpleNamespace
 
 import pytest
 from lippmann.board import program as program_module
 from lippmann.board.bitfile import comment, read_bitfile, sealed
-from lippmann.board.fpga_boards import board_of_port, fpga_board, usual_baud
+from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, read_boards, usual_baud
 from lippmann.cli import doctor as doctor_module
 from lippmann.cli import run
 from lippmann.errors import InputError
@@ -17,7 +18,9 @@ from lippmann.sim.tools import repository
 
 VGA = str(repository() / "scenes/displays/vga-square.toml")
 IDENTITY = "fff26505bc0c5ffc"
-ULX3S = SimpleNamespace(device="/dev/ttyUSB3", vid=0x0403, pid=0x6015, product="ULX3S FPGA 85K v3.0.8")
+ULX3S = SimpleNamespace(
+    device="/dev/ttyUSB3", vid=0x0403, pid=0x6015, product="ULX3S FPGA 85K v3.0.8", serial_number="K00219"
+)
 OTHER = SimpleNamespace(device="/dev/ttyUSB1", vid=0x0403, pid=0x6015, product="FT231X USB UART")
 
 
@@ -172,11 +175,24 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
         ("exit 7", "openFPGALoader failed (exit code 7); plug"),
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
         ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
+        ('echo "Error: found 2 matching devices"; exit 1', "several adapters of its kind are on USB (Error: found 2"),
+        ('echo "Error: found 12 matching devices"; exit 1', "name one with --serial: lippmann doctor tells the"),
+        ('echo "multiple devices found"; echo "Error: exit"; exit 1', "name one with --serial"),
+        ('echo "Error: no matching devices"; exit 1', "openFPGALoader failed (Error: no matching devices); plug"),
     ],
 )  # fmt: skip
 def test_errors_of_the_loader(place, script, said, capsys):
     loads(place, script)
     assert said in refused(capsys, 1, "board.bit")
+
+
+def test_a_loader_of_another_machine(place, capsys):
+    loads(place, "")
+    (place / "bin" / "openFPGALoader").write_bytes(b"\x7fELF, of another machine")
+    assert run(["board", "program", "board.bit"]) == 3
+    line = capsys.readouterr().err.splitlines()[-1]
+    loader = place / "bin" / "openFPGALoader"
+    assert line == f"lippmann: {loader}: cannot be run (Exec format error); {program_module.LOADER.remedy}"
 
 
 def test_a_loader_that_does_not_end(place, monkeypatch, capsys):
@@ -195,6 +211,11 @@ def test_a_loader_that_does_not_end(place, monkeypatch, capsys):
         (bits().replace(bytes(64), bytes(60) + b"flip"), (), "is damaged: its digest is another one"),
         (bits().replace(bytes(64), bytes(32)), (), "is damaged"),
         (bits() * 2, (), "is damaged"),
+        (bits().replace(b"Lippmann", b"Lipqmann"), ("--board", "ulx3s"), "is damaged: its text cannot be read"),
+        (bits().replace(b"sha256=", b"sha255="), ("--board", "ulx3s"), "is damaged: its text cannot be read"),
+        (bits().replace(IDENTITY.encode(), b"f" * 16), (), "is damaged: its digest is another one"),
+        (bits().replace(b"vga-square", b"hd-square"), (), "is damaged: its digest is another one"),
+        (bits().replace(b"Part: LFE5U-85F", b"Part: LFE5U-25F"), (), "is damaged: its digest is another one"),
         (bits().replace(b"\xe2\0\0\0", b"\xe3\0\0\0"), (), "is not an ECP5 bitstream"),
         (bits(idcode=0x41112043), (), "is for an LFE5U-45F, ulx3s has an LFE5U-85F"),
         (bits(idcode=0x12345678), (), "is for an 0x12345678, ulx3s has"),
@@ -238,6 +259,17 @@ def test_a_header_of_any_bytes_is_a_header_or_refused(tmp_path):
         assert end >= whole.index(b"\x5e\0\0\0") + 4
 
 
+def test_no_byte_of_a_file_can_be_another(tmp_path):
+    """One bit of each is turned: in header, text and digest too, where the words are that tell whose file it is."""
+    path, whole = tmp_path / "any.bit", bits()
+    path.write_bytes(whole)
+    assert read_bitfile(path).design == DESIGN
+    for at in range(len(whole)):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << at % 8]) + whole[at + 1 :])
+        with pytest.raises(InputError, match=r"is damaged|is not an ECP5 bitstream|without its end"):
+            read_bitfile(path)
+
+
 # --- ports ---------------------------------------------------------------------------------------------
 
 
@@ -247,6 +279,43 @@ def test_a_ulx3s_is_known_and_has_its_baud_rate(monkeypatch):
     assert board_of_port("/dev/ttyUSB1") is None
     assert usual_baud("/dev/ttyUSB3") == 3_000_000
     assert usual_baud("/dev/ttyUSB1") == usual_baud("socket://127.0.0.1:4000") == 115_200
+
+
+@pytest.fixture
+def broken(tmp_path, monkeypatch):
+    """A checkout's boards, and one that is half-written, first in the alphabet."""
+    monkeypatch.setattr("lippmann.board.fpga_boards.hardware", lambda: tmp_path / "top")
+    shutil.copytree(repository() / "rtl/board", tmp_path / "top/rtl/board")
+    (tmp_path / "top/rtl/board/a_board").mkdir()
+    (tmp_path / "top/rtl/board/a_board/board.toml").write_text('name = "a_board"\n[fpga]\nspeed = 9\n')
+    read_boards.cache_clear()
+    yield
+    read_boards.cache_clear()
+
+
+def test_a_half_written_board_file_hinders_no_port(broken, monkeypatch):
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
+    assert usual_baud("/dev/ttyUSB3") == 3_000_000
+    assert usual_baud("/dev/ttyUSB1") == 115_200
+    with pytest.raises(InputError, match=r"a_board/board\.toml: fpga\.speed"):
+        fpga_boards()
+
+
+def test_a_half_written_board_file_hinders_no_other_board(broken, place, capsys):
+    assert run(["board", "program", "board.bit", "--display", VGA]) == 0
+    capsys.readouterr()
+    (place / "called.txt").unlink()
+    (place / "board.bit").write_bytes(bits(""))
+    assert "a_board/board.toml: fpga.speed" in refused(capsys, 2, "board.bit", "--board", "a_board")
+
+
+@pytest.mark.parametrize("url", ["socket://127.0.0.1:4000", "unix:///tmp/x", "loop://", "rfc2217://there:7000"])
+def test_no_port_is_looked_for_behind_a_url(url, monkeypatch):
+    def asked():
+        raise AssertionError("this machine's ports are listed")
+
+    monkeypatch.setattr(port_module.list_ports, "comports", asked)
+    assert usual_baud(url) == 115_200
 
 
 @pytest.mark.parametrize(("options", "rate"), [((), 3_000_000), (("--baud", "9600"), 9600)])
@@ -262,6 +331,7 @@ def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
         raise DeviceError(f"{url}: nothing answers; check it")
 
     monkeypatch.setattr(discovery.Board, "open", refuse)
+    monkeypatch.setattr(discovery, "own_boards", list)
     assert run(["board", "info", *options]) == 1
     assert opened == {"/dev/ttyUSB1": rate if options else 115_200, "/dev/ttyUSB3": rate}
     opened.clear()
@@ -276,9 +346,14 @@ def test_doctor_names_the_board_and_the_loader(place, monkeypatch, capsys):
     monkeypatch.setattr(doctor, "port_trouble", lambda url: None)
     run(["doctor", "--json"])
     checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
-    assert checks["/dev/ttyUSB3"]["detail"].startswith("Radiona ULX3S 85F, GPDI, 3000000 baud: ")
+    title = "Radiona ULX3S 85F, GPDI, 3000000 baud"
+    assert checks["/dev/ttyUSB3"]["detail"].startswith(f"{title}, serial number K00219: ")
     assert "ULX3S" not in checks["/dev/ttyUSB1"]["detail"]
     assert checks["openFPGALoader"]["ok"]
+    monkeypatch.setattr(ULX3S, "serial_number", None)
+    run(["doctor", "--json"])
+    checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
+    assert checks["/dev/ttyUSB3"]["detail"].startswith(f"{title}: ")
     (place / "bin" / "openFPGALoader").unlink()
     run(["doctor", "--json"])
     checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
@@ -287,12 +362,26 @@ def test_doctor_names_the_board_and_the_loader(place, monkeypatch, capsys):
     assert "apt-get install -y openfpgaloader" in checks["openFPGALoader"]["detail"]
 
 
-def test_doctor_goes_on_beside_a_broken_board_file(monkeypatch, capsys):
-    def broken():
-        raise InputError("rtl/board/mine/board.toml: fpga.speed: 9 is above 8; give 8 at most")
-
-    monkeypatch.setattr(doctor_module, "fpga_boards", broken)
+def test_doctor_goes_on_beside_a_broken_board_file(broken, monkeypatch, capsys):
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
+    monkeypatch.setattr(doctor_module, "port_trouble", lambda url: None)
     assert run(["doctor", "--json"]) in (0, 3)
     checks = {check["check"]: check for check in json.loads(capsys.readouterr().out)["checks"]}
     assert "fpga.speed" in checks["board files"]["detail"]
     assert not checks["board files"]["ok"]
+    assert checks["/dev/ttyUSB3"]["detail"].startswith("Radiona ULX3S 85F, GPDI, 3000000 baud, ")
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("socket://127.0.0.1:4177", "socket://127.0.0.1:4177 a board answers"),
+        ("unix:///tmp/b", "unix:///tmp/b       a board answers"),
+        ("/dev/ttyUSB3", "/dev/ttyUSB3        a board at 3000000 baud"),
+    ],
+)
+def test_doctor_tells_a_rate_where_there_is_one(url, told, monkeypatch, capsys):
+    monkeypatch.setattr(doctor_module, "port_trouble", lambda url: None)
+    monkeypatch.setattr(doctor_module, "baud_of_board", lambda url: 3_000_000)
+    run(["doctor", "--port", url])
+    assert capsys.readouterr().out.splitlines()[-1] == f"ok      {told}"

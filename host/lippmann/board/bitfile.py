@@ -49,22 +49,27 @@ class BitFile:
 
 
 #: The digest in the text before it is known.
-NO_DIGEST = "0" * 64
+NO_DIGEST = b"0" * 64
+#: The text that `make bitstream` writes, and its words: one that is left marks the text, whatever else is damaged.
+TEXT = re.compile(
+    rb"Lippmann board=(\S+) display=([^\0]+?) identity=([0-9a-f]{16}) design=(\w+) seed=\d+ sha256=([0-9a-f]{64})\0"
+)
+WORDS = (b"Lippmann", b"identity=", b"sha256=")
 
 
 def comment(board: str, display: str, identity: str, design: str, seed: int) -> str:
-    """Return the text in a bitstream's header, still without the digest of what follows."""
+    """Return the text in a bitstream's header, still without the digest of the file."""
     told = f"Lippmann board={board} display={display} identity={identity} design={design} seed={seed}"
-    return f"{told} sha256={NO_DIGEST}"
+    return f"{told} sha256={NO_DIGEST.decode()}"
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with the digest of its configuration in its text."""
-    return data.replace(NO_DIGEST.encode(), _digest(data).encode(), 1)
+    """Return a bitstream with the digest of the whole file, in which it is zeros, in its text."""
+    return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data[data.find(PREAMBLE) :]).hexdigest()
+def _digest(data: bytes) -> bytes:
+    return hashlib.sha256(data).hexdigest().encode()
 
 
 def read_bitfile(path: Path) -> BitFile:
@@ -85,13 +90,12 @@ def read_bitfile(path: Path) -> BitFile:
         raise input_error(str(path), "is not an ECP5 bitstream", REMEDY)
     if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
         raise input_error(str(path), "is a bitstream without its end", "copy it again, or run make bitstream")
-    texts = data[:start].decode("ascii", errors="replace")
-    told = re.search(
-        r"Lippmann board=(\S+) display=(.+?) identity=([0-9a-f]{16}) design=(\w+) .*sha256=([0-9a-f]{64})", texts
-    )
+    texts = data[:start]
+    told = TEXT.search(texts)
     idcode = int.from_bytes(data[at + 4 : at + 8], "big")
-    if told is None:
+    if told is None and not any(word in texts for word in WORDS):
         return BitFile(idcode, "", "", "", "")
-    if told[5] != _digest(data):
-        raise input_error(str(path), "is damaged: its digest is another one", "copy it again, or run make bitstream")
-    return BitFile(idcode, *told.groups()[:4])
+    if told is None or told[5] != _digest(data[: told.start(5)] + NO_DIGEST + data[told.end(5) :]):
+        why = "its text cannot be read" if told is None else "its digest is another one"
+        raise input_error(str(path), f"is damaged: {why}", "copy it again, or run make bitstream")
+    return BitFile(idcode, *(text.decode(errors="replace") for text in told.groups()[:4]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import reprlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,13 +12,11 @@ from typing import Annotated, Any, Literal
 import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
-from lippmann.errors import did_you_mean, input_error
+from lippmann.errors import InputError, did_you_mean, input_error
 from lippmann.link.port import DEFAULT_BAUD
 from lippmann.sim.tools import hardware
 from lippmann.toml import documented, key, load, read
 
-#: Most boards of which each is like the next.
-MOST_LIKE = 8
 #: Folder of the boards' folders in a checkout, and the file in each.
 FOLDER, FILE = Path("rtl", "board"), "board.toml"
 
@@ -89,8 +89,9 @@ class FpgaBoard:
 
     @property
     def folders(self) -> list[Path]:
-        """The folders of its RTL."""
-        return [self.folder, *([] if self.like is None else [self.folder.parent / self.like])]
+        """The folders of its RTL: its own, then those of the boards that it is like."""
+        others = [] if self.like is None else _chain(self.folder.parent / self.like / FILE)
+        return [self.folder, *(path.parent for path in others)]
 
     def owns(self, port: ListPortInfo) -> bool:
         """Return whether a serial port is that of such a board."""
@@ -98,47 +99,98 @@ class FpgaBoard:
         return same and self.usb.text in (port.product or "")
 
 
-def _keys(path: Path, above: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the keys of a file, with those of the board that it is like where it has none, in its tables too."""
-    keys = load(path, "board")
-    name = str(keys.get("like", ""))
-    if not name:
-        return keys
-    if name in above or len(above) > MOST_LIKE:
-        raise input_error(f"{path}: like", f"{name} is like this board", "end the circle")
-    other = _keys(path.parent.parent / name / FILE, (*above, path.parent.name))
-    tables = {key: {**other[key], **value} for key, value in keys.items() if isinstance(value, dict) and key in other}
-    return {**other, **keys, **tables}
+def _names() -> list[str]:
+    """Return the names of the boards' folders."""
+    return sorted(path.parent.name for path in (hardware() / FOLDER).glob(f"*/{FILE}"))
 
 
-@cache
-def fpga_boards() -> dict[str, FpgaBoard]:
-    """Return the boards by name; raise InputError for a file that is wrong."""
-    found = {}
-    for path in sorted((hardware() / FOLDER).glob(f"*/{FILE}")):
-        board = read(FpgaBoard, _keys(path), str(path))
-        if board.name != path.parent.name:
-            raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{path.parent.name}"')
-        found[board.name] = board
+def _chain(path: Path) -> list[Path]:
+    """Return the file of a board, then those of the boards that it is like, each like the next."""
+    found = [path]
+    while (name := load(found[-1], "board").get("like")) is not None:
+        where, boards = f"{found[-1]}: like", _names()
+        if name not in boards:
+            shown = reprlib.repr(name).replace("'", '"')
+            raise input_error(where, f"{shown} is no board", f"choose from {', '.join(boards)}, or leave it out")
+        other = path.parent.parent / name / FILE
+        if other in found:
+            raise input_error(where, f"{name} is like this board", "end the circle")
+        found.append(other)
     return found
 
 
+def _keys(path: Path) -> dict[str, Any]:
+    """Return the keys of a file, with those of the boards that it is like where it has none, in its tables too.
+
+    Files of pins of another board are named from this one's folder.
+    """
+    keys: dict[str, Any] = {}
+    for one in reversed(_chain(path)):
+        own = load(one, "board")
+        tables = {name: {**keys[name], **table} for name, table in own.items() if _are_tables(table, keys.get(name))}
+        keys = {**keys, **own, **tables}
+        pins = own.get("constraints")
+        if one != path and isinstance(pins, list):
+            keys["constraints"] = [_from_beside(name, one.parent.name) for name in pins]
+    return keys
+
+
+def _are_tables(*some: Any) -> bool:
+    return all(isinstance(one, dict) for one in some)
+
+
+def _from_beside(name: Any, folder: str) -> Any:
+    """Return the name of a file in a folder as one beside that folder has it; what is no name stays."""
+    return os.path.normpath(os.path.join("..", folder, name)) if isinstance(name, str) else name
+
+
+@cache
+def read_boards() -> dict[str, FpgaBoard | InputError]:
+    """Return each board by the name of its folder; in the place of one whose file is wrong, the error."""
+    found: dict[str, FpgaBoard | InputError] = {}
+    for name in _names():
+        path = hardware() / FOLDER / name / FILE
+        try:
+            board = read(FpgaBoard, _keys(path), str(path))
+            if board.name != name:
+                raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{name}"')
+            found[name] = board
+        except InputError as error:
+            found[name] = InputError(str(error))
+    return found
+
+
+def fpga_boards() -> dict[str, FpgaBoard]:
+    """Return the boards by name; raise InputError for a file that is wrong."""
+    return {name: _whole(board) for name, board in read_boards().items()}
+
+
 def fpga_board(name: str) -> FpgaBoard:
-    """Return a board by its name; raise InputError for an unknown one."""
-    boards = fpga_boards()
+    """Return a board by its name; raise InputError for an unknown one, and for one whose file is wrong."""
+    boards = read_boards()
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
         raise input_error(name, "no such board", f"{remedy}; rtl/board/NAME/board.toml adds one")
-    return boards[name]
+    return _whole(boards[name])
+
+
+def _whole(board: FpgaBoard | InputError) -> FpgaBoard:
+    if isinstance(board, InputError):
+        raise InputError(str(board))
+    return board
 
 
 def board_of_port(url: str) -> FpgaBoard | None:
     """Return the board that a serial port belongs to, by its USB adapter; None for any other port.
 
-    Boards that share an adapter differ in their bitstreams only; the first is returned.
+    Boards that share an adapter differ in their bitstreams only; the first is returned. One whose file is wrong is
+    passed over.
     """
+    if "://" in url:  # a socket
+        return None
     ports = [port for port in serial.tools.list_ports.comports() if port.device == url]
-    return next((board for board in fpga_boards().values() for port in ports if board.owns(port)), None)
+    boards = [board for board in read_boards().values() if isinstance(board, FpgaBoard)] if ports else []
+    return next((board for board in boards for port in ports if board.owns(port)), None)
 
 
 def usual_baud(url: str) -> int:

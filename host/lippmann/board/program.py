@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from lippmann.board.bitfile import BitFile, read_bitfile
 from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
-from lippmann.errors import DeviceError, InputError, device_error, input_error, no_board_error
+from lippmann.errors import DeviceError, MissingLibraryError, device_error, input_error, no_board_error
 from lippmann.programs import run_program
 from lippmann.sim.tools import Tool
 
@@ -20,13 +21,16 @@ CONNECT = "connect its USB socket US1, and switch it on"
 REPLUG = "plug the board in again, then run it again"
 #: Where Linux lists the devices on USB.
 USB_DEVICES = Path("/sys/bus/usb/devices")
-#: Words of openFPGALoader, and what they come to: the cause is the first of these that it says, whatever it says last.
-CAUSES: tuple[tuple[tuple[str, ...], str, str], ...] = (
-    (("permission denied", "access denied", "usb_open() failed"), "openFPGALoader may not use the board",
+#: Words of openFPGALoader, in small letters, and what they come to: the cause is the first of these that it says,
+#: whatever it says last.
+CAUSES = (
+    (r"permission denied|access denied|usb_open\(\) failed", "openFPGALoader may not use the board",
      "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again"),
-    (("unable to claim",), "another program uses the board's adapter", "close it, then run it again"),
-    (("mismatch", "id err"), "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
-    (("crc",), "the FPGA refuses the bitstream", "make it again (make bitstream)"),
+    (r"unable to claim", "another program uses the board's adapter", "close it, then run it again"),
+    (r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
+     "several adapters of its kind are on USB", "name one with --serial: lippmann doctor tells the numbers"),
+    (r"mismatch|id err", "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
+    (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
 )  # fmt: skip
 #: Its words when it finds no board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
@@ -129,8 +133,8 @@ def program(
     log
         Called with a line before the load, and with one when Ctrl-C leaves the flash memory half-written.
 
-    Raises InputError for a wrong file, MissingLibraryError without openFPGALoader, and DeviceError when there is no
-    board or more than one, or the loader fails.
+    Raises InputError for a wrong file, MissingLibraryError without an openFPGALoader that runs, and DeviceError when
+    there is no board or more than one, or the loader fails.
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)
@@ -152,7 +156,7 @@ def program(
             log(f"{board.name}: {again}")
         raise
     except OSError as error:
-        raise InputError(f"{loader}: cannot be run ({error.strerror}); {LOADER.remedy}") from None
+        raise MissingLibraryError.at(str(loader), f"cannot be run ({error.strerror})", LOADER.remedy) from None
     if done.returncode:
         raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, again)
     return board
@@ -163,7 +167,7 @@ def _failure(board: FpgaBoard, said: str, code: int, again: str) -> DeviceError:
     lines = [" ".join(line.split()) for line in said.replace("\r", "\n").splitlines() if line.strip()]
     for words, what, remedy in CAUSES:
         for line in lines:
-            if any(word in line.lower() for word in words):
+            if re.search(words, line.lower()):
                 return device_error(board.name, f"{what} ({line})", remedy)
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
     telling = [line for line in wrong if EMPTY not in line]

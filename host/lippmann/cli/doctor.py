@@ -15,7 +15,8 @@ from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, to_install
 from lippmann.limits import free_memory_mb
-from lippmann.link.port import adapter_ports, port_trouble, ports
+from lippmann.link.port import adapter_ports, port_trouble, ports, serial_number
+from lippmann.link.socket_port import SCHEMES
 from lippmann.povray.program import POVRAY
 from lippmann.provenance import machine_name
 from lippmann.sim.tools import RTL_TOOLS
@@ -60,34 +61,40 @@ def command(
     for tool in (*RTL_TOOLS, LOADER, POVRAY):
         at = tool.find()
         check(tool.name, at is not None, f"{tool.purpose}; {at or f'missing: {tool.remedy}'}", needed=False)
-    known_boards = True
     try:
         fpga_boards()
     except InputError as error:  # of a reader's own board: the ports are looked at all the same
-        known_boards = False
         check("board files", False, str(error), needed=False)
     adapters = adapter_ports()
     for url in ports():
         # Opening a port moves its control lines, which resets some devices.
         trouble = port_trouble(url) if url in adapters else None
         detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
-        board = board_of_port(url) if known_boards else None
-        known = "" if board is None else f"{board.title}, {board.baud} baud: "
-        check(url, trouble is None, f"{known}{trouble or detail}", needed=False)
+        check(url, trouble is None, f"{_known(url)}{trouble or detail}", needed=False)
     code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
     if port is not None:
         trouble = port_trouble(port)
         found = None if trouble else baud_of_board(port)
-        check(port, found is not None, str(trouble or (f"a board at {found} baud" if found else NO_ANSWER)))
+        answers = "a board answers" if port.startswith(SCHEMES) else f"a board at {found} baud"
+        check(port, found is not None, str(trouble or (answers if found else NO_ANSWER)))
         if found is None:
             code = code or (trouble or DeviceError).exit_code
 
     lines = [f"lippmann {__version__} on {machine_name()}"]
     for c in checks:
         mark = "ok" if c["ok"] else ("MISSING" if c["needed"] else "none")
-        lines.append(f"{mark:<8}{c['check']:<20}{c['detail']}")
+        lines.append(f"{mark:<8}{c['check']:<19} {c['detail']}")
     emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, lines)
     return code
+
+
+def _known(url: str) -> str:
+    """Return what is known of a port's board, and the number that `board program --serial` takes; else nothing."""
+    board = board_of_port(url)
+    if board is None:
+        return ""
+    number = serial_number(url)
+    return f"{board.title}, {board.baud} baud{f', serial number {number}' if number else ''}: "
 
 
 def _packages() -> list[str]:

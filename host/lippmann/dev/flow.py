@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lippmann.errors import LippmannError, input_error
+from lippmann.errors import LippmannError, MissingLibraryError, input_error
+from lippmann.programs import run_program
 from lippmann.sim.tools import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
 
 #: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
@@ -56,18 +57,28 @@ def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
 def run_tool(command: list[str], record: Path | None = None) -> str:
     """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
 
-    Raises LippmannError with the tool's first error, MissingLibraryError when it is not installed.
+    A signal that ends this command ends the tool too. Raises LippmannError with the tool's first error,
+    MissingLibraryError when it is not installed.
     """
     program = placer() if command[0] == PLACER else _tool(command[0])
-    result = subprocess.run([str(program), *command[1:]], cwd=repository(), capture_output=True, text=True, check=False)
+    result = _run(program, *command[1:])
     said = result.stdout + result.stderr
     if record is not None:
         record.write_text(said)
     if result.returncode:
         lines = said.strip().splitlines() or ["no message"]
-        wrong = next((line for line in lines if "error" in line.lower()), lines[-1])
+        last = lines[-1] if result.returncode > 0 else f"it was ended by signal {-result.returncode}"
+        wrong = next((line for line in lines if re.search(r"\berror\b", line, re.IGNORECASE)), last)
         raise LippmannError(f"{program} failed: {wrong.strip()}" + (f" (see {record})" if record else ""))
     return said
+
+
+def _run(program: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in the checkout's top folder; raise MissingLibraryError when it is none for this machine."""
+    try:
+        return run_program([str(program), *arguments], folder=repository())
+    except OSError as error:
+        raise MissingLibraryError.at(str(program), f"cannot be run ({error.strerror})", "install it again") from None
 
 
 def placer() -> Path:
@@ -87,7 +98,7 @@ def versions() -> dict[str, str]:
     found = {SYNTHESISER: importlib.metadata.version(SYNTHESISER)}
     if not os.environ.get("NEXTPNR"):
         return found | {PLACER: importlib.metadata.version(PLACER)}
-    result = subprocess.run([str(placer()), "--version"], capture_output=True, text=True, check=False)
+    result = _run(placer(), "--version")
     told = re.search(r"Version ([^\s)]+)", result.stdout + result.stderr)
     if told is None:
         raise input_error("NEXTPNR", "it does not tell its version", "give the path of nextpnr-ecp5, or leave it out")
@@ -110,8 +121,11 @@ def synthesise(source: Source, netlist: Path, record: Path) -> int:
     script = f"{source.commands}; flatten; proc; opt_clean; check -assert; "
     script += f"tee -o {counts} select -count t:MULT18X18D; "
     script += f"{SYNTHESIS} -top {source.top} -json {written_to}; check -assert"
-    run_tool([SYNTHESISER, "-p", script], record)
-    return int(counted.read_text().split()[0])
+    try:
+        run_tool([SYNTHESISER, "-p", script], record)
+        return int(counted.read_text().split()[0])
+    finally:
+        counted.unlink(missing_ok=True)
 
 
 def route(netlist: Path, written: int, options: Sequence[str], seed: int, report: Path, record: Path) -> dict[str, Any]:

@@ -95,7 +95,10 @@ class Netlist:
         """Take a module as yosys writes it; raise LippmannError for a cell that is not known here."""
         self.cells = {
             name: Cell(
-                cell["type"], cell["parameters"], cell["connections"], _source(cell["attributes"].get("src", ""))
+                cell["type"],
+                cell["parameters"],
+                cell["connections"],
+                _source(cell.get("attributes", {}).get("src", "")),
             )
             for name, cell in module["cells"].items()
             if not cell["type"].startswith("$scopeinfo")
@@ -132,7 +135,7 @@ class Netlist:
         self.synchronisers = {
             name: net["bits"]
             for name, net in module["netnames"].items()
-            if "async_reg" in net["attributes"] and not net["hide_name"]
+            if "async_reg" in net.get("attributes", {}) and not net.get("hide_name")
         }
 
     # ---- clocks ----
@@ -300,16 +303,21 @@ def read_netlist(path: Path, top: str | None = None) -> Netlist:
         raise InputError(f"{path}: {reason(error)}; give a netlist that yosys wrote with -json") from None
     except (KeyError, TypeError):
         raise input_error(str(path), "this is no netlist of yosys", "write it with synth_ecp5 -json") from None
-    whole = [name for name, module in modules.items() if "blackbox" not in module["attributes"] and module["cells"]]
-    whole = [name for name in whole if "whitebox" not in modules[name]["attributes"]]
-    tops = [name for name in whole if top == name or (top is None and (len(whole) == 1 or _is_top(modules[name])))]
-    if len(tops) != 1:
-        raise input_error(str(path), f"it holds {', '.join(whole) or 'no module'}", "choose one with --top")
-    return Netlist(modules[tops[0]])
+    try:
+        whole = [name for name, module in modules.items() if not _marks(module) & {"blackbox", "whitebox"}]
+        whole = [name for name in whole if modules[name]["cells"]]
+        is_top = {name: name == top or (top is None and "top" in _marks(modules[name])) for name in whole}
+        tops = whole if top is None and len(whole) == 1 else [name for name in whole if is_top[name]]
+        if len(tops) != 1:
+            raise input_error(str(path), f"it holds {', '.join(whole) or 'no module'}", "choose one with --top")
+        return Netlist(modules[tops[0]])
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        raise input_error(str(path), "this is no netlist of yosys", "write it with synth_ecp5 -json") from None
 
 
-def _is_top(module: Mapping[str, Any]) -> bool:
-    return "top" in module["attributes"]
+def _marks(module: Mapping[str, Any]) -> set[str]:
+    """Return the names of a module's attributes, which it may lack."""
+    return set(module.get("attributes", {}))
 
 
 def _indexed(name: str, index: int, bits: list[Bit]) -> str:

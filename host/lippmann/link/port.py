@@ -114,6 +114,11 @@ def adapter_ports() -> list[str]:
     return sorted(port.device for port in list_ports.comports() if port.vid in ADAPTER_VENDORS)
 
 
+def serial_number(url: str) -> str:
+    """Return the serial number of a port's USB adapter, empty when it has none."""
+    return next((port.serial_number or "" for port in list_ports.comports() if port.device == url), "")
+
+
 def port_trouble(url: str) -> DeviceError | InputError | None:
     """Return the error of a port that cannot be opened; None when it can."""
     try:

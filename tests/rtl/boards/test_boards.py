@@ -1,4 +1,4 @@
-"""FPGA boards: each top lints, yosys reads it, its pins are there; the whole flow makes bitstreams (full)."""
+"""FPGA boards: each top lints, also as simulated, yosys reads it, its pins are there; bitstreams are made (full)."""
 
 import re
 
@@ -6,15 +6,17 @@ import pytest
 from click.testing import CliRunner
 from lippmann.board.bitfile import read_bitfile
 from lippmann.board.fpga_boards import fpga_board, fpga_boards
-from lippmann.dev import bitstream
+from lippmann.dev import bitstream, netlist
 from lippmann.dev.flow import run_tool
-from lippmann.dev.lint import lint_board
+from lippmann.dev.lint import elaborated, lint_board
 from lippmann.display import load_display
 from lippmann.sim.tools import repository
 
 TOP = repository()
 BOARDS = sorted(fpga_boards())
 VGA, HD = (str(TOP / f"scenes/displays/{name}-square.toml") for name in ("vga", "hd"))
+#: The pixel clock of 1280 x 720 at 60 Hz by CEA-861: the system's must have a tenth in hand.
+HD_PIXEL_MHZ = 74.25
 #: Cells that are only of one vendor's FPGAs.
 CELLS = r"\b(EHXPLLL|ODDRX1F|IFS1P3DX|OFS1P3[BD]X|BB|DCCA|TRELLIS_\w+)\b"
 
@@ -28,6 +30,32 @@ def test_the_boards():
 def test_a_top_has_no_warning(name):
     done = lint_board(fpga_board(name))
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_simulated_pins_take_what_they_are_given(tmp_path, monkeypatch):
+    """Files and parameters with which `python -m lippmann.dev.netlist` compiles them; one too many is an error."""
+    given = {}
+
+    def compiled(made, module, files, parameters, clocks, roles, flags, options):
+        given.update(module=module, files=files, parameters=parameters, options=options)
+
+    monkeypatch.setattr(netlist, "_on_pins", compiled)
+    netlist.rtl_on_pins(bitstream.plan(fpga_board("ulx3s"), load_display(HD)))
+    module, files, parameters = given["module"], given["files"], given["parameters"]
+    assert (parameters["Width"], parameters["ClockHz"]) == (1280, 75_000_000)
+    text = files[-1].read_text()
+    assert text.count(".Width(Width)") == 1
+    stale = tmp_path / "ulx3s_rtl.sv"  # one that names a parameter which the board's top lacks
+    stale.write_text(text.replace(".Width(Width)", ".Width(Width), .Stale(1)"))
+    for some, values, wrong in (
+        (files, parameters, ""),
+        (files, {**parameters, "Stale": 1}, "Stale"),
+        ([*files[:-1], stale], parameters, "Stale"),
+    ):
+        done = elaborated(module, some, *given["options"], "-Wno-lint", parameters=values)
+        errors = [line for line in done.stderr.splitlines() if line.startswith("%Error")]
+        assert bool(done.returncode) == bool(errors) == bool(wrong), done.stderr
+        assert wrong in "".join(errors)
 
 
 def ports(name):
@@ -79,3 +107,5 @@ def test_a_bitstream(name, display):
         asked, met = map(float, re.findall(rf"^  {role} +([\d.]+) MHz asked +([\d.]+) MHz met", done.output, re.M)[-1])
         assert asked == round(mhz, 2)
         assert met >= asked
+        if display == HD and role == "system":
+            assert met >= 1.1 * HD_PIXEL_MHZ
