@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from numbers import Integral
 from pathlib import Path
 from typing import Self
+
+#: What a terminal would obey instead of show: control characters, and those that turn the direction of writing.
+OBEYED = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]")
 
 
 class LippmannError(Exception):
@@ -93,3 +97,8 @@ def likely_file(path: Path, suffixes: Iterable[str]) -> str:
     """Return the remedy that names the likeliest file in a missing file's folder, or an empty text."""
     files = {one.stem: one for one in sorted(path.parent.glob("*")) if one.suffix.lower() in suffixes and one.is_file()}
     return "".join(f"did you mean {files[likely]}?" for likely in difflib.get_close_matches(path.stem, files, 1))
+
+
+def printable(text: str) -> str:
+    """Return a text for the terminal: what files and names bring that it would obey is shown escaped."""
+    return OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

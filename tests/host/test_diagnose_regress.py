@@ -554,7 +554,7 @@ def test_tie_rule_of_words(tmp_path, capsys):
                 "--fraction-bits", "16"]) == 4  # fmt: skip
     said = capsys.readouterr().out
     assert f"{tie.sum()} of {len(tie)} rays wrong" in said
-    assert "stage: lenslet; cells closed on their other side (tie rule)" in said
+    assert "stage: lenslet (i); cells closed on their other side (tie rule)" in said
 
 
 def test_a_word_far_off_is_not_called_wrapped():

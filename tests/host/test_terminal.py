@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.cli import output, run
+from lippmann import errors
+from lippmann.cli import run
 from lippmann.film import cluster
 from lippmann.film.video import write_video
 
@@ -23,12 +24,12 @@ def test_control_characters_of_names_are_shown(tmp_path, capsys):
     assert run(["inspect", str(tmp_path / "d.toml")]) == 0
     out = capsys.readouterr().out
     assert SHOWN in out
-    assert not output.OBEYED.search(out)
+    assert not errors.OBEYED.search(out)
     odd = tmp_path / "no\x1b[2Jsuch.toml"
     assert run(["inspect", str(odd)]) == 2
     err = capsys.readouterr().err
     assert r"no\x1b[2Jsuch.toml: no such file" in err
-    assert not output.OBEYED.search(err)
+    assert not errors.OBEYED.search(err)
 
 
 def test_a_name_of_two_lines_is_refused(tmp_path, capsys):
@@ -52,7 +53,7 @@ def test_bytes_that_are_no_text_in_a_name(tmp_path):
 
 def test_ordinary_text_stays():
     text = "Größe µm 3 × 4\n\tαβ → 日本 – “x”"
-    assert output.printable(text) == text
+    assert errors.printable(text) == text
 
 
 @pytest.mark.parametrize("name", ["a:b.mkv", "-x.mkv", "concat:a|b.mkv", "%03d.mkv", "http://x.mkv"])

@@ -10,8 +10,7 @@ from importlib import import_module
 import click
 
 from lippmann import __version__, interrupts
-from lippmann.cli.output import printable
-from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, to_install
+from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, printable, to_install
 from lippmann.files import is_full
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.

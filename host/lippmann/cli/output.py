@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,16 +10,9 @@ from typing import Any, TypeVar
 
 import click
 
+from lippmann.errors import printable
+
 Item = TypeVar("Item")
-
-
-#: What a terminal would obey instead of show: control characters, and those that turn the direction of writing.
-OBEYED = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]")
-
-
-def printable(text: str) -> str:
-    """Return a text for the terminal: what files and names bring that it would obey is shown escaped."""
-    return OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def log(message: str) -> None:

@@ -7,6 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+from click.core import ParameterSource
+
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import LENS_MODEL, Finite, word_length
 from lippmann.cli.output import emit
@@ -64,12 +67,16 @@ def command(
     if junit is not None:
         check_output(Path(junit), (".xml",))
     if report is not None:
+        if not report:
+            raise input_error("--report", "it is empty", "name a folder")
         make_folder(Path(report))
     files = _Files(junit, report)
     if stream:
-        for name, given in (("--display", display_path), ("--rays", rays_path), ("--inputs", inputs_path)):
-            if given is not None:
-                raise input_error(name, "the stream has it", f"leave out {name} or --stream")
+        source = click.get_current_context().get_parameter_source
+        for name in ("display_path", "rays_path", "inputs_path", "model", "fraction_bits"):
+            if source(name) is not ParameterSource.DEFAULT:
+                flag = f"--{name.removesuffix('_path').replace('_', '-')}"
+                raise input_error(flag, "the stream has it", f"leave out {flag} or --stream")
         return _judge_stream(bounds, files)
     if rays_path is None or display_path is None:
         raise InputError("no rays; give --display and --rays, or --stream")
@@ -77,7 +84,6 @@ def command(
     inputs = None if inputs_path is None else Path(inputs_path)
     foreign = read_foreign(Path(rays_path), display, model, fraction_bits, inputs)
     verdict = judge(foreign, bounds, maps=files.maps)
-    files.write([(Path(rays_path).stem, verdict)], words=foreign.words is not None)
     shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
     lines = list(verdict.lines)
     if verdict.right:
@@ -86,6 +92,7 @@ def command(
         lines += verdict.headline.split("; ", 1)
     lines.append(summary([verdict.covered], foreign.words is not None)[1])
     emit({**dataclasses.asdict(verdict), **shown}, lines)
+    files.write([(Path(rays_path).stem, verdict)], words=foreign.words is not None)
     return 0 if verdict.right else FOUND_WRONG
 
 
@@ -125,37 +132,44 @@ class _Files:
             from lippmann.report.errors import errors_page
 
             origin = provenance("lippmann regress", ("numpy",))
-            errors_page(origin, verdicts, self.maps.maps, words).write(Path(self.report), as_html=True)
+            errors_page(origin, verdicts, self.maps.maps, words, ended).write(Path(self.report), as_html=True)
 
 
 def _judge_stream(bounds: Bounds, files: _Files) -> int:
     """Judge the stream at stdin. If it ends early, print the verdicts so far, then the error."""
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.stream import StreamReader
+    from lippmann.diagnose.stream import StreamReader, lines_of
 
     verdicts: list[tuple[str, Verdict]] = []
     ended: InputError | None = None
     words = False
-    try:
-        for name, foreign in StreamReader(sys.stdin.buffer).sets():
-            first = all(verdict.right for _, verdict in verdicts)
-            verdicts.append((name, judge(foreign, bounds, two_faults=first, maps=files.maps)))
-            words = foreign.words is not None
-    except InputError as error:
-        ended = error
+    read = StreamReader(lines_of(sys.stdin.buffer)).sets()
+    while True:
+        try:
+            name, foreign = next(read)
+        except StopIteration:
+            break
+        except InputError as error:
+            ended = error
+            break
+        # The search for a pair takes some ten seconds: again only for a set of more rays, which says more.
+        search = not any(one.searched and one.rays >= len(foreign.given.pixels) for _, one in verdicts)
+        verdicts.append((name, judge(foreign, bounds, two_faults=search, maps=files.maps)))
+        words = foreign.words is not None
     why = None if ended is None else str(ended)
-    files.write(verdicts, words, why)
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
     met, told = summary((verdict.covered for _, verdict in verdicts), words)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
     lines = [f"{name}: {verdict.headline}" for name, verdict in verdicts if not verdict.right]
-    lines.append(
-        f"{rays} rays in {len(verdicts)} set{'s' * (len(verdicts) != 1)}: {f'{wrong} wrong' if wrong else 'right'}"
-    )
-    lines.append(told)
+    if verdicts:
+        number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
+        lines += [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", told]
+    else:
+        lines.append("nothing was judged")
     whole = {"right": not wrong and ended is None, "rays": rays, "wrong": wrong, "ended": why, "covered": met}
     emit({**whole, "sets": sets}, lines)
+    files.write(verdicts, words, why)
     if ended is not None:
         raise ended
     return FOUND_WRONG if wrong else 0

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.conditioning.search import Floats, edge_points, onset, pixels_at, random_aims, random_pixels
+from lippmann.conditioning.search import Floats, cell_steps, edge_points, onset, pixels_at, random_aims, random_pixels
 from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
@@ -284,9 +284,8 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
     aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * _directions(random, many)
     rays = Out("far-cells", far, random_pixels(far, random, many), aims)
     traced = rays.traced()
-    crossed = (traced.status == int(Status.CROSSTALK)) & (
-        np.abs(traced.lenslet - rays.steps()["home"]).max(axis=1) >= 2
-    )
+    far_off = cell_steps(far, traced.lenslet - rays.steps()["home"]) >= 2
+    crossed = far_off & (traced.status == int(Status.CROSSTALK))
     if crossed.any():
         yield rays.some(np.flatnonzero(crossed)[:count])
 

@@ -54,6 +54,16 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
     return pixels_from_cells(display, lenslet, local_mm), np.stack(lattice.centre(i, j), axis=1)
 
 
+def cell_steps(display: Display, between: Floats) -> Floats:
+    """Return how many cells lie on the way between two lenslets, one of them counted; `between` (N, 2) their indices.
+
+    On a square grid a step may be diagonal. Rows of hexagons lean: index (1, 1) is two steps away.
+    """
+    i, j = np.abs(between).T
+    steps = np.maximum(i, j)
+    return np.asarray(np.maximum(steps, np.abs(between.sum(axis=1))) if display.array.grid == "hex" else steps)
+
+
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
     """Return the last aims (N, 2), to a rounding, without a property, on the way from aims `inner` to `outer`, (N, 2).
 

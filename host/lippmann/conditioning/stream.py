@@ -15,8 +15,8 @@ judge needs, so that it needs no file:
 
 A question is `n u v a b`: the ray's number in its set, pixel coordinates and aperture point, mm along the array's axes
 from the centre of the pixel's lenslet. In words it is `n HEX`, a line of inputs.mem. HASH is the SHA-256 of a set's
-numbers, float64 in order, little-endian, or of its words' text; at the end that of the sets' hashes. The same command
-of the same version makes the same stream.
+notes of the kinds `HASHED` and of its numbers, float64 in order, little-endian, or of its words' text; at the end that
+of the sets' hashes. The same command of the same version makes the same stream.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ from lippmann.display import Display, display_text
 from lippmann.optics.rays import Model
 
 NAME, VERSION = "lippmann-stream", 1
+#: Kinds of notes that the hash of a set covers.
+HASHED = ("numbers", "display", "value", "register")
 #: Most random rays of a set: what is judged at once.
 MOST_RANDOM = 100_000
 
@@ -71,41 +73,48 @@ class Stream:
             asked = self._asked(rays)
             if asked is None:
                 continue
-            notes, questions, digest = asked
+            notes, questions, content = asked
+            notes += [f"display {line}" for line in display_text(rays.display).splitlines() if line]
+            notes += [f"value {name} {value}" for name, value in values(rays.display).items()]
+            digest = digest_of_set(notes, content)
             hashes.append(digest)
             yield f"# set {rays.name}"
-            yield from notes
-            yield from (f"# display {line}" for line in display_text(rays.display).splitlines() if line)
-            yield from (f"# value {name} {value}" for name, value in values(rays.display).items())
+            yield from (f"# {note}" for note in notes)
             yield f"# rays {len(questions)} {digest}"
             yield from (f"{n} {question}" for n, question in enumerate(questions))
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
-    def _asked(self, rays: Out) -> tuple[list[str], list[str], str] | None:
-        """Return notes, questions and their hash."""
+    def _asked(self, rays: Out) -> tuple[list[str], list[str], bytes] | None:
+        """Return notes, questions and what of these is hashed; None when no ray fits the words."""
         if self.fraction_bits is None:
             numbers = np.concatenate([rays.pixels, rays.aims], axis=1)
             questions = [f"{u!r} {v!r} {a!r} {b!r}" for u, v, a, b in numbers.tolist()]
-            return [f"# numbers decimal {rays.model}"], questions, digest_of_numbers(numbers)
+            return [f"numbers decimal {rays.model}"], questions, numbers_as_bytes(numbers)
         fixed, _ = fixed_words(rays, self.fraction_bits)
         if fixed is None:
             return None
         questions = memory_lines(fixed.words, widths(INPUTS, self.fraction_bits))
         mask = (1 << REGISTER_BITS) - 1
         registers = asdict(fixed.registers).items()
-        notes = [f"# numbers words {rays.model} {self.fraction_bits}"]
-        notes += [f"# register {word & mask:0{REGISTER_BITS // 4}x} {name}" for name, word in registers]
-        return notes, questions, digest_of_words(questions)
+        notes = [f"numbers words {rays.model} {self.fraction_bits}"]
+        notes += [f"register {word & mask:0{REGISTER_BITS // 4}x} {name}" for name, word in registers]
+        return notes, questions, words_as_bytes(questions)
 
 
-def digest_of_numbers(numbers: Floats) -> str:
-    """Return the hash of the questions (N, 4) of a set."""
-    return hashlib.sha256(np.ascontiguousarray(numbers, "<f8").tobytes()).hexdigest()
+def numbers_as_bytes(numbers: Floats) -> bytes:
+    """Return what is hashed of the questions (N, 4) of a set."""
+    return np.ascontiguousarray(numbers, "<f8").tobytes()
 
 
-def digest_of_words(questions: Iterable[str]) -> str:
-    """Return the hash of the questions of a set in words."""
-    return hashlib.sha256("\n".join(questions).encode()).hexdigest()
+def words_as_bytes(questions: Iterable[str]) -> bytes:
+    """Return what is hashed of the questions of a set in words."""
+    return "\n".join(questions).encode()
+
+
+def digest_of_set(notes: Iterable[str], content: bytes) -> str:
+    """Return the hash of a set: its notes, each a line with single blanks, then its questions."""
+    lines = "".join(" ".join(note.split()) + "\n" for note in notes)
+    return hashlib.sha256(lines.encode() + content).hexdigest()
 
 
 def digest_of_all(hashes: Iterable[str]) -> str:

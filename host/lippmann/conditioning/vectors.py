@@ -82,12 +82,17 @@ BACK_ARRAYS = {
 }
 
 
+def hex_digits(widths: Sequence[int]) -> int:
+    """Return how many hexadecimal digits a line of words has."""
+    return (sum(widths) + 3) // 4
+
+
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
     """Return a hexadecimal line for each ray: its words in turn, the first in the most significant bits."""
     rays: Any = 0
     for word, width in zip(words, widths, strict=True):
         rays = rays << width | word.astype(object) & ((1 << width) - 1)
-    return [f"{ray:0{(sum(widths) + 3) // 4}x}" for ray in rays]
+    return [f"{ray:0{hex_digits(widths)}x}" for ray in rays]
 
 
 def text_of(path: Path) -> str:

@@ -75,8 +75,14 @@ class Bounds:
 def load_bounds(path: Path) -> Bounds:
     """Read a file of bounds; raise InputError, with file, key and remedy, for what is wrong in it."""
     bounds = toml.read(Bounds, toml.load(path, "bounds"), str(path))
+    for name, some in (("step", [one.array for one in bounds.step]), ("case", [one.point for one in bounds.case])):
+        for number, one in enumerate(some):
+            if one in some[:number]:
+                raise input_error(f"{path}: {name}[{number}]", f"'{one}' is bounded twice", "keep one of them")
     for number, case in enumerate(bounds.case):
         if case.point not in POINTS:
             remedy = did_you_mean(case.point, POINTS) or f"choose from {', '.join(POINTS)}"
             raise input_error(f"{path}: case[{number}].point", f"there is no coverage point '{case.point}'", remedy)
+        if case.direction_urad is None and case.point_nm is None:
+            raise input_error(f"{path}: case[{number}]", "it has no bound", "add direction_urad or point_nm")
     return bounds

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
@@ -12,11 +13,12 @@ from functools import wraps
 import numpy as np
 
 from lippmann.conditioning.cases import Out
-from lippmann.conditioning.search import Bools, Floats
+from lippmann.conditioning.search import Bools, Floats, cell_steps
 from lippmann.display import MAX_SIDE_PX
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status
+from lippmann.select.model import in_cells_mm
 
 Arrays = Mapping[str, Floats]
 Predicate = Callable[[Out, Arrays], Bools]
@@ -92,23 +94,31 @@ def _border(given: Out, points: Floats) -> tuple[Bools, Bools]:
     return np.asarray(cells >= 2), np.asarray(cells >= 3)
 
 
+def _local(given: Out) -> Floats:
+    """Return the points (N, 2) that decide the pixels' lenslets, mm from their centres, as the eye sees them."""
+    return in_cells_mm(given.display, given.pixels)
+
+
 @_point
 def pixel_on_an_edge(given: Out, rays: Arrays) -> Bools:
     """A pixel's point on the edge of a cell, within roundings."""
-    return _border(given, rays["start_mm"])[0]
+    del rays
+    return _border(given, _local(given))[0]
 
 
 @_point
 def pixel_on_a_corner(given: Out, rays: Arrays) -> Bools:
     """A pixel's point where three or four cells meet, within roundings."""
-    return _border(given, rays["start_mm"])[1]
+    del rays
+    return _border(given, _local(given))[1]
 
 
 @_point
 def tie(given: Out, rays: Arrays) -> Bools:
     """A pixel's point exactly on an edge, so that the tie rule decides."""
+    del rays
     array = given.display.array
-    x, y = rays["start_mm"].T
+    x, y = _local(given).T
     tied = x - array.shear * y == -0.5 * array.pitches_mm[0]
     return np.asarray(tied | (y == -0.5 * array.pitches_mm[1]) if array.grid == "square" else tied)
 
@@ -137,7 +147,7 @@ def tiny_coordinate(given: Out, rays: Arrays) -> Bools:
 
 @_display
 def turned_array(given: Out) -> bool:
-    """Rows that are not along the panel's."""
+    """Rows that are along neither the panel's rows nor its columns."""
     return given.display.array.rotation_deg % 90.0 != 0.0
 
 
@@ -157,7 +167,7 @@ def shear(given: Out) -> bool:
 @_display
 def far_offset(given: Out) -> bool:
     """An array whose origin is a hundred pitches and more from the panel's centre."""
-    return max(map(abs, given.display.array.offset_mm)) >= 100.0 * given.display.array.finest_mm
+    return math.hypot(*given.display.array.offset_mm) >= 100.0 * given.display.array.finest_mm
 
 
 @_display
@@ -267,8 +277,8 @@ def onset_of_total_reflection(given: Out, rays: Arrays) -> Bools:
 @_point
 def far_cell(given: Out, rays: Arrays) -> Bools:
     """A ray that leaves through a lenslet two steps and more from the pixel's."""
-    del given
-    return np.asarray((np.abs(rays["lenslet"] - rays["home"]).max(axis=1) >= 2.0) & (rays["status"][:, 0] == 4.0))
+    steps = cell_steps(given.display, rays["lenslet"] - rays["home"])
+    return np.asarray((steps >= 2.0) & (rays["status"][:, 0] == int(Status.CROSSTALK)))
 
 
 def _with_status(status: Status, meaning: str) -> None:

@@ -343,6 +343,8 @@ def _added(stage: str, name: str, arrays: tuple[str, ...], constant: Any) -> Var
     return _after(stage, name, lambda rays: {array: rays[array] + constant for array in arrays})
 
 
+#: What stands between the names of two faults.
+PAIR = "; and "
 #: The glass as a number: its index, at the display's focal length.
 GLASS = "another glass, of the same focal length: array.index"
 #: The display's numbers that are fitted, and the step that uses each.

@@ -23,7 +23,7 @@ from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.bounds import Bounds
 from lippmann.diagnose.coverage import covered, tie
 from lippmann.diagnose.error_maps import ErrorMaps
-from lippmann.diagnose.faults import FIELDS, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
+from lippmann.diagnose.faults import FIELDS, PAIR, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.pairs import pairs
 from lippmann.errors import LippmannError
@@ -96,7 +96,14 @@ class Verdict:
     def headline(self) -> str:
         """The verdict on wrong rays in a line."""
         told = f"{self.wrong} of {self.rays} rays wrong, the first is {self.first_wrong}"
-        return f"{told}; stage: {self.stage}; {self.fault or 'no single fault explains them'}"
+        array = next((entry.field for entry in self.compared if entry.wrong and entry.stage == self.stage), None)
+        step = f"stage: {self.stage}{f' ({array})' if array else ''}"
+        return f"{told}; {step}; {self.fault or 'no single fault explains them'}"
+
+    @property
+    def searched(self) -> bool:
+        """Whether a pair of faults was looked for, if that was allowed."""
+        return bool(self.wrong) and (self.fault is None or PAIR in self.fault)
 
     @property
     def lines(self) -> list[str]:
@@ -366,7 +373,7 @@ def _best(seen: _Comparison) -> _Finding | None:
     def best_of(found: Iterable[Variant]) -> _Finding | None:
         best, nearest = None, np.inf
         for variant in found:
-            share, rest = _match(variant, sample)
+            share, rest = _tried(variant, sample)
             if share >= EXPLAINED and (best is None or rest < nearest):
                 best, nearest = (variant.stage, variant.name, share), rest
         return best
@@ -384,7 +391,7 @@ def _two(seen: _Comparison) -> _Finding | None:
         found = _best(seen.later(lag))
         if found is not None:
             stage, fault, share = found
-            return stage, f"{fault}; and outputs {'late' if lag > 0 else 'early'} by 1", share
+            return stage, f"{fault}{PAIR}outputs {'late' if lag > 0 else 'early'} by 1", share
     random = np.random.default_rng(0)
     bad, good = np.flatnonzero(seen.wrong & ~seen.edge), np.flatnonzero(~seen.wrong & ~seen.edge)
     if not len(bad):

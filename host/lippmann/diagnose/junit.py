@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from lippmann.diagnose.judge import Verdict
+from lippmann.errors import printable
 from lippmann.files import replacing
 
 
@@ -27,11 +28,11 @@ def write_junit(path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str 
         case = _case(suite, name)
         if not verdict.right:
             failure = ElementTree.SubElement(
-                case, "failure", {"type": verdict.stage or "", "message": verdict.headline}
+                case, "failure", {"type": verdict.stage or "", "message": printable(verdict.headline)}
             )
-            failure.text = "\n".join(verdict.lines)
+            failure.text = printable("\n".join(verdict.lines))
     if ended is not None:
-        ElementTree.SubElement(_case(suite, "stream"), "error", {"type": "stream", "message": ended})
+        ElementTree.SubElement(_case(suite, "stream"), "error", {"type": "stream", "message": printable(ended)})
     ElementTree.indent(top)
     with replacing(path) as partial:
         ElementTree.ElementTree(top).write(partial, "utf-8", xml_declaration=True)

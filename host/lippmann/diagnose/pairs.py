@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from lippmann.conditioning.cases import Out
-from lippmann.diagnose.faults import STAGES, Arrays, Variant, fitted, fitted_together, golden, variants
+from lippmann.diagnose.faults import PAIR, STAGES, Arrays, Variant, fitted, fitted_together, golden, variants
 from lippmann.errors import LippmannError
 
 #: Variants, of those that come nearest alone, beside which numbers are fitted.
@@ -73,4 +73,4 @@ def both(*some: Variant) -> Variant:
 
     ordered: Sequence[Variant] = sorted(some, key=lambda one: STAGES.index(one.stage))
     silent = tuple({name for one in some for name in one.silent})
-    return Variant(ordered[0].stage, "; and ".join(one.name for one in ordered), predict, silent, change)
+    return Variant(ordered[0].stage, PAIR.join(one.name for one in ordered), predict, silent, change)

@@ -13,14 +13,23 @@ import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import NoReturn, get_args
+from itertools import islice
+from typing import BinaryIO, NoReturn, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.conditioning.cases import Out
-from lippmann.conditioning.stream import NAME, VERSION, digest_of_all, digest_of_numbers, digest_of_words
-from lippmann.conditioning.vectors import INPUTS, OUTPUTS, memory_lines, widths, words_of_lines
+from lippmann.conditioning.stream import (
+    HASHED,
+    NAME,
+    VERSION,
+    digest_of_all,
+    digest_of_set,
+    numbers_as_bytes,
+    words_as_bytes,
+)
+from lippmann.conditioning.vectors import INPUTS, OUTPUTS, hex_digits, memory_lines, widths, words_of_lines
 from lippmann.diagnose.foreign import Foreign, foreign_words
 from lippmann.display import Display, parse_display
 from lippmann.errors import input_error
@@ -37,6 +46,9 @@ MOST_NOTES = 1000
 SET = re.compile(r"[\w.+/-]{1,100}", re.ASCII)
 #: Greatest magnitude of a status or an index in an answer, so that it is an integer without rounding.
 MOST_WHOLE = 2.0**31
+#: How the first line begins.
+FIRST = f"# {NAME} ".encode()
+HEXADECIMAL = re.compile(r"[0-9a-fA-F]+")
 REMEDY = "append status i j x y z dx dy dz"
 AGAIN = "copy each line that begins with #, and append to each other line"
 
@@ -46,9 +58,10 @@ class _Set:
     """A set that is being read: what its notes say, and its lines."""
 
     name: str
-    words: bool = False
+    words: bool | None = None
     model: Model = "exact"
     fraction_bits: int = 0
+    notes: list[str] = field(default_factory=list)
     file: list[str] = field(default_factory=list)
     expected: int = -1
     digest: str = ""
@@ -71,38 +84,32 @@ class StreamReader:
 
     def sets(self) -> Iterator[tuple[str, Foreign]]:
         """Yield each set's name, and its rays."""
+        lines = iter(self._lines)
+        self._begin(lines)
         now: _Set | None = None
-        begun = ended = False
-        for raw in self._lines:
+        for raw in lines:
             self.number += 1
-            if ended:  # a simulator's last words
-                continue
-            if len(raw) > MOST_LINE:
-                self._refuse(f"has more than {MOST_LINE} bytes", AGAIN)
-            if now is not None and not raw.startswith(b"#"):
-                self._keep(now, raw)
-                continue
-            line = self._text(raw)
-            kind, _, rest = line[1:].strip().partition(" ")
-            if not begun:
-                begun = self._begin(line)
-            elif not line.startswith("#"):
-                self._refuse("has a ray before the first set", AGAIN)
-            elif kind in ("set", "end"):
+            self._check_length(raw)
+            if not raw.startswith(b"#"):
+                self._stray(now)
+            kind, _, rest = self._text(raw)[1:].strip().partition(" ")
+            if kind in ("set", "end"):
                 if now is not None:
                     yield now.name, self._read(now)
-                ended = kind == "end"
-                if ended:
-                    self._end(rest)
-                now = None if ended else self._started(rest)
+                if kind == "end":
+                    self._end(rest, lines)
+                    return
+                now = self._started(rest)
             elif now is not None:
                 self._note(now, kind, rest)
-        if not begun:
-            what = "is no stream of lippmann vectors" if self.number else "is empty: the program before gave nothing"
-            self._refuse(what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
-        if not ended:
-            where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
-            self._refuse(f"is cut{where}", "let the program answer until the line # end")
+                if kind == "rays":
+                    self._take(now, lines)
+        where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
+        self._refuse(f"is cut{where}", "let the program answer until the line # end")
+
+    def _check_length(self, raw: bytes) -> None:
+        if len(raw) > MOST_LINE:
+            self._refuse(f"has more than {MOST_LINE} bytes", AGAIN)
 
     def _refuse(self, what: str, remedy: str) -> NoReturn:
         raise input_error(f"{self._where}, line {self.number}" if self.number else self._where, what, remedy)
@@ -113,12 +120,17 @@ class StreamReader:
         except UnicodeDecodeError:
             self._refuse("is not text", AGAIN)
 
-    def _begin(self, line: str) -> bool:
-        """Tell whether a line is the first one; a simulator may greet before it."""
-        found = re.fullmatch(rf"# {NAME} (\d{{1,9}})", line.strip())
-        if found and int(found[1]) != VERSION:
-            self._refuse(f"has version {found[1]}, not {VERSION}", "use one version of lippmann for both commands")
-        return found is not None
+    def _begin(self, lines: Iterator[bytes]) -> None:
+        """Read up to the first line of the stream; a simulator may greet before it, in any text."""
+        for raw in lines:
+            self.number += 1
+            found = re.fullmatch(rf"# {NAME} (\d{{1,9}})", raw[:MOST_LINE].decode("utf-8", "replace").strip())
+            if found and int(found[1]) != VERSION:
+                self._refuse(f"has version {found[1]}, not {VERSION}", "use one version of lippmann for both commands")
+            if found:
+                return
+        what = "is no stream of lippmann vectors" if self.number else "is empty: the program before gave nothing"
+        self._refuse(what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _started(self, name: str) -> _Set:
         if not SET.fullmatch(name):
@@ -127,10 +139,12 @@ class StreamReader:
 
     def _note(self, now: _Set, kind: str, rest: str) -> None:
         words = rest.split()
+        if kind in HASHED:
+            now.notes.append(f"{kind} {' '.join(words)}")
+            if len(now.notes) > MOST_NOTES:
+                self._refuse(f"the set {now.name} has more than {MOST_NOTES} notes", AGAIN)
         if kind == "display":
             now.file.append(rest)
-            if len(now.file) > MOST_NOTES:
-                self._refuse(f"the set {now.name} has more than {MOST_NOTES} lines of display", AGAIN)
         elif kind == "numbers":
             good = len(words) in (2, 3) and words[0] in ("decimal", "words") and words[1] in get_args(Model)
             if not good or (words[0] == "words") != (len(words) == 3):
@@ -143,17 +157,48 @@ class StreamReader:
         elif kind == "rays":
             if len(words) != 2 or not words[0].isdigit() or not 0 < int(words[0]) <= MOST_RAYS:
                 self._refuse("is no number of rays and hash", AGAIN)
+            if now.words is None:
+                self._refuse(f"the set {now.name} has no note of numbers", AGAIN)
             now.expected, now.digest = int(words[0]), words[1]
 
-    def _keep(self, now: _Set, raw: bytes) -> None:
-        if len(now.lines) >= now.expected:
-            what = "before its number" if now.expected < 0 else f"beyond its {now.expected}"
-            self._refuse(f"the set {now.name} has a ray {what}", AGAIN)
-        now.lines.append(raw)
+    def _take(self, now: _Set, lines: Iterator[bytes]) -> None:
+        """Keep as many lines as the set has rays, at once; look at each when one is too long or a note."""
+        now.first = self.number + 1
+        some = list(islice(lines, now.expected))
+        if max(map(len, some), default=0) <= MOST_LINE and b"#" not in b"".join(some):
+            now.lines, self.number = some, self.number + len(some)
+            return
+        for raw in some:
+            self.number += 1
+            self._check_length(raw)
+            if raw.startswith(b"#"):
+                self._check(now)
+                self._refuse(f"comes after {len(now.lines)} of the {now.expected} rays of the set {now.name}", AGAIN)
+            now.lines.append(raw)
 
-    def _end(self, rest: str) -> None:
+    def _stray(self, now: _Set | None) -> NoReturn:
+        """Refuse a ray that no set expects; when an earlier line was none, that line."""
+        if now is None:
+            self._refuse("has a ray before the first set", AGAIN)
+        self._check(now)
+        what = "before its number" if now.expected < 0 else f"beyond its {now.expected}"
+        self._refuse(f"the set {now.name} has a ray {what}", AGAIN)
+
+    def _check(self, now: _Set) -> None:
+        """Refuse the first line that is not the next ray's."""
+        for n, line in enumerate(now.lines):
+            self._columns(now, n, line)
+
+    def _end(self, rest: str, lines: Iterator[bytes]) -> None:
+        """Check the last line; a simulator's last words may follow, another stream may not."""
+        if not self._hashes:
+            self._refuse("ends a stream without a set", AGAIN)
         if rest.split() != [str(len(self._hashes)), digest_of_all(self._hashes)]:
             self._refuse("sets are missing, or are of another stream", AGAIN)
+        for raw in lines:
+            self.number += 1
+            if raw.startswith(FIRST):
+                self._refuse("begins another stream", "judge each stream by a command of its own")
 
     # ---- a whole set ----
 
@@ -161,14 +206,14 @@ class StreamReader:
         if now.expected != len(now.lines):
             self._refuse(f"the set {now.name} has {len(now.lines)} of its {max(0, now.expected)} rays", AGAIN)
         display = parse_display("\n".join(now.file), f"{self._where}, the set {now.name}")
-        now.first = self.number - len(now.lines)
-        foreign, digest = (self._words if now.words else self._decimal)(now, display)
+        foreign, questions = (self._words if now.words else self._decimal)(now, display)
+        digest = digest_of_set(now.notes, questions)
         if digest != now.digest:
-            self._refuse(f"questions of the set {now.name} were changed", AGAIN)
+            self._refuse(f"questions or notes of the set {now.name} were changed", AGAIN)
         self._hashes.append(digest)
         return foreign
 
-    def _decimal(self, now: _Set, display: Display) -> tuple[Foreign, str]:
+    def _decimal(self, now: _Set, display: Display) -> tuple[Foreign, bytes]:
         table = _whole(now.lines)
         if table is None:
             table = np.array([self._row(now, n, line) for n, line in enumerate(now.lines)])
@@ -178,7 +223,7 @@ class StreamReader:
         )
         alone = np.isnan(direction[:, 0])
         fields = {"lenslet": lenslet, "origin_mm": origin, "direction": direction, "status": status}
-        return Foreign(given, fields, alone=alone), digest_of_numbers(table[:, :4])
+        return Foreign(given, fields, alone=alone), numbers_as_bytes(table[:, :4])
 
     def _row(self, now: _Set, n: int, line: bytes) -> list[float]:
         """Return the numbers of a line behind its ray's, filled up with NaN where a lost ray has its status alone."""
@@ -193,7 +238,7 @@ class StreamReader:
         if not all(map(math.isfinite, row)):
             self._wrong(now, n, "has a number that is not finite", "give the status alone for a ray that is lost")
         if any(abs(one) > MOST_WHOLE or one % 1.0 for one in row[ASKED - 1 : ASKED + 2]):
-            self._wrong(now, n, "has a status or lenslet that is no integer", REMEDY)
+            self._wrong(now, n, "has a status or lenslet that is no integer, or too large", REMEDY)
         if answered == LOST and row[-1] not in (Status.MISSED, Status.INTERNAL_REFLECTION, Status.BLOCKED):
             self._wrong(now, n, "has its status alone, and is not lost", REMEDY)
         return row + [math.nan] * (ANSWERED - answered)
@@ -208,7 +253,7 @@ class StreamReader:
             self._wrong(now, n, f"has ray {words[0][:20] if words else 'none'} where {n} is next", AGAIN)
         return words
 
-    def _words(self, now: _Set, display: Display) -> tuple[Foreign, str]:
+    def _words(self, now: _Set, display: Display) -> tuple[Foreign, bytes]:
         rows = [self._columns(now, n, line) for n, line in enumerate(now.lines)]
         for n, row in enumerate(rows):
             if len(row) != 3:
@@ -219,10 +264,14 @@ class StreamReader:
         columns: dict[str, Ints] = {}
         for place, some in enumerate(names, 1):
             texts = [row[place] for row in rows]
+            digits = hex_digits(widths(some, now.fraction_bits))
+            for n, text in enumerate(texts):
+                if len(text) != digits or not HEXADECIMAL.fullmatch(text):
+                    self._wrong(now, n, f"has '{text[:40]}' for {digits} hexadecimal digits", "give leading zeros too")
             words = words_of_lines(texts, widths(some, now.fraction_bits), partial(self._at, now))
             columns |= dict(zip(some, words, strict=True))
         asked = memory_lines([columns[name] for name in INPUTS], widths(INPUTS, now.fraction_bits))
-        return foreign_words(columns, display, now.model, now.fraction_bits), digest_of_words(asked)
+        return foreign_words(columns, display, now.model, now.fraction_bits), words_as_bytes(asked)
 
     def _at(self, now: _Set, n: int) -> str:
         return f"{self._where}, line {now.first + n}"
@@ -231,16 +280,23 @@ class StreamReader:
         raise input_error(self._at(now, n), what, remedy)
 
 
+def lines_of(file: BinaryIO) -> Iterator[bytes]:
+    """Yield the lines of a file as they come; of one that is too long its first part, and then the next."""
+    return iter(partial(file.readline, MOST_LINE + 1), b"")
+
+
 def _whole(lines: list[bytes]) -> npt.NDArray[np.float64] | None:
     """Return the numbers of lines that are all whole, each behind its ray's number; None: each is to be looked at."""
-    columns = ASKED + ANSWERED
+    columns, text = ASKED + ANSWERED, b"".join(lines)
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # of what is no number
         try:
-            table = np.fromstring(b" ".join(lines), sep=" ")
+            table = np.fromstring(text, sep=" ")
         except (DeprecationWarning, ValueError):
             return None
-    if len(table) != len(lines) * columns or not all(len(line.split()) == columns for line in lines):
+    # Of lines with so many blanks none has more numbers, so each has as many when all together have.
+    single = b"\t" not in text and all(line.count(b" ") == columns - 1 for line in lines)
+    if len(table) != len(lines) * columns or not (single or all(len(line.split()) == columns for line in lines)):
         return None
     table = table.reshape(len(lines), columns)
     whole = table[:, ASKED : ASKED + 3]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from lippmann.diagnose.judge import Verdict
 
 Maps = Mapping[str, ErrorMap]
+#: The lowest colour of a map, as a share of the largest error.
+SPAN = 1e-6
 
 
 def map_plot(maps: Maps) -> Plot:
@@ -27,11 +29,13 @@ def map_plot(maps: Maps) -> Plot:
     for row, (name, made) in zip(axes, maps.items(), strict=True):
         seen = np.concatenate([made.panel.ravel(), made.lenslet.ravel()])
         low, high = (float(end(seen[seen > 0.0], initial=start)) for end, start in ((np.min, np.inf), (np.max, 0.0)))
+        # Errors far below the largest are as good as none.
+        low = max(low, SPAN * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None
         for axis, cells, where in zip(row, (made.panel, made.lenslet), ("panel", "lenslet"), strict=True):
             edge = 1.0 if where == "panel" else REACH
             # An exact cell has the lowest colour: a logarithm has no place for it.
-            shown = np.ma.masked_less(np.where(cells == 0.0, low if norm else 0.0, cells), 0.0)
+            shown = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
             extent = (0.0, edge, edge, 0.0) if where == "panel" else (-edge, edge, -edge, edge)
             image = axis.imshow(
                 shown, norm=norm, cmap="viridis", extent=extent, origin="upper" if where == "panel" else "lower"
@@ -56,8 +60,14 @@ def histogram_plot(maps: Maps, last_place: str) -> Plot:
     return Plot("errors-histogram", finish(picture))
 
 
-def errors_page(origin: Mapping[str, str], verdicts: Sequence[tuple[str, Verdict]], maps: Maps, words: bool) -> Page:
-    """Return the page of verdicts on sets of rays, and of the errors of all of them."""
+def errors_page(
+    origin: Mapping[str, str],
+    verdicts: Sequence[tuple[str, Verdict]],
+    maps: Maps,
+    words: bool,
+    ended: str | None = None,
+) -> Page:
+    """Return the page of verdicts on sets of rays, and of the errors of all; `ended` says why there are no more."""
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     arrays = [
@@ -77,9 +87,10 @@ def errors_page(origin: Mapping[str, str], verdicts: Sequence[tuple[str, Verdict
         "rays": sum(one.rays for _, one in verdicts),
         "sets": len(sets),
         "covered": told,
+        "ended": ended,
         "last_place": last_place,
         "edge": sum(one.on_edge for _, one in verdicts),
     }
     points = [{"point": name, "rays": rays} for name, rays in met.items()]
-    plots = [map_plot(maps), histogram_plot(maps, last_place)]
+    plots = [map_plot(maps), histogram_plot(maps, last_place)] if maps else []
     return Page("errors", origin, plots, {"errors-sets": sets, "errors-coverage": points}, context)
