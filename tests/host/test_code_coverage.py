@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 from lippmann.dev.code_coverage import host_rows, page, read_rtl, rtl_rows, share
-from lippmann.sim.compilation import COVERAGE, verilated
+from lippmann.sim.compilation import COVERAGE, TOGGLES, verilated
 
 RTL = """module one_branch(input logic clk, input logic [1:0] a, output logic [1:0] q);
   always_ff @(posedge clk) begin
@@ -53,6 +53,7 @@ def test_a_simulation_tells_its_lines(tmp_path, monkeypatch):
     rtl.write_text(RTL)
     main.write_text(MAIN)
     monkeypatch.setenv(COVERAGE, str(tmp_path))
+    monkeypatch.setenv(TOGGLES, "1")
     verilated(tmp_path / "small", "one_branch", [rtl], [main], flags=["-O0"])
     for _ in range(2):
         subprocess.run([tmp_path / "small"], check=True)

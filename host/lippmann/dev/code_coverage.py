@@ -1,4 +1,4 @@
-"""`make coverage`: which lines of the RTL and of the host the quick tests execute, and which toggles of the RTL.
+"""`make coverage`: which lines of the RTL and of the host the quick tests execute; with --toggles, which bits toggle.
 
 The tests run as in `make test`; the simulations and coverage.py leave their counts in build/coverage/. Lines that no
 test executes are listed, with the reasons of docs/coverage-holes.toml.
@@ -27,7 +27,7 @@ from lippmann.images import check_output
 from lippmann.provenance import provenance
 from lippmann.report.pages import Page
 from lippmann.report.plots import bar_charts
-from lippmann.sim.compilation import COVERAGE
+from lippmann.sim.compilation import COVERAGE, TOGGLES
 from lippmann.sim.tools import build_folder, repository
 from lippmann.toml import documented, key
 
@@ -163,7 +163,7 @@ def page(
     return Page("code-coverage", origin, [plot], tables, context, Path(__file__).with_name("templates"))
 
 
-def measure(folder: Path, jobs: int) -> None:
+def measure(folder: Path, jobs: int, toggles: bool) -> None:
     """Run the quick tests with counters, into a folder that is emptied first; raise LippmannError when one fails."""
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "rtl").mkdir(parents=True)
@@ -172,6 +172,7 @@ def measure(folder: Path, jobs: int) -> None:
     tests = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile", "--no-loadscope-reorder"]
     counted = ["--cov", f"--cov-config={settings}", f"--cov-report=json:{folder / 'host.json'}"]
     environment = {**os.environ, COVERAGE: str(folder / "rtl"), "LIPPMANN_SEED": "1908"}
+    environment |= {TOGGLES: "1"} if toggles else {}
     done = subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False)
     if done.returncode:
         raise LippmannError("tests fail: what they execute says little; mend them first")
@@ -179,9 +180,10 @@ def measure(folder: Path, jobs: int) -> None:
 
 @click.command()
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes of the tests.")
+@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits too: hours, and gigabytes.")
 @click.option("--keep", is_flag=True, help="Read what the last run counted; run no test.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the page.")
-def main(jobs: int, keep: bool, report: str) -> None:
+def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
     """Measure which lines the quick tests execute, and write the page.
 
     Example: python -m lippmann.dev.code_coverage --keep --report out
@@ -189,7 +191,7 @@ def main(jobs: int, keep: bool, report: str) -> None:
     check_output(Path(report) / "code-coverage.md", (".md",))
     top, folder = repository(), build_folder() / "coverage"
     if not keep:
-        measure(folder, jobs)
+        measure(folder, jobs, toggles)
     if not (folder / "host.json").exists():
         raise InputError(f"{folder}: nothing was measured there; leave out --keep")
     holes = toml.read(Holes, toml.load(top / HOLES, "holes"), str(HOLES)).hole
@@ -197,7 +199,8 @@ def main(jobs: int, keep: bool, report: str) -> None:
     host = host_rows(json.loads((folder / "host.json").read_text()))
     origin = provenance("make coverage", ("coverage", "pytest"), {})
     page(origin, rtl, host, {hole.file: hole.why for hole in holes}).write(Path(report))
-    click.echo(f"RTL: {share(rtl):.1f} % of lines, {share(rtl, 'toggled', 'toggles'):.1f} % of toggles")
+    toggled = f", {share(rtl, 'toggled', 'toggles'):.1f} % of toggles" if any(row["toggles"] for row in rtl) else ""
+    click.echo(f"RTL: {share(rtl):.1f} % of lines{toggled}")
     click.echo(f"host: {share(host):.1f} % of lines")
 
 

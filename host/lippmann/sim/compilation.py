@@ -30,8 +30,8 @@ UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 #: Verilator's options for hundred thousands of assignments of bits: functions that the compiler is through with soon.
 NETLIST = ("--output-split-cfuncs", "1000")
 
-#: The environment variable that names a folder for what simulations cover (sim/coverage/).
-COVERAGE = "LIPPMANN_COVERAGE"
+#: Environment variables: the folder for the lines that simulations cover (sim/coverage/); whether they count toggles.
+COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
 
 #: What every model includes.
 HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
@@ -58,7 +58,7 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
     Verilator always count.
     """
     key = hashlib.sha256(processor() + verilator_version().encode() + Path(__file__).read_bytes())
-    key.update(b"covered" if os.environ.get(COVERAGE) else b"")
+    key.update(repr(_counters()).encode() if _counters() else b"")
     for one in inputs:
         key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
     target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
@@ -100,10 +100,10 @@ def verilated(
     model's class as `Vtop`, in Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker.
     """
     with partial_folder(output) as work:
-        if os.environ.get(COVERAGE):
+        if _counters():
             (work / "bind.sv").write_text(f"bind {top} coverage i_coverage();\n")
             sources = [*sources, repository() / "sim" / "coverage" / "coverage.sv", work / "bind.sv"]
-            options = [*options, "--coverage-line", "--coverage-toggle"]
+            options = [*options, *_counters()]
             flags = [*flags, "-DVM_COVERAGE=1"]
         _run(
             [
@@ -125,6 +125,13 @@ def verilated(
         kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
         libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "verilated_fst_c" in runtime else [])]
         _run(["g++", *kind, str(work / "all.o"), *objects, *libraries, "-o", str(output)])
+
+
+def _counters() -> list[str]:
+    """Return Verilator's options of what a simulation counts, for a run that measures coverage."""
+    if not os.environ.get(COVERAGE):
+        return []
+    return ["--coverage-line", *(["--coverage-toggle"] if os.environ.get(TOGGLES) else [])]
 
 
 def processor() -> bytes:
