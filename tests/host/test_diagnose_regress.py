@@ -316,6 +316,23 @@ def test_tie_rule():
     assert "tie rule" in verdict.fault
 
 
+@pytest.mark.parametrize(("axis", "side"), [(0, "left"), (1, "lower")])
+def test_tie_rule_of_one_axis(axis, side):
+    """Only the ties of one axis have the other owner: a column of pixels, or a row, goes to the neighbour."""
+    display = display_of("square", "panel", pixel_pitch=0.0625)
+    (rays,) = hard_sets(display, "cell-ties", SEED, 36)
+    aims = np.zeros_like(rays.pixels)
+    right, wrong = (faulty_tracer.trace(rays.display, rays.pixels, aims, fault) for fault in ("", "tie rule"))
+    other = right["lenslet"][:, axis] != wrong["lenslet"][:, axis]
+    assert other.sum() > 5
+    mixed = {
+        name: np.where(other.reshape(-1, *[1] * (right[name].ndim - 1)), wrong[name], right[name]) for name in right
+    }
+    verdict = judged(rays.display, mixed)
+    assert (verdict.right, verdict.stage) == (False, "lenslet")
+    assert f"every point on a {side} edge" in verdict.fault
+
+
 def test_saturated_value_wrapped():
     display = display_for("square")
     pixels, aims = rays_for(display)

@@ -5,7 +5,6 @@ import json
 import os
 import random
 import re
-import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -28,7 +27,7 @@ from lippmann.diagnose.stream import StreamReader
 from lippmann.display import load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words
-from lippmann.sim.tools import repository, verilator_environment
+from lippmann.sim.tools import repository
 
 TOP = repository()
 FOREIGN = TOP / "tests" / "foreign"
@@ -341,50 +340,6 @@ def test_bad_bounds(text, said, tmp_path, capsys):
     assert said in line
     assert run(["regress", "--stream", "--bounds", "b.toml", "--tolerance-nm", "3"]) == 2
     assert "leave out --bounds" in capsys.readouterr().err
-
-
-# ---- a design in SystemVerilog ----
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    """Compile the pinhole design with its bench, by the line in the bench's head; without a warning."""
-    head = (FOREIGN / "stream_bench.sv").read_text()
-    line = re.search(r"^///   (verilator .*)$", head, re.M)[1].split()
-    line[line.index("-std=c++20")] = "-std=c++20 -O0"
-    place = tmp_path_factory.mktemp("sv")
-    for name in ("stream_bench.sv", "pinhole.sv"):
-        shutil.copy(FOREIGN / name, place)
-    subprocess.run([*line, "-Wall"], cwd=place, env=verilator_environment(), check=True, stdout=subprocess.PIPE)
-    return place / "obj_dir" / "bench"
-
-
-@pytest.mark.parametrize("turn", [0.0, 9.0, -133.0])
-def test_a_foreign_design_is_right_through_its_bench(turn, bench):
-    display = parse_display(DISPLAYS["plain"].replace("rotation_deg = 9.0", f"rotation_deg = {turn}"))
-    found = verdicts(answered(bench, asked(display, "chief-ray", 3000, model="pinhole")))
-    assert len(found) == 2
-    assert all(verdict.right for verdict in found.values())
-
-
-def test_a_foreign_design_is_right_through_the_cocotb_bench():
-    questions = asked(parse_display(DISPLAYS["plain"]), "chief-ray", 300, model="pinhole")
-    command = [sys.executable, FOREIGN / "stream_cocotb.py"]
-    done = subprocess.run(command, input=questions, env=verilator_environment(), capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    found = verdicts(done.stdout)
-    assert sum(verdict.rays for verdict in found.values()) == 348
-    assert all(verdict.right for verdict in found.values())
-
-
-def test_a_fault_of_the_design_is_named(bench):
-    """The bench is given a display with another gap."""
-    display = parse_display(DISPLAYS["plain"])
-    questions = asked(display, "chief-ray", 1000, model="pinhole")
-    notes = b"# value gap 0.7\n", b"# value gap 0.7125\n"
-    answers = answered(bench, questions.replace(*notes)).replace(*reversed(notes))
-    *_, verdict = verdicts(answers).values()
-    assert "gap_mm is 0.7125 for 0.7" in verdict.fault or "thickness_mm" in verdict.fault  # alike for chief rays
 
 
 # ---- the commands ----

@@ -117,10 +117,15 @@ def pixel_on_a_corner(given: Out, rays: Arrays) -> Bools:
 def tie(given: Out, rays: Arrays) -> Bools:
     """A pixel's point exactly on an edge, so that the tie rule decides."""
     del rays
+    return np.asarray(np.any(tied_sides(given), axis=0))
+
+
+def tied_sides(given: Out) -> tuple[Bools, ...]:
+    """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners, left and lower one."""
     array = given.display.array
     x, y = _local(given).T
-    tied = x - array.shear * y == -0.5 * array.pitches_mm[0]
-    return np.asarray(tied | (y == -0.5 * array.pitches_mm[1]) if array.grid == "square" else tied)
+    left = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
+    return (left, np.asarray(y == -0.5 * array.pitches_mm[1])) if array.grid == "square" else (left,)
 
 
 @_point

@@ -103,7 +103,9 @@ def _with_number(name: str, value: Any, given: Out) -> Out:
     part, _, key = name.rpartition(".")
     key, _, entry = key.partition("[")
     if entry:
-        value = tuple(value if f"{k}]" == entry else old for k, old in enumerate(attrgetter(f"{part}.{key}")(display)))
+        old = attrgetter(f"{part}.{key}")(display)
+        pair = old if isinstance(old, tuple) else (old, old)  # a variant may have made one of two
+        value = tuple(value if f"{k}]" == entry else one for k, one in enumerate(pair))
     changes: dict[str, Any] = {key: value}
     if part == "panel":
         changes = {part: replace(display.panel, **changes)}
@@ -130,6 +132,8 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         "column and row swapped": lambda p: p[:, ::-1],
         "pixel's corner for its centre (half a pixel)": lambda p: p - 0.5,
         "half a pixel added twice": lambda p: p + 0.5,
+        "pixel coordinates rounded down to whole pixels": np.floor,
+        "pixel coordinates rounded to whole pixels": np.round,
         "rows counted from the bottom, one off (h - 1 - v)": lambda p: np.column_stack([p[:, 0], h - 1 - p[:, 1]]),
         "columns counted from the right, one off (w - 1 - u)": lambda p: np.column_stack([w - 1 - p[:, 0], p[:, 1]]),
         **{f"pixel off by one: ({du:+d}, {dv:+d})": partial(np.add, (du, dv)) for du, dv in BESIDE},
@@ -170,10 +174,14 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__)
         name, silent = f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", ("status", "start_mm", "near_mm")
         yield Variant("lenslet", name, partial(_through_neighbour, step), silent)
+    if array.grid == "square":
+        silent = ("status", "start_mm", "near_mm")
+        yield Variant("lenslet", "lenslet rounded down, not to the nearest", _rounded_down, silent)
     other: Grid = "hex" if array.grid == "square" else "square"
     if array.radius_mm >= replace(array, grid=other).half_diagonal_mm:
         yield _with("lenslet", f"{other} grid for {array.grid}", "array.grid", other)
-    yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1])
+    yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1], moved=True)
+    yield relabelled("lenslet's axes swapped in its number", lambda ij: ij[:, ::-1])
     if array.grid == "hex":
         yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
         yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0))
@@ -226,7 +234,7 @@ def _through_neighbour(step: Floats, given: Out, rays: Arrays) -> Arrays:
     """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
     system = System.of(given.display)
     frame, b = system.frame, NumpyBackend()
-    cx, cy = system.lattice.centre(step[0], step[1])
+    cx, cy = system.lattice.centre(*step.T)
     wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))
     alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
     x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
@@ -241,6 +249,13 @@ def _through_neighbour(step: Floats, given: Out, rays: Arrays) -> Arrays:
         "direction": np.stack([*frame.turn(ray.dx, ray.dy), ray.dz], axis=1),
         **_placed(system, local, lenslet),
     }
+
+
+def _rounded_down(given: Out, rays: Arrays) -> Arrays:
+    """Trace each ray through the lenslet whose number is rounded down: of the four around the point the lower left."""
+    x, y = rays["start_mm"].T
+    sides = np.stack([x - given.display.array.shear * y, y], axis=1)
+    return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), given, rays)
 
 
 def _other_ties(given: Out) -> Floats:
@@ -324,13 +339,30 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         "direction not normalised: z is 1": lambda d: d / d[:, 2:],
         "direction not normalised: index times": lambda d: d * array.index,
     }
+    for times, said in ((2.0, "doubled"), (0.5, "halved")):
+        bends[f"slopes of the direction {said}"] = partial(_steeper, times)
     for name, bend in bends.items():
         yield _bent(name, bend)
     if array.rotation_deg:
+        for name in ("sign of the direction's x", "sign of the direction's y", "direction's x and y swapped"):
+            yield _bent(f"{name}, along the array's axes", partial(_along_array, frame, bends[name]))
         yield _after("exit", "rays left along the array's axes", turned_back)
     for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm)):
         yield _added("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
     yield _after("dome", "origin without the lenslet's centre", lambda r: {"origin_mm": r["local_mm"]})
+
+
+def _steeper(times: float, direction: Floats) -> Floats:
+    """Return directions with other slopes."""
+    steep = direction * (times, times, 1.0)
+    return np.asarray(steep / np.linalg.norm(steep, axis=1)[:, None])
+
+
+def _along_array(frame: Any, bend: Callable[[Floats], Floats], direction: Floats) -> Floats:
+    """Return directions that are bent in the array's axes."""
+    x, y, z = direction.T
+    x, y, z = bend(np.stack([*frame.turn_back(x, y), z], axis=1)).T
+    return np.stack([*frame.turn(x, y), z], axis=1)
 
 
 def _bent(name: str, bend: Callable[[Floats], Floats]) -> Variant:

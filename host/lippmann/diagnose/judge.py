@@ -21,7 +21,7 @@ from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.bounds import Bounds
-from lippmann.diagnose.coverage import covered, tie
+from lippmann.diagnose.coverage import covered, tie, tied_sides
 from lippmann.diagnose.error_maps import ErrorMaps
 from lippmann.diagnose.faults import FIELDS, PAIR, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
@@ -31,6 +31,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import Ints
+from lippmann.optics.system import System
 
 #: Rays that variants are tried on, and that numbers are fitted to.
 SAMPLE, FIT_SAMPLE = 1500, 300
@@ -47,6 +48,8 @@ WORD_UNITS = 64.0
 ROUNDING_WORDS = 8
 #: Delays of the outputs that are tried, in rays, and the fewest rays that show one.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
+#: Sides of a cell of two owners, as `coverage.tied_sides`.
+SIDES = ("left", "lower")
 #: Arrays of integers.
 WHOLE = ("home", "lenslet", "status")
 
@@ -152,11 +155,17 @@ def _judge_numbers(foreign: Foreign, seen: _Comparison, two_faults: bool) -> Ver
     if wrong.any():
         return _verdict(seen.edge, wrong, _diagnosed(seen, two_faults), compared)
     if "lenslet" in foreign.fields:
-        ties = seen.ties
-        tied_wrong = ties & (foreign.fields["lenslet"] != seen.golden["lenslet"]).any(axis=1)
-        if tied_wrong.sum() > 2 and tied_wrong.sum() == ties.sum():
-            fault = f"{TIE_RULE}: every point on an edge has the other owner"
-            return _verdict(seen.edge, tied_wrong, ("lenslet", fault, 1.0), compared)
+        other = (foreign.fields["lenslet"] != seen.golden["lenslet"]).any(axis=1)
+        sides = tied_sides(foreign.given)
+        # A corner is on two sides, and says nothing of one.
+        alone = [side & (np.sum(sides, axis=0) == 1) for side in sides]
+        turned = [side.sum() > 2 and other[side].all() for side in alone]
+        if any(turned):
+            which = "every point on an edge" if all(turned) else f"every point on a {SIDES[turned.index(True)]} edge"
+            tied_wrong = other & np.any([side for side, wrong in zip(sides, turned, strict=True) if wrong], axis=0)
+            return _verdict(
+                seen.edge, tied_wrong, ("lenslet", f"{TIE_RULE}: {which} has the other owner", 1.0), compared
+            )
     return _verdict(seen.edge, wrong, (None, None, 0.0), compared)
 
 
@@ -311,7 +320,63 @@ def _diagnosed(seen: _Comparison, two_faults: bool) -> _Finding:
     late = _late(equal)
     if late:
         return "exit", late, 1.0
-    return _best(seen) or _stale(seen) or (_two(seen) if two_faults else None) or (first, None, 0.0)
+    return (
+        _best(seen)
+        or _one_late(seen)
+        or _stuck(seen)
+        or _stale(seen)
+        or (_two(seen) if two_faults else None)
+        or (first, None, 0.0)
+    )
+
+
+def _axes(seen: _Comparison) -> tuple[Floats, Floats]:
+    """Return directions, foreign and golden's, along the array's axes."""
+    frame = System.of(seen.given.display).frame
+    return tuple(  # type: ignore[return-value]
+        np.stack([*frame.turn_back(*rays["direction"][:, :2].T), rays["direction"][:, 2]], axis=1)
+        for rays in (seen.fields, seen.golden)
+    )
+
+
+def _one_late(seen: _Comparison) -> _Finding | None:
+    """Say which component of the direction alone came too late, or too early."""
+    if any(wrong.any() for name, wrong in seen.wrong_by.items() if name != "direction") or len(seen.edge) < 2 * MANY:
+        return None
+    got, wanted = _axes(seen)
+    for lag in LAGS:
+        for axes, said in (((0,), "x"), ((1,), "y"), ((2,), "z"), ((0, 1), "x and y")):
+            moved = wanted.copy()
+            moved[:, axes] = np.roll(wanted, lag, axis=0)[:, axes]
+            same = np.linalg.norm(got - moved, axis=1) <= seen.limits["direction"]
+            if same.mean() >= EXPLAINED:
+                when = f"{'late' if lag > 0 else 'early'} by {abs(lag)}"
+                return "exit", f"direction's {said} {when}: ray k has that of ray k {-lag:+d}", float(same.mean())
+    return None
+
+
+def _stuck(seen: _Comparison) -> _Finding | None:
+    """Say which bit of the direction is stuck."""
+    wrong = seen.wrong_by["direction"]
+    if (
+        any(one.any() for name, one in seen.wrong_by.items() if name != "direction")
+        or wrong.all()
+        or wrong.sum() < MANY
+    ):
+        return None
+    got, wanted = _axes(seen)
+    off = (got - wanted)[wrong]
+    for axis, name in enumerate("xyz"):
+        step = float(np.median(off[:, axis]))
+        place = math.log2(abs(step)) if step and math.isfinite(step) else 0.5
+        if not abs(place - round(place)) < 0.01:
+            continue
+        rest = off.copy()
+        rest[:, axis] -= math.copysign(2.0 ** round(place), step)
+        share = float((np.linalg.norm(rest, axis=1) <= seen.limits["direction"][wrong]).mean())
+        if share >= EXPLAINED:
+            return "exit", f"a bit of the direction's {name} is stuck at {int(step > 0)}: 2^{round(place)}", share
+    return None
 
 
 def _stale(seen: _Comparison) -> _Finding | None:
