@@ -78,7 +78,7 @@ bench: $(READY) ## measure the figures of docs/measured.md (a quarter of an hour
 	@for name in trace render rtl view animate observe; do \
 	  $(BIN)/lippmann bench $$name --report docs > /dev/null || exit; done
 
-docs-tables: $(READY) ## make the key tables, JSON Schemas and the table of coverage points again
+docs-tables: $(READY) ## make the tables of keys, coverage points and promises, and the JSON Schemas again
 	$(BIN)/python -m lippmann.dev.generate_tables
 
 registers: $(READY) ## make RTL, host constants and documentation of rtl/registers.rdl again

@@ -4,8 +4,10 @@ import json
 import subprocess
 
 import pytest
-from lippmann.dev.code_coverage import host_rows, page, read_rtl, rtl_rows, share
+from lippmann.dev.code_coverage import host_rows, page, read_rtl, reasons, rtl_rows, share
+from lippmann.errors import InputError
 from lippmann.sim.compilation import COVERAGE, TOGGLES, verilated
+from lippmann.sim.tools import repository
 
 RTL = """module one_branch(input logic clk, input logic [1:0] a, output logic [1:0] q);
   always_ff @(posedge clk) begin
@@ -69,6 +71,13 @@ def test_a_simulation_tells_its_lines(tmp_path, monkeypatch):
     assert set(tmp_path.glob("*.dat")) == before
 
 
+def test_each_reason_is_of_a_file(tmp_path):
+    assert "rtl/math/lipp_quadratic.sv" in reasons(repository())
+    (tmp_path / "holes.toml").write_text('[[hole]]\nfile = "rtl/gone.sv"\nwhy = "none"\n')
+    with pytest.raises(InputError, match=r"hole\[0\]\.file: there is no file rtl/gone\.sv"):
+        reasons(tmp_path, tmp_path / "holes.toml")
+
+
 def test_the_page_lists_holes_with_reasons(tmp_path):
     summary = {"num_statements": 4, "covered_lines": 3}
     measured = {"files": {"host/lippmann/a.py": {"summary": summary, "missing_lines": [7]}}}
@@ -85,6 +94,5 @@ def test_the_page_lists_holes_with_reasons(tmp_path):
     assert "| host/lippmann/a.py | 7 | a reason |" in text
 
 
-@pytest.mark.parametrize("numbers", [[]])
-def test_nothing_measured_is_no_share(numbers):
-    assert share(numbers) == 0.0
+def test_nothing_measured_is_no_share():
+    assert share([]) == 0.0

@@ -68,6 +68,7 @@ NOT_RUN = {
     r"export PATH=|fusesoc ": "minutes; tests/rtl/test_manifests.py runs these targets in a clone",
     r"lippmann bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
     r"make bitstream|lippmann board program": "an hour; tests/rtl/boards makes bitstreams; and no board is here",
+    r"verilator --binary |lippmann vectors .*(build/bench|stream_cocotb\.py)": "test_foreign_rtl.py runs these lines",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",
     r"lippmann calibrate |cp scenes/displays/vga|sed -e 's/\^gap": (
         "minutes of photographs; test_calibration.py runs the same steps on a small panel"
@@ -145,7 +146,7 @@ def parsed(line):
 @pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=name_of)
 def test_commands_parse(page):
     for line in commands(page):
-        for part in re.split(r" \| (?=\./|lippmann )", line):
+        for part in re.split(r" \| (?=\./|lippmann |python )", line):
             if part.startswith("lippmann "):
                 parsed(part)
 

@@ -50,7 +50,7 @@ class BitFile:
 
 #: The digest in the text before it is known.
 NO_DIGEST = b"0" * 64
-#: The text that `make bitstream` writes, and its words: one that is left marks the text, whatever else is damaged.
+#: The text that `make bitstream` writes. A file that has one of `WORDS`, and not the whole text, is damaged.
 TEXT = re.compile(
     rb"Lippmann board=(\S+) display=([^\0]+?) identity=([0-9a-f]{16}) design=(\w+) seed=\d+ sha256=([0-9a-f]{64})\0"
 )

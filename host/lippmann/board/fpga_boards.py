@@ -156,7 +156,7 @@ def read_boards() -> dict[str, FpgaBoard | InputError]:
                 raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{name}"')
             found[name] = board
         except InputError as error:
-            found[name] = InputError(str(error))
+            found[name] = error
     return found
 
 
@@ -175,6 +175,7 @@ def fpga_board(name: str) -> FpgaBoard:
 
 
 def _whole(board: FpgaBoard | InputError) -> FpgaBoard:
+    """Return a board; raise the error that stands in its place, anew: it is kept and may be raised again."""
     if isinstance(board, InputError):
         raise InputError(str(board))
     return board

@@ -36,12 +36,12 @@ def command(
     model: Model = LENS_MODEL,
     fraction_bits: int = word_length("a .csv or .mem"),
     tolerance_urad: float | None = option(
-        "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32. Default: 2.",
+        "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32.  [default: 2]",
         None,
         Finite(),
     ),
     tolerance_nm: float | None = option(
-        "Tolerance of points in numbers, beside the effect of that rounding. Default: 50.", None, Finite()
+        "Tolerance of points in numbers, beside the effect of that rounding.  [default: 50]", None, Finite()
     ),
     bounds_path: str | None = option(
         "Bounds by step and by hard case (.toml), for both tolerances.", None, flag="--bounds", metavar="FILE"
@@ -129,7 +129,7 @@ class _Files:
             write_junit(Path(self.junit), verdicts, ended)
         if self.report is not None and self.maps is not None:
             from lippmann.provenance import provenance
-            from lippmann.report.errors import errors_page
+            from lippmann.report.regress import errors_page
 
             origin = provenance("lippmann regress", ("numpy",))
             errors_page(origin, verdicts, self.maps.maps, words, ended).write(Path(self.report), as_html=True)
@@ -139,12 +139,12 @@ def _judge_stream(bounds: Bounds, files: _Files) -> int:
     """Judge the stream at stdin. If it ends early, print the verdicts so far, then the error."""
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.stream import StreamReader, lines_of
+    from lippmann.diagnose.stream import StreamReader, bounded_lines
 
     verdicts: list[tuple[str, Verdict]] = []
     ended: InputError | None = None
     words = False
-    read = StreamReader(lines_of(sys.stdin.buffer)).sets()
+    read = StreamReader(bounded_lines(sys.stdin.buffer)).sets()
     while True:
         try:
             name, foreign = next(read)

@@ -15,7 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.conditioning.search import Floats, cell_steps, edge_points, onset, pixels_at, random_aims, random_pixels
+from lippmann.conditioning.search import (
+    Floats,
+    cell_steps,
+    edge_points,
+    onset,
+    pixels_at,
+    random_aims,
+    random_directions,
+    random_pixels,
+    random_sizes,
+)
 from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
@@ -211,21 +221,8 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
     pixels = random_pixels(display, random, count)
     # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
-    far = display.aperture_distance_mm * _sizes(random, 1.0, min(1e8, farthest), count)
-    yield Out("grazing-launch", display, pixels, far * _directions(random, count))
-
-
-def _directions(random: np.random.Generator, count: int) -> Floats:
-    """Return unit vectors (N, 2), by a root alone: a sine's last bit depends on the machine, and a set has one hash."""
-    x, y = random.uniform(-1.0, 1.0, (2, count))
-    return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
-
-
-def _sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:
-    """Return numbers of every size from `low` to `high`, (N, 1), by their binary exponents; the same on any machine."""
-    (_, first), (_, last) = math.frexp(low), math.frexp(high)
-    sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
-    return np.asarray(np.clip(sizes, low, high))
+    far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
+    yield Out("grazing-launch", display, pixels, far * random_directions(random, count))
 
 
 def _flips(
@@ -269,7 +266,7 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
         ("grazing-exit", 1e-15, 0.1, False), ("grazing-exit/words", 3e-8, 3e-6, True),
     ):  # fmt: skip
         pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
-        yield Out(name, dense, pixels, last + _sizes(random, nearest, farthest, len(pixels)) * (inner - last))
+        yield Out(name, dense, pixels, last + random_sizes(random, nearest, farthest, len(pixels)) * (inner - last))
 
 
 @_case
@@ -281,7 +278,7 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
     pitch = display.array.finest_mm
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
-    aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * _directions(random, many)
+    aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * random_directions(random, many)
     rays = Out("far-cells", far, random_pixels(far, random, many), aims)
     traced = rays.traced()
     far_off = cell_steps(far, traced.lenslet - rays.steps()["home"]) >= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -35,6 +36,22 @@ def random_aims(display: Display, random: np.random.Generator, count: int, reach
     return np.asarray(points[:count] * reach, np.float64)
 
 
+def random_directions(random: np.random.Generator, count: int) -> Floats:
+    """Return unit vectors (count, 2), by a root alone: the last bit of a sine depends on the machine."""
+    x, y = random.uniform(-1.0, 1.0, (2, count))
+    return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
+
+
+def random_sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:
+    """Return numbers of every magnitude from `low` to `high`, (count, 1), by their binary exponents.
+
+    Without a power, whose last bit depends on the machine.
+    """
+    (_, first), (_, last) = math.frexp(low), math.frexp(high)
+    sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
+    return np.asarray(np.clip(sizes, low, high))
+
+
 def edge_points(display: Display, random: np.random.Generator, count: int, vertices: float = 0.0) -> Floats:
     """Return points on the edges of a cell, (count, 2), mm from its centre; a share `vertices` on the vertices."""
     corners = corners_mm(display.array)
@@ -55,9 +72,10 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 
 def cell_steps(display: Display, between: Floats) -> Floats:
-    """Return how many cells lie on the way between two lenslets, one of them counted; `between` (N, 2) their indices.
+    """Return how many steps from a cell to a neighbour lead from one lenslet to another, (N,).
 
-    On a square grid a step may be diagonal. Rows of hexagons lean: index (1, 1) is two steps away.
+    `between` (N, 2) is the difference of their indices. On a square grid a step may be diagonal. Rows of hexagons lean:
+    (1, 1) is two steps, (1, -1) one.
     """
     i, j = np.abs(between).T
     steps = np.maximum(i, j)

@@ -1,7 +1,7 @@
 """`make coverage`: which lines of the RTL and of the host the quick tests execute; with --toggles, which bits toggle.
 
 The tests run as in `make test`; the simulations and coverage.py leave their counts in build/coverage/. Lines that no
-test executes are listed, with the reasons of docs/coverage-holes.toml.
+test executes are listed, with the reasons of code_coverage_holes.toml. A file of the RTL without a reason is an error.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import click
 
 from lippmann import toml
 from lippmann.cli import run
-from lippmann.errors import InputError, LippmannError
+from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.images import check_output
 from lippmann.provenance import provenance
 from lippmann.report.pages import Page
@@ -31,7 +31,7 @@ from lippmann.sim.compilation import COVERAGE, TOGGLES
 from lippmann.sim.tools import build_folder, repository
 from lippmann.toml import documented, key
 
-HOLES = Path("docs/coverage-holes.toml")
+HOLES = Path(__file__).with_name("code_coverage_holes.toml")
 #: What coverage.py is told: every process counts, also those that a command starts and that a signal ends.
 SETTINGS = """[run]
 source = host/lippmann
@@ -165,6 +165,15 @@ def page(
     return Page("code-coverage", origin, [plot], tables, context, Path(__file__).with_name("templates"))
 
 
+def reasons(top: Path, path: Path = HOLES) -> dict[str, str]:
+    """Return why files have holes; raise InputError for one that is gone."""
+    holes = toml.read(Holes, toml.load(path, "holes"), str(path)).hole
+    for number, hole in enumerate(holes):
+        if not (top / hole.file).is_file():
+            raise input_error(f"{path}: hole[{number}].file", f"there is no file {hole.file}", "name it as it is now")
+    return {hole.file: hole.why for hole in holes}
+
+
 def measure(folder: Path, jobs: int, toggles: bool) -> None:
     """Run the quick tests with counters, into a folder that is emptied first; raise LippmannError when one fails."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -197,14 +206,18 @@ def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
         measure(folder, jobs, toggles)
     if not (folder / "host.json").exists():
         raise InputError(f"{folder}: nothing was measured there; leave out --keep")
-    holes = toml.read(Holes, toml.load(top / HOLES, "holes"), str(HOLES)).hole
+    why = reasons(top)
     rtl = rtl_rows(read_rtl(sorted((folder / "rtl").glob("*.dat")), top))
     host = host_rows(json.loads((folder / "host.json").read_text()))
     origin = provenance("make coverage", ("coverage", "pytest"), {})
-    page(origin, rtl, host, {hole.file: hole.why for hole in holes}).write(Path(report))
+    page(origin, rtl, host, why).write(Path(report))
     toggled = f", {share(rtl, 'toggled', 'toggles'):.1f} % of toggles" if any(row["toggles"] for row in rtl) else ""
     click.echo(f"RTL: {share(rtl):.1f} % of lines{toggled}")
     click.echo(f"host: {share(host):.1f} % of lines")
+    if unexplained := [row["file"] for row in rtl if row["missing"] and row["file"] not in why]:
+        raise input_error(
+            str(HOLES), f"it does not say why {', '.join(unexplained)} has holes", "add a hole, or a test"
+        )
 
 
 if __name__ == "__main__":

@@ -512,7 +512,7 @@ def compare(boards: Boards) -> tuple[Compared, Told, Told]:
 
 
 def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
-    """Name each counter of a board's run that a right board does not have so, or that is missing or unknown."""
+    """Name each counter of a run whose value no right board has, each that is missing, and each without limits."""
     limits = COUNTED | (PINS if PINS.keys() & counts.keys() else VIRTUAL)
     wrong = [f"{name} is not counted" for name in limits if name not in counts]
     for name, value in counts.items():

@@ -141,7 +141,7 @@ def judge(
     if foreign.words is not None:
         verdict = _judge_words(foreign, *foreign.words, two_faults)
         if maps is not None:
-            _map_words(maps, foreign, *foreign.words)
+            _map_words(maps, foreign, foreign.words[0])
         return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
     seen = _compare(foreign, bounds, *_roundings(foreign.given))
     if maps is not None:
@@ -546,15 +546,15 @@ def _judge_words(foreign: Foreign, case: FixedCase, got: FixedRays, two_faults: 
     return _verdict(np.zeros_like(wrong), wrong, finding, tuple(compared))
 
 
-def _map_words(maps: ErrorMaps, foreign: Foreign, case: FixedCase, _: FixedRays) -> None:
+def _map_words(maps: ErrorMaps, foreign: Foreign, case: FixedCase) -> None:
     """Add the errors of words; a unit of the last place is a word's."""
     given, bits = foreign.given, case.build.fraction_bits
     twin = rays_of_words(given.display, given.pixels, case.traced(), bits)
     right = {"local_mm": twin.local_mm, "direction": twin.direction}
     apart = {name: _distance(name, foreign.fields[name], values) for name, values in right.items()}
-    rays = np.ones(len(given.pixels))
-    units = {"local_mm": given.display.array.radius_mm * word_unit(bits) * rays, "direction": word_unit(bits) * rays}
-    maps.add(given, apart, units, rays > 0.0)
+    every = np.ones(len(given.pixels), bool)
+    unit = word_unit(bits) * every
+    maps.add(given, apart, {"local_mm": given.display.array.radius_mm * unit, "direction": unit}, every)
 
 
 def _diagnosed_words(

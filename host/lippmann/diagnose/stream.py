@@ -280,7 +280,7 @@ class StreamReader:
         raise input_error(self._at(now, n), what, remedy)
 
 
-def lines_of(file: BinaryIO) -> Iterator[bytes]:
+def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
     """Yield the lines of a file as they come; of one that is too long its first part, and then the next."""
     return iter(partial(file.readline, MOST_LINE + 1), b"")
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.files import is_full, moved, no_space, partial_folder
 from lippmann.programs import run_program
-from lippmann.sim.tools import build_folder, repository, verilator_environment, verilator_version
+from lippmann.sim.tools import build_folder, hardware, verilator_environment, verilator_version
 
 #: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
@@ -102,7 +102,7 @@ def verilated(
     with partial_folder(output) as work:
         if _counters():
             (work / "bind.sv").write_text(f"bind {top} coverage i_coverage();\n")
-            sources = [*sources, repository() / "sim" / "coverage" / "coverage.sv", work / "bind.sv"]
+            sources = [*sources, hardware() / "sim" / "coverage" / "coverage.sv", work / "bind.sv"]
             options = [*options, *_counters()]
             flags = [*flags, "-DVM_COVERAGE=1"]
         _run(
@@ -112,7 +112,8 @@ def verilated(
             ]
         )  # fmt: skip
         made = sorted(work.glob("Vtop*.cpp"))
-        (work / "all.cpp").write_text("#include <unistd.h>\n" + "".join(map(_include, [*made, *main])))
+        process = "#include <unistd.h>\n" if _counters() else ""
+        (work / "all.cpp").write_text(process + "".join(map(_include, [*made, *main])))
         runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]

@@ -88,6 +88,7 @@ def errors_page(
         "sets": len(sets),
         "covered": told,
         "ended": ended,
+        "words": words,
         "last_place": last_place,
         "edge": sum(one.on_edge for _, one in verdicts),
     }
