@@ -92,11 +92,11 @@ synth: $(READY) ## place and route the RTL's named configurations and boards (ho
 
 # X11 has a variable DISPLAY too: only what is given to make counts, unless it is empty.
 given = $(if $(filter command line,$(origin $(1))),$(if $(strip $($(1))),--$(2) '$(subst ','\'',$($(1)))'))
-bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 LAYERS=4 BILINEAR=)
-	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,LAYERS,layers) $(if $(filter-out 0 no false,$(BILINEAR)),--bilinear)
+bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 PATIENCE=240 LAYERS=4 BILINEAR=)
+	$(BIN)/python -m lippmann.dev.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,PATIENCE,patience) $(call given,LAYERS,layers) $(if $(filter-out 0 no false,$(BILINEAR)),--bilinear)
 
 report-bitstream: $(READY) ## clocks and cells of the ULX3S's bitstreams, into docs/reports (hours; kept in build/bitstream)
-	$(BIN)/python -m lippmann.dev.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --report docs/reports
+	$(BIN)/python -m lippmann.dev.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --seeds 1,2,4 --report docs/reports
 
 report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
 	$(BIN)/lippmann report -o docs/reports

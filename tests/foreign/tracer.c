@@ -216,7 +216,7 @@ static void answer(double u, double v, double a, double b) {
   else ray.d[2] = -ray.d[2];
   int status = pass(&ray, &cell);
   if (!display.plano_to_panel) ray.p[2] = -ray.p[2], ray.d[2] = -ray.d[2];
-  if (!is_there(cell)) status = BLOCKED;
+  if (status != MISSED && !is_there(cell)) status = BLOCKED;
   if (status == OK && (cell.i != home.i || cell.j != home.j)) status = CROSSTALK;
   if (status != OK && status != CROSSTALK) {
     printf(" %d\n", status);

@@ -7,6 +7,7 @@ import stat
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -81,10 +82,10 @@ def test_a_half_written_result_is_made_again(tmp_path, monkeypatch):
     monkeypatch.setattr(bitstream, "_work_folder", lambda made: tmp_path)
     monkeypatch.setattr(bitstream.flow, "synthesise", lambda *_: ran.append("yosys") or 7)
 
-    def route(made, netlist, written, seed):
+    def route(made, netlist, written, seed, patience):
         (tmp_path / f"seed-{seed}.log").write_text(VGA_SAID)
         ran.append("nextpnr")
-        return 7.0
+        return {"seconds": 7.0}
 
     monkeypatch.setattr(bitstream, "_route", route)
     made = bitstream.plan(fpga_board("ulx3s"), load_display(str(shown(640, 480, tmp_path))))
@@ -344,12 +345,12 @@ def routed(tmp_path, monkeypatch):
     program = tmp_path / "nextpnr-ecp5"
     monkeypatch.setenv("NEXTPNR", str(program))
 
-    def place(said, writes, ends):
+    def place(said, writes, ends, **options):
         (tmp_path / "said").write_text(said)
         config = "seed-1.config" if writes else "nowhere"
         program.write_text(f"#!/bin/sh\ncat said\necho configuration > {config}\n{ends}\n")
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
-        return bitstream.place(made, [1])
+        return bitstream.place(made, [1], **options)
 
     return place
 
@@ -382,11 +383,46 @@ def test_a_clock_that_is_not_met_is_kept(routed, tmp_path):
     assert routed("ERROR: is not called", False, "exit 1") == [row]
 
 
+def test_a_seed_that_is_never_routed_is_given_up(routed, tmp_path, monkeypatch):
+    """It is kept, and tried again only with more patience; its clocks of before routing are not told."""
+    endless = [LCD_SAID.replace("21.25", "31.25"), False, "sleep 60"]
+    monkeypatch.setattr(bitstream.flow, "run_program", partial(_soon, bitstream.flow.run_program))
+    for _ in range(2):
+        (row,) = routed(*endless, patience_min=2)
+        assert (row["missed"], row["system_mhz"]) == ("not routed after 2 min", None)
+        (tmp_path / "nextpnr-ecp5").write_text("#!/bin/sh\nexit 1\n")
+    (row,) = routed(*endless, patience_min=3)
+    assert row["missed"] == "not routed after 3 min"
+    assert "not routed after 3 min" in "\n".join(bitstream._told(row))
+
+
+def _soon(run_program, *arguments, timeout_s, **more):
+    """Run a program with a hundredth of its time."""
+    return run_program(*arguments, timeout_s=None if timeout_s is None else timeout_s / 100, **more)
+
+
+def test_seeds_for_each_display(tmp_path, monkeypatch, capsys):
+    tried = []
+
+    def place(made, seeds, every, patience):
+        tried.append((made.name, seeds))
+        return [{"board": "ulx3s", "display": "d", "seed": seeds[0], "missed": "all", "seconds": 1.0}]
+
+    monkeypatch.setattr(bitstream, "place", place)
+    displays = [f"--display={TOP}/scenes/displays/{name}-square.toml" for name in ("vga", "hd")]
+    run([*displays, "--seeds", "1,2", "--seeds", "4"], bitstream.main, None)
+    run([*displays, "--seeds", "5"], bitstream.main, None)
+    vga, hd = "ulx3s-vga-square", "ulx3s-hd-square"
+    assert tried == [(vga, [1, 2]), (hd, [4]), (vga, [5]), (hd, [5])]
+    assert run([*displays, *3 * ["--seeds", "1"]], bitstream.main, None) == 2
+    assert "is given 3 times for 2 bitstreams; give it once, or once for each" in capsys.readouterr().err
+
+
 def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     """The flow with its tools replaced: what is packed is the first seed that is good, kept results are used again."""
     routed = []
 
-    def route(netlist, written, options, seed, report, record):
+    def route(netlist, written, options, seed, report, record, most_s):
         routed.append(seed)
         assert netlist.read_text() == f"anchored by {seed}"
         assert "--timing-allow-fail" not in options

@@ -13,6 +13,7 @@ from lippmann.conditioning.cases import Out, changed, hard_sets
 from lippmann.conditioning.measure import fixed_words
 from lippmann.conditioning.search import random_aims, random_pixels
 from lippmann.conditioning.vectors import INPUTS
+from lippmann.diagnose.faults import fitted_together
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.judge import _rounding, judge
 from lippmann.display import display_text, load_display
@@ -303,6 +304,56 @@ def test_late_outputs_are_named(lag, says):
     verdict = judged(display, rays | {name: np.roll(rays[name], lag, axis=0) for name in ("direction", "status")})
     assert verdict.stage == "exit"
     assert says in verdict.fault
+
+
+def test_one_wrong_ray_is_no_delay_and_no_stale_register():
+    """Among rays that are nearly alike, and among others."""
+    display = display_for("square")
+    (chief,) = hard_sets(display, "chief-ray", SEED, 24)
+    for pixels, aims in ((chief.pixels, np.zeros_like(chief.pixels)), rays_for(display)):
+        rays = traced(display, pixels, aims)
+        rays["direction"] = rays["direction"].copy()
+        rays["direction"][5] = 0.6, 0.0, 0.8
+        verdict = judged(display, rays)
+        assert (verdict.wrong, verdict.first_wrong, verdict.fault) == (1, 5, None)
+
+
+def test_a_lost_ray_that_is_not_seen_as_lost_is_of_the_status():
+    """Its other values say nothing."""
+    display = changed(display_for("square"), radius_mm=0.72, index=1.9, thickness_mm=0.0)
+    pixels, aims = rays_for(display)
+    rays = traced(display, pixels, aims)
+    lost = rays["status"] == 2
+    assert lost.sum() > 20
+    flat = np.where(lost[:, None], (0.8, 0.6, 0.0), rays["direction"])
+    verdict = judged(display, rays | {"status": np.where(lost, 0, rays["status"]), "direction": flat})
+    assert (verdict.stage, verdict.fault) == ("status", f"wrong status code: 0 for 2 ({lost.sum()} rays)")
+
+
+def test_exit_points_of_another_frame():
+    display = display_for("square")
+    pixels, aims = rays_for(display)
+    rays, gap, T = lippmann.trace(display, pixels, aims), display.gap_mm, display.array.thickness_mm
+    turn = np.deg2rad(display.array.rotation_deg)
+    x, y = (rays.origin_mm[:, :2] - display.array.offset_mm).T
+    along = np.stack([np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x], axis=1)
+    along += display.array.offset_mm
+    for origin, says in (
+        (np.add(rays.origin_mm, (0.0, 0.0, gap + T)), "origin's z from the panel"),
+        (np.column_stack([along, rays.origin_mm[:, 2]]), "exit point left along the array's axes"),
+    ):
+        verdict = judged(display, traced(display, pixels, aims) | {"origin_mm": origin})
+        assert (verdict.stage, verdict.fault) == ("dome", says)
+
+
+def test_a_fit_of_two_numbers_names_those_that_moved():
+    """Index and gap are fitted to rays of another index: the gap stays, so it is not named."""
+    display = display_for("square")
+    pixels, aims = rays_for(display, 200)
+    given = Out("foreign", display, pixels, aims)
+    wrong = traced(changed(display, index=1.53), pixels, aims)
+    names = [one.name for some in fitted_together(given, wrong) if len(some) == 1 for one in some]
+    assert "array.index is 1.53 for 1.52" in names
 
 
 def test_tie_rule():

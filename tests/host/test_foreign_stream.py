@@ -5,6 +5,7 @@ import json
 import os
 import random
 import re
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -107,6 +108,54 @@ def test_a_planted_fault_is_named(name, tmp_path):
     assert named(name, tmp_path)
 
 
+#: Checks that a tracer may leave out: the display on which that shows, the lines, and those without the check.
+LEFT_OUT = {
+    "domes hit again, above": ("plain", " || meets_again(*ray, 0)", ""),
+    "domes hit again, below": ("viewer", " || meets_again(*ray, 1)", ""),
+    "a line beside the sphere, above": ("plain", "if (root < 0.0) return 0;", "if (root < 0.0) root = 0;"),
+    "a line beside the sphere, below": ("viewer", "if (root < 0.0) return 0;", "if (root < 0.0) root = 0;"),
+    "walls above": ("plain", "if (k > 0 && upward && !inside) return 0;", ""),
+    "walls below": ("viewer", "if (k > 0 && !upward && inside && from > t[0] + 1e-12) return 0;", ""),
+    "the array's end": ("plain", "if (status != MISSED && !is_there(cell)) status = BLOCKED;", ""),
+    "total reflection": ("plain", "if (square <= 0.0) return 0;", "if (square < 0.0) square = 0;"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_a_check_that_is_left_out_is_found(name, tmp_path):
+    """By rays beyond any rounding of the onset."""
+    display, old, new = LEFT_OUT[name]
+    assert old in SOURCE
+    program = compiled(tmp_path, SOURCE.replace(old, new))
+    found = verdicts(answered(program, asked(parse_display(DISPLAY_TEXTS[display]), "losses", 0)))
+    wrong = [verdict for verdict in found.values() if not verdict.right]
+    assert wrong
+    if not name.startswith("walls"):
+        assert any("wrong status code" in str(verdict.fault) or "extent" in str(verdict.fault) for verdict in wrong)
+
+
+@pytest.mark.parametrize("case", ["fates", "total-reflection", "cell-edges"])
+def test_rays_on_an_edge_are_judged_too(case, tracer):
+    """They may be golden's on either side, and nothing else."""
+    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), case, 0))
+    right = verdicts(answers)
+    assert all(verdict.right for verdict in right.values())
+    assert sum(verdict.on_edge for verdict in right.values()) > 20
+    garbage = {"lenslet and point": b" 0 77 77 9 9 0 0 0 1", "status": b" 1", "direction": None}
+    for what, answer in garbage.items():
+        lines = []
+        for line in answers.splitlines():
+            words = line.split()
+            if line.startswith(b"#") or (answer is None and len(words) < 14):
+                lines.append(line + b"\n")
+            elif answer is None:
+                lines.append(b" ".join([*words[:11], b"0.6 0 0.8\n"]))
+            else:
+                lines.append(b" ".join(words[:5]) + answer + b"\n")
+        for name, verdict in verdicts(b"".join(lines)).items():
+            assert verdict.wrong > 0.3 * verdict.rays, (what, name)
+
+
 @pytest.mark.full
 def test_planted_faults_are_named(tmp_path):
     unnamed = [name for name in FAULTS if not named(name, tmp_path)]
@@ -168,7 +217,7 @@ def test_published_sets_have_their_hash_on_any_machine(name, options, digest, en
 
 
 def test_four_sets_are_published():
-    assert [name for name, *_ in SETS] == ["square-1", "hex-1", "square-18-1", "hex-18-1"]
+    assert [name for name, *_ in SETS] == ["square-2", "hex-2", "square-18-2", "hex-18-2"]
 
 
 # ---- words ----
@@ -472,7 +521,7 @@ def test_bad_streams(tracer):
     ray, after = lines[first], lines[first + 1]
     words = ray.split()
     assert "version 2, not 1" in said(b"stream 1", b"stream 2")
-    assert "is no stream of lippmann" in said(b"# lippmann-stream", b"# other")
+    assert "none of its " in said(b"# lippmann-stream", b"# other")
     assert f"line {first + 1}: has ray 1 where 0 is next" in said(ray + after, after + ray)
     assert f"line {first + 2}: has ray 0 where 1 is next" in said(ray, ray + ray)
     assert f"line {first + 1}: has ray 1 where 0 is next" in said(ray, b"")
@@ -491,6 +540,7 @@ def test_bad_streams(tracer):
     assert "has 8 numbers behind its question" in said(ray, ray.rsplit(None, 1)[0] + b"\n")
     assert "not finite" in said(ray, b" ".join([*words[:-1], b"nan"]) + b"\n")
     assert "is no number" in said(ray, b" ".join([*words[:-1], b"x"]) + b"\n")
+    assert "is no number" in said(ray, b" ".join([*words[:-1], b"1_0"]) + b"\n")
     assert "no integer" in said(ray, b" ".join([*words[:6], b"0.5", *words[7:]]) + b"\n")
     assert "its status alone, and is not lost" in said(ray, b" ".join(words[:6]) + b"\n")
     assert "is not text" in said(ray, b"\xff" + ray)
@@ -524,6 +574,77 @@ def test_words_that_are_too_long_and_notes_that_are_wrong():
         verdicts(answers.replace(b"words exact 16", b"words exact 99", 1))
 
 
+def piped(questions, *command):
+    """Run `lippmann` with questions or answers at its stdin."""
+    return subprocess.run([*LIPPMANN, *command], input=questions, capture_output=True, cwd=TOP, check=False)
+
+
+def test_a_stream_that_ends_early_is_one_json_object(tracer):
+    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
+    for some, judged in ((answers[:-200], 1), (b"", 0)):
+        done = piped(some, "regress", "--stream", "--json")
+        told = json.loads(done.stdout)
+        assert (done.returncode, told["exit_code"], told["hash"], told["right"]) == (2, 2, None, False)
+        assert len(told["sets"]) == judged
+        assert told["error"] in done.stderr.decode()
+    told = json.loads(piped(answers, "regress", "--stream", "--json").stdout)
+    assert told["hash"] == answers.split()[-1].decode()
+    assert told["made"] == "test"
+    assert told["bounds"]["direction_urad"] == 2.0
+
+
+def test_the_verdict_names_what_was_judged(tracer, tmp_path):
+    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
+    done = piped(answers, "regress", "--stream", "--junit", str(tmp_path / "j.xml"))
+    hash_ = answers.split()[-1].decode()
+    assert f"stream: {hash_}" in done.stdout.decode()
+    suite = next(iter(JUnitXml.fromfile(str(tmp_path / "j.xml"))))
+    properties = {one.name: one.value for one in suite.properties()}
+    assert properties["hash"] == hash_
+    assert json.loads(properties["bounds"])["point_nm"] == 50.0
+
+
+def test_ctrl_c_keeps_the_verdicts(tracer):
+    answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), random=50))
+    wrong = re.sub(rb"^(0 \S+ \S+ \S+ \S+ \d) .*$", rb"\1 5 5 0 0 0 0 0 1", answers, count=1, flags=re.M)
+    with subprocess.Popen(
+        [*LIPPMANN, "regress", "--stream"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=TOP,
+    ) as process:
+        process.stdin.write(wrong[: wrong.index(b"# end")])
+        process.stdin.flush()
+        assert b"1 of 48 rays wrong" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        out, said = process.communicate()
+    assert process.returncode == 130
+    assert b"48 rays in 1 set: 1 wrong" in out
+    assert b"interrupted" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "said"),
+    [
+        ("vectors --display DISPLAY --stream >&-", 3, "stdout is closed"),
+        ("regress --stream <&-", 2, "stdin is closed"),
+        (
+            "vectors --display scenes/displays/paper-square.toml --stream --case tangent",
+            2,
+            "has no rays from the panel",
+        ),
+        ("vectors --display DISPLAY --stream --case nothing", 2, "unknown case"),
+    ],
+)
+def test_no_stream(command, code, said):
+    shell = f"{sys.executable} -m lippmann {command.replace('DISPLAY', 'scenes/displays/paper-square.toml')}"
+    done = subprocess.run(["sh", "-c", shell], capture_output=True, cwd=TOP, check=False)
+    assert (done.returncode, done.stdout) == (code, b"")
+    assert said in done.stderr.decode()
+    assert len(done.stderr.splitlines()) == 1
+
+
 def test_options_that_do_not_go_together(tmp_path, capsys):
     from lippmann.cli import run
 
@@ -538,7 +659,9 @@ def test_options_that_do_not_go_together(tmp_path, capsys):
         (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream has it"),
         (["regress", "--stream", "--model", "exact"], "--model: the stream has it"),
         (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: the stream has it"),
-        (["regress", "--stream", "--report", ""], "--report: it is empty"),
+        (["regress", "--stream", "--report", ""], "--report: it is empty; name a folder"),
+        (["regress", "--stream", "--junit", ""], "--junit: it is empty; name a file"),
+        (["regress", "--stream", "--bounds", ""], "--bounds: it is empty; name a file"),
         (["regress", "--rays", "x.npz"], "no rays; give --display and --rays, or --stream"),
         (["regress", "--stream", "--junit", str(tmp_path / "j.txt")], "j.txt"),
     ):

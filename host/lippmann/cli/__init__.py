@@ -66,6 +66,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
     """Run the command line, or another command (None: named as it was called), and return the exit code."""
+    if sys.stdout is None:
+        print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
+        return MissingLibraryError.exit_code
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except SystemExit:

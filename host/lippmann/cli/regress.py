@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
+from lippmann import interrupts
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import LENS_MODEL, Finite, word_length
-from lippmann.cli.output import emit
+from lippmann.cli.output import as_json, emit, log
 from lippmann.display import load_display
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, printable
 from lippmann.optics.rays import Model
 
 if TYPE_CHECKING:
@@ -63,12 +65,13 @@ def command(
     from lippmann.files import make_folder
     from lippmann.images import check_output
 
+    for flag, path in (("--bounds", bounds_path), ("--junit", junit), ("--report", report)):
+        if path == "":
+            raise input_error(flag, "it is empty", f"name a {'folder' if flag == '--report' else 'file'}")
     bounds = _bounds(bounds_path, tolerance_urad, tolerance_nm)
     if junit is not None:
         check_output(Path(junit), (".xml",))
     if report is not None:
-        if not report:
-            raise input_error("--report", "it is empty", "name a folder")
         make_folder(Path(report))
     files = _Files(junit, report)
     if stream:
@@ -91,8 +94,9 @@ def command(
     else:
         lines += verdict.headline.split("; ", 1)
     lines.append(summary([verdict.covered], foreign.words is not None)[1])
-    emit({**dataclasses.asdict(verdict), **shown}, lines)
-    files.write([(Path(rays_path).stem, verdict)], words=foreign.words is not None)
+    about = {"rays": rays_path, "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
+    files.write([(Path(rays_path).stem, verdict)], foreign.words is not None, None, about)
+    emit({**dataclasses.asdict(verdict), **shown, "bounds": about["bounds"]}, lines)
     return 0 if verdict.right else FOUND_WRONG
 
 
@@ -121,55 +125,57 @@ class _Files:
         self.junit, self.report = junit, report
         self.maps = None if report is None else ErrorMaps()
 
-    def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None = None) -> None:
-        """Write the verdicts on sets of rays; `ended` says why there are no more."""
+    def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: dict[str, Any]) -> None:
+        """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
         from lippmann.diagnose.junit import write_junit
 
+        said = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit is not None:
-            write_junit(Path(self.junit), verdicts, ended)
+            write_junit(Path(self.junit), verdicts, ended, said)
         if self.report is not None and self.maps is not None:
             from lippmann.provenance import provenance
             from lippmann.report.regress import errors_page
 
-            origin = provenance("lippmann regress", ("numpy",))
+            origin = provenance("lippmann regress", ("numpy",)) | said
             errors_page(origin, verdicts, self.maps.maps, words, ended).write(Path(self.report), as_html=True)
 
 
 def _judge_stream(bounds: Bounds, files: _Files) -> int:
-    """Judge the stream at stdin. If it ends early, print the verdicts so far, then the error."""
+    """Judge the stream at stdin. If it ends early, tell the verdicts so far, and why."""
     from lippmann.diagnose.coverage import summary
     from lippmann.diagnose.judge import judge
     from lippmann.diagnose.stream import StreamReader, bounded_lines
 
+    if sys.stdin is None:
+        raise InputError("stdin is closed; run lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream")
     verdicts: list[tuple[str, Verdict]] = []
-    ended: InputError | None = None
-    words = False
-    read = StreamReader(bounded_lines(sys.stdin.buffer)).sets()
-    while True:
-        try:
-            name, foreign = next(read)
-        except StopIteration:
-            break
-        except InputError as error:
-            ended = error
-            break
-        # The search for a pair takes some ten seconds: again only for a set of more rays, which says more.
-        search = not any(one.searched and one.rays >= len(foreign.given.pixels) for _, one in verdicts)
-        verdicts.append((name, judge(foreign, bounds, two_faults=search, maps=files.maps)))
-        words = foreign.words is not None
-    why = None if ended is None else str(ended)
+    ended, code, words = None, 0, False
+    read = StreamReader(bounded_lines(sys.stdin.buffer))
+    try:
+        for name, foreign in read.sets():
+            # The search for a pair takes some ten seconds: again only for a set of more rays, which says more.
+            search = not any(one.searched and one.rays >= len(foreign.given.pixels) for _, one in verdicts)
+            verdict = judge(foreign, bounds, two_faults=search, maps=files.maps)
+            verdicts.append((name, verdict))
+            words = foreign.words is not None
+            if not verdict.right and not as_json():
+                click.echo(printable(f"{name}: {verdict.headline}"))
+    except InputError as error:
+        ended, code = str(error), error.exit_code
+    except KeyboardInterrupt:
+        ended, code = "interrupted", interrupts.exit_code()
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
     met, told = summary((verdict.covered for _, verdict in verdicts), words)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
-    lines = [f"{name}: {verdict.headline}" for name, verdict in verdicts if not verdict.right]
-    if verdicts:
-        number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
-        lines += [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", told]
-    else:
-        lines.append("nothing was judged")
-    whole = {"right": not wrong and ended is None, "rays": rays, "wrong": wrong, "ended": why, "covered": met}
-    emit({**whole, "sets": sets}, lines)
-    files.write(verdicts, words, why)
+    number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
+    lines = [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", told]
+    lines = [*lines, *[f"stream: {read.hash}"] * bool(read.hash)] if verdicts else ["nothing was judged"]
+    about: dict[str, Any] = {"made": read.made, "hash": read.hash or None, "bounds": dataclasses.asdict(bounds)}
+    files.write(verdicts, words, ended, about)
     if ended is not None:
-        raise ended
+        about |= {"error": ended, "exit_code": code}
+    emit({"right": not (wrong or ended), "rays": rays, "wrong": wrong, **about, "covered": met, "sets": sets}, lines)
+    if ended is not None:
+        log(f"lippmann: {ended}")
+        return code
     return FOUND_WRONG if wrong else 0

@@ -29,6 +29,7 @@ from lippmann.conditioning.search import (
 from lippmann.display import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
+from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
 from lippmann.optics.rays import Engine, Model, Rays, Status
@@ -302,6 +303,30 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
         pixels, aims, _ = _flips(made, random, max(2, count // 8), status, reach)
         if len(aims):
             yield _near_onset(f"fates/{status.name.lower()}", made, pixels, aims)
+
+
+@_case
+def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays of every fate, far from its onset: stopped by a dome, at a wall between domes, at the array's end."""
+    array, panel = display.array, display.panel
+    domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
+    leaning = replace(array, shear=1.0, radius_mm=4.0 * array.radius_mm, thickness_mm=8.0 * array.radius_mm)
+    walls = changed(domes, shear=1.0, radius_mm=1.02 * leaning.half_diagonal_mm)
+    # The end lies between lenslets' centres.
+    across, row = array.pitches_mm[0], array.row_pitch_mm
+    end = (
+        (math.floor(0.3 * panel.width_mm / across) + 0.7) * across,
+        (math.floor(0.3 * panel.height_mm / row) + 0.7) * row,
+    )
+    ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=(2.0 * end[0], 2.0 * end[1]))
+    many = 400 * count
+    for name, made, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
+        rays = Out(f"losses/{name}", made, random_pixels(made, random, many), random_aims(made, random, many, reach))
+        status = rays.traced().status
+        if name == "ends":  # from lenslets that are there
+            x, y = Lattice.of(made.array).centre(*rays.steps()["home"].T)
+            status = np.where((np.abs(x) < end[0]) & (np.abs(y) < end[1]), status, len(Status))
+        yield rays.some(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
 
 
 def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:

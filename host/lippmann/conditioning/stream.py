@@ -32,6 +32,7 @@ from lippmann.conditioning.measure import fixed_words
 from lippmann.conditioning.search import Floats, random_aims, random_pixels
 from lippmann.conditioning.vectors import INPUTS, REGISTER_BITS, memory_lines, widths
 from lippmann.display import Display, display_text
+from lippmann.errors import input_error
 from lippmann.optics.rays import Model
 
 NAME, VERSION = "lippmann-stream", 1
@@ -65,10 +66,11 @@ class Stream:
             yield Out(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, made: str) -> Iterator[str]:
-        """Yield the lines; sets that do not fit the words are left out. `made` is the command that makes them."""
-        yield f"# {NAME} {VERSION}"
-        yield f"# made {made}"
-        hashes = []
+        """Yield the lines; sets that do not fit the words are left out. `made` is the command that makes them.
+
+        Raises InputError, before the first line, when no set is left.
+        """
+        hashes: list[str] = []
         for rays in self.sets():
             asked = self._asked(rays)
             if asked is None:
@@ -77,11 +79,18 @@ class Stream:
             notes += [f"display {line}" for line in display_text(rays.display).splitlines() if line]
             notes += [f"value {name} {value}" for name, value in values(rays.display).items()]
             digest = digest_of_set(notes, content)
+            if not hashes:
+                yield f"# {NAME} {VERSION}"
+                yield f"# made {made}"
             hashes.append(digest)
             yield f"# set {rays.name}"
             yield from (f"# {note}" for note in notes)
             yield f"# rays {len(questions)} {digest}"
             yield from (f"{n} {question}" for n, question in enumerate(questions))
+        if not hashes:
+            which = " that fit the words" * (self.fraction_bits is not None)
+            what = f"has no rays from the panel{which} on {self.display.name}"
+            raise input_error(f"--case {self.case}", what, "take another case or display")
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
     def _asked(self, rays: Out) -> tuple[list[str], list[str], bytes] | None:

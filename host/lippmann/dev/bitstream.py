@@ -42,6 +42,8 @@ from lippmann.sim.virtual_board import TIMING, board_build, check_panel, step_of
 
 #: Seeds that are tried unless others are asked for.
 SEEDS = "1,2,3,4,5,6,7,8"
+#: Minutes after which a seed is given up unless told otherwise: PyPI's nextpnr takes an hour and a half at most.
+PATIENCE_MIN = 240
 #: Words of the SDRAM, 16 bits each, of two pixels, and of a row.
 PAIR_WORDS, ROW_WORDS = 3, 512
 #: Shares of the memory's clocks: the most that the panel and refreshes may take in a line, for the other clients need
@@ -227,11 +229,14 @@ def _lines_of(pins: Path) -> str:
 # ---- synthesis, placement, bitstream ----
 
 
-def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[str, Any]]:
+def place(
+    made: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
+) -> list[dict[str, Any]]:
     """Synthesise a design, place and route it until a seed meets every clock; return a row for each seed.
 
-    `every`: try all seeds. A row's `missed` is empty when every clock is met. Netlist and results are kept by a hash of
-    all that they depend on. Raises LippmannError as `flow.run_tool`.
+    `every`: try all seeds. A row's `missed` is empty when every clock is met; a seed that takes longer than
+    `patience_min` is given up, since some are never routed. Netlist and results are kept by a hash of all that they
+    depend on. Raises LippmannError as `flow.run_tool`.
     """
     folder = _work_folder(made)
     netlist, counted = folder / "netlist.json", folder / "written.json"
@@ -244,11 +249,11 @@ def place(made: Plan, seeds: Sequence[int], every: bool = False) -> list[dict[st
     for seed in seeds:
         kept = folder / f"seed-{seed}.json"
         run = _kept(kept)
-        if run is None:
+        if run is None or run.get("stopped_min", patience_min) < patience_min:
             log(f"{made.name}: place and route, seed {seed}")
-            run = {"seconds": _route(made, netlist, written, seed)}
+            run = _route(made, netlist, written, seed, patience_min)
             _keep(kept, run)
-        rows.append(_row(made, folder, seed, run["seconds"]))
+        rows.append(_row(made, folder, seed, run))
         if not rows[-1]["missed"] and not every:
             break
     return rows
@@ -278,8 +283,11 @@ def _work_folder(made: Plan) -> Path:
     return folder
 
 
-def _route(made: Plan, netlist: Path, written: int, seed: int) -> float:
-    """Place and route with a seed, and return the seconds; a clock that is not met is no error here."""
+def _route(made: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
+    """Place and route with a seed; return the `seconds`, and `stopped_min` when it took longer than it may.
+
+    A clock that is not met is no error here.
+    """
     top = repository()
     fpga, folder = made.board.fpga, netlist.parent
     configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
@@ -294,7 +302,9 @@ def _route(made: Plan, netlist: Path, written: int, seed: int) -> float:
         netlist = anchored
     options += [*_router(made), "--textcfg", str(configuration.relative_to(top))]
     try:
-        flow.route(netlist, written, options, seed, folder / f"seed-{seed}.report.json", record)
+        flow.route(netlist, written, options, seed, folder / f"seed-{seed}.report.json", record, 60.0 * patience_min)
+    except flow.TooSlowError:
+        return {"seconds": round(time.perf_counter() - started, 1), "stopped_min": patience_min}
     except LippmannError:
         # After the last clock's figure nextpnr writes its configuration, also when a clock is not met. It tells clocks
         # before it routes too, and may fail then.
@@ -303,7 +313,7 @@ def _route(made: Plan, netlist: Path, written: int, seed: int) -> float:
         met, missed = clocks_met(made, record.read_text())
         if met.keys() != made.clocks_mhz.keys() or not missed:
             raise
-    return round(time.perf_counter() - started, 1)
+    return {"seconds": round(time.perf_counter() - started, 1)}
 
 
 def _router(made: Plan) -> list[str]:
@@ -311,9 +321,12 @@ def _router(made: Plan) -> list[str]:
     return ["--router", "router2", "--tmg-ripup"] if made.clocks_mhz["system"] <= SLOW_MHZ else []
 
 
-def _row(made: Plan, folder: Path, seed: int, seconds: float) -> dict[str, Any]:
-    """Return the row of a seed, from what nextpnr said and reported."""
-    met, missed = clocks_met(made, (folder / f"seed-{seed}.log").read_text())
+def _row(made: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row of a seed, from what `_route` returned, and nextpnr said and reported."""
+    met: dict[str, float] = {}
+    missed = [f"not routed after {run['stopped_min']} min"] if "stopped_min" in run else []
+    if not missed:
+        met, missed = clocks_met(made, (folder / f"seed-{seed}.log").read_text())
     row: dict[str, Any] = {"board": made.board.name, "display": made.display.name, "seed": seed}
     for role, asked in made.clocks_mhz.items():
         mhz = met.get(role)
@@ -321,7 +334,7 @@ def _row(made: Plan, folder: Path, seed: int, seconds: float) -> dict[str, Any]:
         row[f"{role}_ratio"] = None if mhz is None else round(mhz / asked, 3)
     report = _kept(folder / f"seed-{seed}.report.json")
     row |= {} if report is None else flow.resources(report)
-    return row | {"seconds": seconds, "missed": "; ".join(missed)}
+    return row | {"seconds": run["seconds"], "missed": "; ".join(missed)}
 
 
 def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
@@ -422,7 +435,20 @@ def _seeds(text: str) -> list[int]:
     "--display", "displays", multiple=True, default=["scenes/displays/vga-square.toml"], show_default=True,
     help="Display file.",
 )  # fmt: skip
-@click.option("--seeds", default=SEEDS, show_default=True, help="nextpnr's seeds, in the order of the trials.")
+@click.option(
+    "--seeds",
+    multiple=True,
+    default=[SEEDS],
+    show_default=True,
+    help="nextpnr's seeds, in the order of the trials; once, or for each board and display.",
+)
+@click.option(
+    "--patience",
+    type=click.IntRange(1, 1440),
+    default=PATIENCE_MIN,
+    show_default=True,
+    help="Minutes after which a seed is given up.",
+)
 @click.option(
     "--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers that it draws; 0: none."
 )
@@ -430,8 +456,8 @@ def _seeds(text: str) -> list[int]:
 @click.option("--every", is_flag=True, help="Try every seed, also after one met all clocks.")
 @click.option("--report", default=None, help="Folder of a page with the figures of every seed.")
 def main(
-    boards: tuple[str, ...], displays: tuple[str, ...], seeds: str, layers: int, bilinear: bool, every: bool,
-    report: str | None,
+    boards: tuple[str, ...], displays: tuple[str, ...], seeds: tuple[str, ...], patience: int, layers: int,
+    bilinear: bool, every: bool, report: str | None,
 ) -> None:  # fmt: skip
     """Make the bitstream of an FPGA board for a display, into build/bitstream/.
 
@@ -443,14 +469,17 @@ def main(
         raise InputError("--bilinear with --layers 0: nothing is drawn; leave one of them out")
     if report is not None:
         check_output(Path(report) / "bitstream.md", (".md",))
-    numbers = _seeds(seeds)
+    numbers = [_seeds(some) for some in seeds]
     plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
     names = [made.name for made in plans]
     if double := next((name for name in names if names.count(name) > 1), None):
         raise input_error("--display", f"two files would be {double}.bit", "give each display a name of its own")
+    if len(numbers) not in (1, len(plans)):
+        what = f"is given {len(numbers)} times for {len(plans)} bitstreams"
+        raise input_error("--seeds", what, "give it once, or once for each")
     rows, unmet = [], []
-    for made in plans:
-        tried = place(made, numbers, every or report is not None)
+    for made, some in zip(plans, numbers * (len(plans) // len(numbers)), strict=True):
+        tried = place(made, some, every or report is not None, patience)
         for row in tried:
             click.echo("\n".join(_told(row)))
         rows += tried
@@ -462,12 +491,16 @@ def main(
             click.echo(f"{bit}: seed {found}; program it with lippmann board program {bit}")
     if report is not None:
         asked = "".join(
-            f" --{name} {value}" for name, some in (("board", boards), ("display", displays)) for value in some
+            f" --{name} {value}"
+            for name, values in (("board", boards), ("display", displays), ("seeds", seeds))
+            for value in values
         )
-        origin = provenance(f"python -m lippmann.dev.bitstream{asked} --seeds {seeds}", (), flow.versions())
+        origin = provenance(f"python -m lippmann.dev.bitstream{asked}", (), flow.versions())
         page(origin, rows).write(Path(report))
     if unmet:
-        raise TimingError(f"{', '.join(unmet)}: no seed of {seeds} meets every clock; try others with --seeds")
+        raise TimingError(
+            f"{', '.join(unmet)}: no seed of {' or '.join(seeds)} meets every clock; try others with --seeds"
+        )
 
 
 if __name__ == "__main__":

@@ -54,14 +54,21 @@ def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
     return [*needed(top_module, files), top / "rtl" / "ecp5" / "black_boxes.v"]
 
 
-def run_tool(command: list[str], record: Path | None = None) -> str:
+class TooSlowError(LippmannError):
+    """A tool took longer than it may."""
+
+
+def run_tool(command: list[str], record: Path | None = None, most_s: float | None = None) -> str:
     """Run a tool in the checkout's top folder and return what it said, which is kept in `record` too.
 
     A signal that ends this command ends the tool too. Raises LippmannError with the tool's first error,
-    MissingLibraryError when it is not installed.
+    MissingLibraryError when it is not installed, TooSlowError after `most_s`.
     """
     program = placer() if command[0] == PLACER else _tool(command[0])
-    result = _run(program, *command[1:])
+    try:
+        result = _run(program, *command[1:], most_s=most_s)
+    except subprocess.TimeoutExpired:
+        raise TooSlowError(f"{program} was stopped after {most_s:.0f} s") from None
     said = result.stdout + result.stderr
     if record is not None:
         record.write_text(said)
@@ -73,10 +80,10 @@ def run_tool(command: list[str], record: Path | None = None) -> str:
     return said
 
 
-def _run(program: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def _run(program: Path, *arguments: str, most_s: float | None = None) -> subprocess.CompletedProcess[str]:
     """Run a program in the checkout's top folder; raise MissingLibraryError when it is none for this machine."""
     try:
-        return run_program([str(program), *arguments], folder=repository())
+        return run_program([str(program), *arguments], folder=repository(), timeout_s=most_s)
     except OSError as error:
         raise MissingLibraryError.at(str(program), f"cannot be run ({error.strerror})", "install it again") from None
 
@@ -128,14 +135,22 @@ def synthesise(source: Source, netlist: Path, record: Path) -> int:
         counted.unlink(missing_ok=True)
 
 
-def route(netlist: Path, written: int, options: Sequence[str], seed: int, report: Path, record: Path) -> dict[str, Any]:
+def route(
+    netlist: Path,
+    written: int,
+    options: Sequence[str],
+    seed: int,
+    report: Path,
+    record: Path,
+    most_s: float | None = None,
+) -> dict[str, Any]:
     """Place and route a netlist; return nextpnr's report, which is kept in `report`.
 
-    Raises LippmannError too when fewer multipliers are placed than were `written`.
+    Raises what `run_tool` does, and LippmannError when fewer multipliers are placed than were `written`.
     """
     top = repository()
     command = [PLACER, *options, "--json", str(netlist.relative_to(top)), "--seed", str(seed)]
-    run_tool([*command, "--report", str(report.relative_to(top))], record)
+    run_tool([*command, "--report", str(report.relative_to(top))], record, most_s)
     found: dict[str, Any] = json.loads(report.read_text())
     placed = found["utilization"]["MULT18X18D"]["used"]
     if placed != written:

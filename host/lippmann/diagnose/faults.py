@@ -347,7 +347,20 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         for name in ("sign of the direction's x", "sign of the direction's y", "direction's x and y swapped"):
             yield _bent(f"{name}, along the array's axes", partial(_along_array, frame, bends[name]))
         yield _after("exit", "rays left along the array's axes", turned_back)
-    for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm)):
+        offset = np.array([*array.offset_mm, 0.0])
+
+        def place_turned_back(rays: Arrays) -> Arrays:
+            found = {name: rays[name] - shift for name, shift in (("local_mm", 0.0), ("origin_mm", offset))}
+            turned = {n: np.column_stack([*frame.turn_back(*v[:, :2].T), v[:, 2]]) for n, v in found.items()}
+            return turned | {"origin_mm": turned["origin_mm"] + offset}
+
+        yield _after("dome", "exit point left along the array's axes", place_turned_back)
+    vertices = display.gap_mm + array.thickness_mm if array.plano_side == "panel" else display.gap_mm
+    for name, z in (
+        ("flat face", array.thickness_mm),
+        ("sphere's centre", array.radius_mm),
+        ("panel", vertices),
+    ):
         yield _added("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
     yield _after("dome", "origin without the lenslet's centre", lambda r: {"origin_mm": r["local_mm"]})
 
@@ -432,8 +445,11 @@ def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
             yield from _number(name, given, values["direction"])
 
 
-def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, Variant]]:
-    """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own."""
+def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, ...]]:
+    """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own.
+
+    One of which the other leaves nothing to explain is left out.
+    """
     for names in combinations(FITTED, 2):
         old = [value for name in names if (value := _number_of(name, given.display)) is not None]
         if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
@@ -450,11 +466,13 @@ def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, Varia
             found = least_squares(off, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=MOST_STEPS)
         except (LippmannError, ValueError, ZeroDivisionError):
             continue
-        one, other = (
+        some = [
             _with(FITTED[name], f"{name} is {value:.6g} for {was:.6g}", name, float(value))
             for name, value, was in zip(names, found.x * unit, old, strict=True)
-        )
-        yield one, other
+            if f"{value:.6g}" != f"{was:.6g}"
+        ]
+        if some:
+            yield tuple(some)
 
 
 def _number_of(name: str, display: Display) -> float | None:

@@ -8,7 +8,7 @@ bit for bit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -48,6 +48,10 @@ WORD_UNITS = 64.0
 ROUNDING_WORDS = 8
 #: Delays of the outputs that are tried, in rays, and the fewest rays that show one.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
+#: Ways in which rays are displaced, to see whether they are on an edge; to see all sides of it, and by which shares.
+AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
+SHARES = (1.0, 0.5, 0.25, 0.0625)
 #: Sides of a cell of two owners, as `coverage.tied_sides`.
 SIDES = ("left", "lower")
 #: Arrays of integers.
@@ -74,10 +78,10 @@ class Compared:
 class Verdict:
     """The judgement of foreign rays.
 
-    `rays` in the file; `on_edge` change status or lenslet within a rounding and are not judged in full; `wrong` are
-    wrong in some array. `stage` is the first step that is wrong (None: all is right), `fault` the explanation (None:
-    none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of a ray. `covered`
-    are the rays that meet each point of `coverage.POINTS`.
+    `rays` in the file; `on_edge` change status or lenslet within a rounding, and may be golden's on either side;
+    `wrong` are wrong in some array. `stage` is the first step that is wrong (None: all is right), `fault` the
+    explanation (None: none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of
+    a ray. `covered` are the rays that meet each point of `coverage.POINTS`.
     """
 
     rays: int
@@ -143,10 +147,11 @@ def judge(
         if maps is not None:
             _map_words(maps, foreign, foreign.words[0])
         return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
-    seen = _compare(foreign, bounds, *_roundings(foreign.given))
-    if maps is not None:
-        _map_numbers(maps, seen)
-    return replace(_judge_numbers(foreign, seen, two_faults), covered=covered(foreign.given, seen.golden))
+    with np.errstate(all="ignore"):  # values of any size are compared
+        seen = _compare(foreign, bounds, *_roundings(foreign.given))
+        if maps is not None:
+            _map_numbers(maps, seen)
+        return replace(_judge_numbers(foreign, seen, two_faults), covered=covered(foreign.given, seen.golden))
 
 
 def _judge_numbers(foreign: Foreign, seen: _Comparison, two_faults: bool) -> Verdict:
@@ -180,6 +185,7 @@ class _Comparison:
 
     `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off in each array;
     `edge` (N,) marks rays whose status or lenslet changes within them; of `alone` (N,) the status alone is compared.
+    `wrong_on_edge` are the rays on an edge, by array, that are golden's on no side of it.
     """
 
     given: Out
@@ -188,11 +194,13 @@ class _Comparison:
     limits: Arrays
     edge: Bools
     alone: Bools
+    wrong_on_edge: dict[str, Bools] = field(default_factory=dict)
 
     @cached_property
     def wrong_by(self) -> dict[str, Bools]:
         """The rays that are wrong, by array."""
-        return {name: self.wrong_in(name, values) for name, values in self.fields.items()}
+        found = {name: self.wrong_in(name, values) for name, values in self.fields.items()}
+        return found | {name: found[name] | wrong for name, wrong in self.wrong_on_edge.items()}
 
     @cached_property
     def wrong(self) -> Bools:
@@ -219,24 +227,26 @@ class _Comparison:
         fields, golden, limits = (
             {key: array[chosen] for key, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
         )
-        return _Comparison(self.given.some(chosen), fields, golden, limits, self.edge[chosen], self.alone[chosen])
+        edges = {name: wrong[chosen] for name, wrong in self.wrong_on_edge.items()}
+        given = self.given.some(chosen)
+        return _Comparison(given, fields, golden, limits, self.edge[chosen], self.alone[chosen], edges)
 
     def later(self, lag: int) -> _Comparison:
         """Return the comparison of each ray with the values that stand `lag` rays after it."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
         made = self.some(rays)
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
-        return replace(made, fields=fields, alone=self.alone[rays + lag])
+        return replace(made, fields=fields, alone=self.alone[rays + lag], wrong_on_edge={})
 
     def compared(self, name: str) -> Compared:
         """Return the summary of one array."""
         unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
-        judged = ~self.edge
-        far = self.far(name, self.fields[name], self.golden)[judged] * scale
-        limit = self.limits[name][judged] * scale
+        plain = ~self.edge
+        far = self.far(name, self.fields[name], self.golden)[plain] * scale
+        limit = self.limits[name][plain] * scale
         limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
         wrong = int(self.wrong_by[name].sum())
-        return Compared(name, FIELDS[name][0], len(judged), wrong, float(far.max(initial=0.0)), limits, unit)
+        return Compared(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
 def _compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
@@ -246,21 +256,59 @@ def _compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats)
     """
     given = foreign.given
     rays, n = golden(given), len(given.pixels)
-    aimed = replace(given, aperture=given.aims)
     most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
-    for step in np.concatenate([np.eye(2), -np.eye(2)]):
-        pixels = given.pixels + step * panel_mm / given.display.panel.pitches_mm
-        for moved in (replace(aimed, pixels=pixels), replace(aimed, aperture=given.aims + step * aim_mm)):
-            other = golden(moved)
-            edge |= np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
-            for name, far in most.items():
-                np.maximum(far, np.linalg.norm(other[name] - rays[name], axis=1), out=far)
+    for moved in _displaced(given, panel_mm, aim_mm):
+        other = golden(moved)
+        across = np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
+        edge |= across
+        for name, far in most.items():
+            far[:] = np.maximum(far, np.where(across, 0.0, np.linalg.norm(other[name] - rays[name], axis=1)))
     limits = dict.fromkeys(WHOLE, np.zeros(n))
-    moved = np.maximum(panel_mm, aim_mm).max(axis=1)
-    limits |= {name: limit + most.get(name, moved) for name, limit in bounds.limits(given, rays).items()}
+    moves = np.maximum(panel_mm, aim_mm).max(axis=1)
+    limits |= {name: limit + most.get(name, moves) for name, limit in bounds.limits(given, rays).items()}
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
-    return _Comparison(given, foreign.fields, rays, limits, edge, alone)
+    seen = _Comparison(given, foreign.fields, rays, limits, edge, alone)
+    return replace(seen, wrong_on_edge=_wrong_on_edge(seen, panel_mm, aim_mm)) if edge.any() else seen
+
+
+def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[Out]:
+    """Yield rays whose panel points, and then aims, are displaced by some (N, 2) mm, in some ways (M, 2)."""
+    aimed = replace(given, aperture=given.aims)
+    for step in ways:
+        yield replace(aimed, pixels=given.pixels + step * panel_mm / given.display.panel.pitches_mm)
+        yield replace(aimed, aperture=given.aims + step * aim_mm)
+
+
+def _wrong_on_edge(seen: _Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
+    """Return which rays on an edge are golden's on no side of it, (N,) by array.
+
+    Golden's are those of inputs displaced by `SHARES` of the roundings. A ray must have status and lenslet of some of
+    them, and values within their range, or beyond it by no more than its width and the limits.
+    """
+    rays = np.flatnonzero(seen.edge)
+    some = seen.some(rays)
+    sides = [some.golden]
+    for share in SHARES:
+        sides += map(golden, _displaced(some.given, share * panel_mm[rays], share * aim_mm[rays], AROUND))
+    whole = {
+        name: np.array([(values == side[name]).all(axis=1) | (some.alone & (name != "status")) for side in sides])
+        for name, values in some.fields.items()
+        if name in WHOLE
+    }
+    same: Bools = np.all(list(whole.values()), axis=0) if whole else np.ones((len(sides), len(rays)), bool)
+    found = {name: ~one.any(axis=0) for name, one in whole.items()}
+    if whole:  # each of them is golden's on some side, but not all on one
+        found[next(reversed(whole))] |= ~same.any(axis=0)
+    for name in some.fields.keys() - whole.keys() - {"panel_mm"}:
+        values = np.array([side[name] for side in sides])
+        low = np.where(same[..., None], values, np.inf).min(axis=0)
+        high = np.where(same[..., None], values, -np.inf).max(axis=0)
+        beyond = np.maximum(low - some.fields[name], some.fields[name] - high) - np.maximum(high - low, 0.0)
+        far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
+        outside = np.linalg.norm(far, axis=1) > some.limits[name]
+        found[name] = same.any(axis=0) & outside & ~some.alone
+    return {name: np.isin(np.arange(len(seen.edge)), rays[wrong]) for name, wrong in found.items()}
 
 
 def _roundings(given: Out) -> tuple[Floats, Floats]:
@@ -325,6 +373,7 @@ def _diagnosed(seen: _Comparison, two_faults: bool) -> _Finding:
         or _one_late(seen)
         or _stuck(seen)
         or _stale(seen)
+        or _only_status(seen)
         or (_two(seen) if two_faults else None)
         or (first, None, 0.0)
     )
@@ -344,12 +393,13 @@ def _one_late(seen: _Comparison) -> _Finding | None:
     if any(wrong.any() for name, wrong in seen.wrong_by.items() if name != "direction") or len(seen.edge) < 2 * MANY:
         return None
     got, wanted = _axes(seen)
+    right = float((~seen.wrong).mean())
     for lag in LAGS:
         for axes, said in (((0,), "x"), ((1,), "y"), ((2,), "z"), ((0, 1), "x and y")):
             moved = wanted.copy()
             moved[:, axes] = np.roll(wanted, lag, axis=0)[:, axes]
             same = np.linalg.norm(got - moved, axis=1) <= seen.limits["direction"]
-            if same.mean() >= EXPLAINED:
+            if same.mean() >= EXPLAINED and same.mean() > right:
                 when = f"{'late' if lag > 0 else 'early'} by {abs(lag)}"
                 return "exit", f"direction's {said} {when}: ray k has that of ray k {-lag:+d}", float(same.mean())
     return None
@@ -379,11 +429,18 @@ def _stuck(seen: _Comparison) -> _Finding | None:
     return None
 
 
+def _only_status(seen: _Comparison) -> _Finding | None:
+    """Explain rays that are wrong where their status is: the other values of a ray that should be lost say nothing."""
+    if "status" not in seen.fields or (seen.wrong & ~seen.wrong_by["status"]).any():
+        return None
+    return "status", _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
+
+
 def _stale(seen: _Comparison) -> _Finding | None:
     """Explain a stretch of wrong rays, with right ones before or after, by a register that took effect late."""
     run = np.flatnonzero(seen.wrong)
     first, last = int(run[0]), int(run[-1])
-    if last + 1 - first >= len(seen.edge) or len(run) < 0.5 * (last + 1 - first):
+    if len(run) < MANY or last + 1 - first >= len(seen.edge) or len(run) < 0.5 * (last + 1 - first):
         return None
     found = _best(seen.some(np.arange(first, last + 1)))
     if found is None:
@@ -395,12 +452,14 @@ def _stale(seen: _Comparison) -> _Finding | None:
 def _late(equal: Callable[[slice, slice], Bools]) -> str | None:
     """Say by how many rays outputs came too late, or too early.
 
-    `equal(here, there)` tells which of the rays `here` have the values that the rays `there` should have.
+    `equal(here, there)` tells which of the rays `here` have the values that the rays `there` should have. Where more
+    have their own, as among rays that are nearly alike, none came late.
     """
+    own = equal(slice(None), slice(None)).mean()
     for lag in LAGS:
         here, there = (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
         same = equal(here, there)
-        if len(same) >= MANY and same.mean() >= EXPLAINED:
+        if len(same) >= MANY and same.mean() >= EXPLAINED and same.mean() > own:
             return f"outputs {'late' if lag > 0 else 'early'} by {abs(lag)}: ray k has the values of ray k {-lag:+d}"
     return None
 
@@ -430,7 +489,9 @@ def _wrapped(seen: _Comparison) -> bool:
 def _best(seen: _Comparison) -> _Finding | None:
     """Return stage, name and share of the variant that comes nearest to the rays, if it gives nearly all of them."""
     random = np.random.default_rng(0)
-    bad = np.flatnonzero(seen.wrong)
+    # Of a ray on an edge a variant may give the other side.
+    bad = np.flatnonzero(seen.wrong & ~seen.edge)
+    bad = bad if len(bad) else np.flatnonzero(seen.wrong)
     some = np.sort(random.permutation(bad)[:SAMPLE])
     good = random.permutation(np.flatnonzero(~seen.wrong & ~seen.edge))[: SAMPLE // 3]
     sample = seen.some(np.concatenate([some, good]))
@@ -501,6 +562,8 @@ def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
     as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
     """
     rays, bad = variant.predict(sample.given, sample.golden), sample.wrong
+    if not bad.any():
+        return 0.0, np.inf
     right, ratios = np.ones(len(bad), bool), []
     for name, values in sample.fields.items():
         if name in variant.silent:

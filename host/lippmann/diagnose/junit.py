@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,8 +11,15 @@ from lippmann.errors import printable
 from lippmann.files import replacing
 
 
-def write_junit(path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None = None) -> None:
+def write_junit(
+    path: Path,
+    verdicts: Sequence[tuple[str, Verdict]],
+    ended: str | None = None,
+    about: Mapping[str, str] | None = None,
+) -> None:
     """Write the verdict on each set, by name; `ended` says why there are no more, which is an error there.
+
+    `about` are the suite's properties: what was judged, and how.
 
     Raises InputError as `files.replacing` for a file that cannot be written.
     """
@@ -24,6 +31,10 @@ def write_junit(path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str 
     }
     top = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(top, "testsuite", {"name": "lippmann regress", **counts, "skipped": "0"})
+    if about:
+        properties = ElementTree.SubElement(suite, "properties")
+        for name, value in about.items():
+            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
     for name, verdict in verdicts:
         case = _case(suite, name)
         if not verdict.right:

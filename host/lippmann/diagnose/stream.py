@@ -79,6 +79,8 @@ class StreamReader:
 
     def __init__(self, lines: Iterable[bytes], where: str = "the stream") -> None:
         self.number = 0
+        #: The command that made the stream, and at its end the hash that names it.
+        self.made, self.hash = "", ""
         self._lines, self._where = lines, where
         self._hashes: list[str] = []
 
@@ -100,6 +102,8 @@ class StreamReader:
                     self._end(rest, lines)
                     return
                 now = self._started(rest)
+            elif now is None and kind == "made":
+                self.made = rest
             elif now is not None:
                 self._note(now, kind, rest)
                 if kind == "rays":
@@ -129,8 +133,8 @@ class StreamReader:
                 self._refuse(f"has version {found[1]}, not {VERSION}", "use one version of lippmann for both commands")
             if found:
                 return
-        what = "is no stream of lippmann vectors" if self.number else "is empty: the program before gave nothing"
-        self._refuse(what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
+        what = f"none of its {self.number} lines is # {NAME} {VERSION}" if self.number else "is empty"
+        raise input_error(self._where, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _started(self, name: str) -> _Set:
         if not SET.fullmatch(name):
@@ -195,6 +199,7 @@ class StreamReader:
             self._refuse("ends a stream without a set", AGAIN)
         if rest.split() != [str(len(self._hashes)), digest_of_all(self._hashes)]:
             self._refuse("sets are missing, or are of another stream", AGAIN)
+        self.hash = rest.split()[1]
         for raw in lines:
             self.number += 1
             if raw.startswith(FIRST):
@@ -232,7 +237,8 @@ class StreamReader:
         if answered not in (ANSWERED, LOST):
             self._wrong(now, n, f"has {answered} numbers behind its question", REMEDY)
         try:
-            row = [float(word) for word in words[1:]]
+            # Python takes 1_0 for 10.
+            row = [float(word.replace("_", "?")) for word in words[1:]]
         except ValueError:
             self._wrong(now, n, "has a word that is no number", REMEDY)
         if not all(map(math.isfinite, row)):
