@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-record coverage formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-calibration report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-calibration report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -40,7 +40,7 @@ demo: $(READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
 # Workers and processes of the tests read modules that one of them has compiled, whatever this is set to outside.
-test test-full coverage formal: export PYTHONDONTWRITEBYTECODE =
+test test-full coverage toggles formal: export PYTHONDONTWRITEBYTECODE =
 
 # Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
 # test-full, draw anew each time and print the seed.
@@ -56,6 +56,9 @@ test-record: $(READY) ## the results of the last make test-full, into docs/repor
 
 coverage: $(READY) ## lines that the tests of make test execute, into docs/reports (twenty minutes)
 	$(BIN)/python -m lippmann.dev.code_coverage --jobs $(JOBS)
+
+toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/reports (an hour, 30 GB in build)
+	$(BIN)/python -m lippmann.dev.code_coverage --jobs $(JOBS) --toggles
 
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py

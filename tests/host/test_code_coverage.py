@@ -4,7 +4,7 @@ import json
 import subprocess
 
 import pytest
-from lippmann.dev.code_coverage import host_rows, page, read_rtl, reasons, rtl_rows, share
+from lippmann.dev.code_coverage import host_rows, page, read_rtl, reasons, rtl_rows, share, toggles_page
 from lippmann.errors import InputError
 from lippmann.sim.compilation import COVERAGE, TOGGLES, verilated
 from lippmann.sim.tools import repository
@@ -86,12 +86,19 @@ def test_the_page_lists_holes_with_reasons(tmp_path):
     rtl = [{"file": "rtl/a.sv", "lines": 10, "met": 9, "toggles": 4, "toggled": 2, "missing": "3"}]
     text = page({"date": "today"}, rtl, host, {"rtl/a.sv": "a fault only", "host/lippmann/a.py": "a reason"}).text()
     for said in (
-        "RTL: 90.0 % of 10 lines, 50.0 % of 4 toggles",
+        "RTL: 90.0 % of 10 lines.",
         "Host: 75.0 % of 4 statements",
         "| rtl/a.sv | 3 | a fault only |",
     ):
         assert said in text
     assert "| host/lippmann/a.py | 7 | a reason |" in text
+
+
+def test_the_page_of_toggles():
+    rtl = [{"file": f"rtl/{name}.sv", "toggles": 10, "toggled": met} for name, met in (("a", 10), ("b", 6))]
+    text = toggles_page({"date": "today"}, rtl, {"rtl/b.sv": "a table"}).text()
+    assert "80.0 % of 20 toggles" in text
+    assert "| rtl/b.sv | 10 | 4 | a table |" in text
 
 
 def test_nothing_measured_is_no_share():

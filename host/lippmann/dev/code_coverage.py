@@ -1,7 +1,8 @@
-"""`make coverage`: which lines of the RTL and of the host the quick tests execute; with --toggles, which bits toggle.
+"""`make coverage`: which lines of the RTL and of the host the quick tests execute; `make toggles`: which bits toggle.
 
-The tests run as in `make test`; the simulations and coverage.py leave their counts in build/coverage/. Lines that no
-test executes are listed, with the reasons of code_coverage_holes.toml. A file of the RTL without a reason is an error.
+The tests run as in `make test`, for toggles those of tests/rtl; the simulations and coverage.py leave their counts in
+build/coverage/. Lines that no test executes are listed, with the reasons of code_coverage_holes.toml. A file of the RTL
+without a reason is an error.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ SHOWN = 15
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Hole:
-    """Why lines of a file are not executed by the quick tests."""
+    """Why lines of a file are not executed by the quick tests, or why its bits do not toggle."""
 
     file: Annotated[str, key("the file, from the top of the checkout")]
     why: Annotated[str, key("the reason")]
@@ -63,6 +64,7 @@ class Holes:
     """The file of reasons."""
 
     hole: Annotated[tuple[Hole, ...], key("")] = ()
+    still: Annotated[tuple[Hole, ...], key("")] = ()
 
 
 @dataclass
@@ -162,20 +164,35 @@ def page(
     context = {
         "rtl": rtl,
         "host": host,
-        "share": {"rtl": share(rtl), "toggles": share(rtl, "toggled", "toggles"), "host": share(host)},
+        "share": {"rtl": share(rtl), "host": share(host)},
         "holes": [{**row, "why": why.get(row["file"], "")} for row in rtl if row["missing"]]
         + [{**row, "why": why[row["file"]]} for row in host if row["missing"] and row["file"] in why],
     }
-    tables = {"code-coverage-rtl": rtl, "code-coverage-host": host}
+    lines = [{name: value for name, value in row.items() if name not in ("toggles", "toggled")} for row in rtl]
+    tables = {"code-coverage-rtl": lines, "code-coverage-host": host}
     return Page("code-coverage", origin, [plot], tables, context, Path(__file__).with_name("templates"))
 
 
-def reasons(top: Path, path: Path = HOLES) -> dict[str, str]:
-    """Return why files have holes; raise InputError for one that is gone."""
-    holes = toml.read(Holes, toml.load(path, "holes"), str(path)).hole
+def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapping[str, str]) -> Page:
+    """Return the page of bits that toggle; `why` has the reasons by file."""
+    rows = [{**row, "still": row["toggles"] - row["toggled"], "why": why.get(row["file"], "")} for row in rtl]
+    least = sorted(rows, key=lambda row: -row["still"])[:SHOWN]
+    charts = {"toggles that no bench sees": [float(row["still"]) for row in least]}
+    plot = bar_charts("toggles", [row["file"] for row in least], charts)
+    context = {"least": least, "share": share(rtl, "toggled", "toggles"), "toggles": sum(row["toggles"] for row in rtl)}
+    templates = Path(__file__).with_name("templates")
+    columns = ("file", "toggles", "toggled", "still")
+    table = [{name: row[name] for name in columns} for row in rows]
+    return Page("toggles", origin, [plot], {"toggles": table}, context, templates)
+
+
+def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, str]:
+    """Return why files have holes, or bits that do not toggle; raise InputError for a file that is gone."""
+    read = toml.read(Holes, toml.load(path, "holes"), str(path))
+    name, holes = ("still", read.still) if toggles else ("hole", read.hole)
     for number, hole in enumerate(holes):
         if not (top / hole.file).is_file():
-            raise input_error(f"{path}: hole[{number}].file", f"there is no file {hole.file}", "name it as it is now")
+            raise input_error(f"{path}: {name}[{number}].file", f"there is no file {hole.file}", "name it as it is now")
     return {hole.file: hole.why for hole in holes}
 
 
@@ -187,7 +204,7 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
     settings.write_text(SETTINGS.format(folder=folder))
     tests = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile", "--no-loadscope-reorder"]
     counted = ["--cov", f"--cov-config={settings}", f"--cov-report=json:{folder / 'host.json'}"]
-    counted += [f"--deselect={BROKEN}"]
+    counted = ["tests/rtl"] if toggles else [*counted, f"--deselect={BROKEN}"]
     environment = {**os.environ, COVERAGE: str(folder / "rtl"), "LIPPMANN_SEED": "1908"}
     environment |= {TOGGLES: "1"} if toggles else {}
     done = subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False)
@@ -197,27 +214,30 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
 
 @click.command()
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes of the tests.")
-@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits too: hours, and gigabytes.")
+@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits instead: an hour, and 30 GB.")
 @click.option("--keep", is_flag=True, help="Read what the last run counted; run no test.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the page.")
 def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
-    """Measure which lines the quick tests execute, and write the page.
+    """Measure which lines the quick tests execute, or which bits they toggle, and write the page.
 
     Example: python -m lippmann.dev.code_coverage --keep --report out
     """
-    check_output(Path(report) / "code-coverage.md", (".md",))
-    top, folder = repository(), build_folder() / "coverage"
+    check_output(Path(report) / ("toggles.md" if toggles else "code-coverage.md"), (".md",))
+    top, folder = repository(), build_folder() / ("toggles" if toggles else "coverage")
     if not keep:
         measure(folder, jobs, toggles)
-    if not (folder / "host.json").exists():
+    if not (folder / "rtl").exists() or not (toggles or (folder / "host.json").exists()):
         raise InputError(f"{folder}: nothing was measured there; leave out --keep")
-    why = reasons(top)
+    why = reasons(top, toggles=toggles)
     rtl = rtl_rows(read_rtl(sorted((folder / "rtl").glob("*.dat")), top))
+    if toggles:
+        toggles_page(provenance("make toggles", ("pytest",), {}), rtl, why).write(Path(report))
+        click.echo(f"RTL: {share(rtl, 'toggled', 'toggles'):.1f} % of toggles")
+        return
     host = host_rows(json.loads((folder / "host.json").read_text()))
     origin = provenance("make coverage", ("coverage", "pytest"), {})
     page(origin, rtl, host, why).write(Path(report))
-    toggled = f", {share(rtl, 'toggled', 'toggles'):.1f} % of toggles" if any(row["toggles"] for row in rtl) else ""
-    click.echo(f"RTL: {share(rtl):.1f} % of lines{toggled}")
+    click.echo(f"RTL: {share(rtl):.1f} % of lines")
     click.echo(f"host: {share(host):.1f} % of lines")
     if unexplained := [row["file"] for row in rtl if row["missing"] and row["file"] not in why]:
         raise input_error(

@@ -29,7 +29,7 @@ class Promise:
     words: Annotated[str, key("words that the page has; line ends are spaces")]
     kept_by: Annotated[tuple[str, ...], key("files that keep it: modules, RTL")]
     tests: Annotated[tuple[str, ...], key("tests that hold it, `FILE::NAME`")]
-    points: Annotated[tuple[str, ...], key("coverage points that its tests meet")] = ()
+    points: Annotated[tuple[str, ...], key("coverage points that judged rays meet for it")] = ()
 
 
 @documented

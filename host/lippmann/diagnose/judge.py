@@ -1,29 +1,27 @@
 """Judges foreign rays: how many are wrong, at which step of the ray, and which fault explains them.
 
-Real numbers are compared with golden. A ray may be off by the tolerance plus the effect of rounding its inputs to
-float32, so that a rounding never counts as a fault, however ill-conditioned a ray is. Words are compared with the twin,
-bit for bit.
+Real numbers are compared with golden (`lippmann.diagnose.comparison`), words with the twin, bit for bit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conditioning.cases import Out
 from lippmann.conditioning.measure import FixedCase
 from lippmann.conditioning.search import Bools, Floats
 from lippmann.conditioning.vectors import widths
 from lippmann.diagnose.bounds import Bounds
-from lippmann.diagnose.coverage import covered, tie, tied_sides
+from lippmann.diagnose.comparison import WHOLE, Compared, Comparison, compare, distance, roundings
+from lippmann.diagnose.coverage import covered, tied_sides
 from lippmann.diagnose.error_maps import ErrorMaps
-from lippmann.diagnose.faults import FIELDS, PAIR, STAGES, TIE_RULE, Arrays, Variant, fitted, golden, variants
+from lippmann.diagnose.faults import FIELDS, PAIR, STAGES, TIE_RULE, Variant, fitted, golden, variants
 from lippmann.diagnose.foreign import Foreign
 from lippmann.diagnose.pairs import pairs
 from lippmann.errors import LippmannError
@@ -48,30 +46,8 @@ WORD_UNITS = 64.0
 ROUNDING_WORDS = 8
 #: Delays of the outputs that are tried, in rays, and the fewest rays that show one.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
-#: Ways in which rays are displaced, to see whether they are on an edge; to see all sides of it, and by which shares.
-AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
-SHARES = (1.0, 0.5, 0.25, 0.0625)
 #: Sides of a cell of two owners, as `coverage.tied_sides`.
 SIDES = ("left", "lower")
-#: Arrays of integers.
-WHOLE = ("home", "lenslet", "status")
-
-
-@dataclass(frozen=True)
-class Compared:
-    """One array of the file: the step that computes it, rays compared and wrong, the largest difference and its unit.
-
-    `limits` are the smallest and the largest difference that any ray was allowed.
-    """
-
-    field: str
-    stage: str
-    compared: int
-    wrong: int
-    worst: float
-    limits: tuple[float, float]
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -148,13 +124,13 @@ def judge(
             _map_words(maps, foreign, foreign.words[0])
         return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
     with np.errstate(all="ignore"):  # values of any size are compared
-        seen = _compare(foreign, bounds, *_roundings(foreign.given))
+        seen = compare(foreign, bounds, *roundings(foreign.given))
         if maps is not None:
             _map_numbers(maps, seen)
         return replace(_judge_numbers(foreign, seen, two_faults), covered=covered(foreign.given, seen.golden))
 
 
-def _judge_numbers(foreign: Foreign, seen: _Comparison, two_faults: bool) -> Verdict:
+def _judge_numbers(foreign: Foreign, seen: Comparison, two_faults: bool) -> Verdict:
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
     if wrong.any():
@@ -179,163 +155,7 @@ def _verdict(edge: Bools, wrong: Bools, finding: _Finding, compared: tuple[Compa
     return Verdict(len(wrong), int(edge.sum()), int(wrong.sum()), first, *finding, compared)
 
 
-@dataclass(frozen=True)
-class _Comparison:
-    """Foreign rays beside golden's: N rays and their inputs.
-
-    `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off in each array;
-    `edge` (N,) marks rays whose status or lenslet changes within them; of `alone` (N,) the status alone is compared.
-    `wrong_on_edge` are the rays on an edge, by array, that are golden's on no side of it.
-    """
-
-    given: Out
-    fields: Arrays
-    golden: Arrays
-    limits: Arrays
-    edge: Bools
-    alone: Bools
-    wrong_on_edge: dict[str, Bools] = field(default_factory=dict)
-
-    @cached_property
-    def wrong_by(self) -> dict[str, Bools]:
-        """The rays that are wrong, by array."""
-        found = {name: self.wrong_in(name, values) for name, values in self.fields.items()}
-        return found | {name: found[name] | wrong for name, wrong in self.wrong_on_edge.items()}
-
-    @cached_property
-    def wrong(self) -> Bools:
-        """The rays that are wrong in some array."""
-        return np.asarray(np.any(list(self.wrong_by.values()), axis=0))
-
-    @property
-    def ties(self) -> Bools:
-        """The panel points exactly on an edge that two cells share, which only one of them owns."""
-        return tie(self.given, self.golden)
-
-    def far(self, name: str, values: Floats, other: Arrays) -> Floats:
-        """Return how far values of an array are from another's, as `_distance`; 0 where they are not given."""
-        return np.where(self.alone & (name != "status"), 0.0, _distance(name, values, other[name]))
-
-    def wrong_in(self, name: str, values: Floats) -> Bools:
-        """Tell which values of an array are wrong; on an edge only panel points and values that are not finite."""
-        far = self.far(name, values, self.golden)
-        excused = self.edge & np.isfinite(far) & (name != "panel_mm")
-        return np.asarray((far > self.limits[name]) & ~excused)
-
-    def some(self, chosen: npt.NDArray[np.intp]) -> _Comparison:
-        """Return the comparison of some rays."""
-        fields, golden, limits = (
-            {key: array[chosen] for key, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
-        )
-        edges = {name: wrong[chosen] for name, wrong in self.wrong_on_edge.items()}
-        given = self.given.some(chosen)
-        return _Comparison(given, fields, golden, limits, self.edge[chosen], self.alone[chosen], edges)
-
-    def later(self, lag: int) -> _Comparison:
-        """Return the comparison of each ray with the values that stand `lag` rays after it."""
-        rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
-        made = self.some(rays)
-        fields = {name: values[rays + lag] for name, values in self.fields.items()}
-        return replace(made, fields=fields, alone=self.alone[rays + lag], wrong_on_edge={})
-
-    def compared(self, name: str) -> Compared:
-        """Return the summary of one array."""
-        unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
-        plain = ~self.edge
-        far = self.far(name, self.fields[name], self.golden)[plain] * scale
-        limit = self.limits[name][plain] * scale
-        limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
-        wrong = int(self.wrong_by[name].sum())
-        return Compared(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
-
-
-def _compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats) -> _Comparison:
-    """Compare arrays with golden's, within bounds.
-
-    Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off.
-    """
-    given = foreign.given
-    rays, n = golden(given), len(given.pixels)
-    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
-    edge = np.zeros(n, bool)
-    for moved in _displaced(given, panel_mm, aim_mm):
-        other = golden(moved)
-        across = np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
-        edge |= across
-        for name, far in most.items():
-            far[:] = np.maximum(far, np.where(across, 0.0, np.linalg.norm(other[name] - rays[name], axis=1)))
-    limits = dict.fromkeys(WHOLE, np.zeros(n))
-    moves = np.maximum(panel_mm, aim_mm).max(axis=1)
-    limits |= {name: limit + most.get(name, moves) for name, limit in bounds.limits(given, rays).items()}
-    alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
-    seen = _Comparison(given, foreign.fields, rays, limits, edge, alone)
-    return replace(seen, wrong_on_edge=_wrong_on_edge(seen, panel_mm, aim_mm)) if edge.any() else seen
-
-
-def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[Out]:
-    """Yield rays whose panel points, and then aims, are displaced by some (N, 2) mm, in some ways (M, 2)."""
-    aimed = replace(given, aperture=given.aims)
-    for step in ways:
-        yield replace(aimed, pixels=given.pixels + step * panel_mm / given.display.panel.pitches_mm)
-        yield replace(aimed, aperture=given.aims + step * aim_mm)
-
-
-def _wrong_on_edge(seen: _Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
-    """Return which rays on an edge are golden's on no side of it, (N,) by array.
-
-    Golden's are those of inputs displaced by `SHARES` of the roundings. A ray must have status and lenslet of some of
-    them, and values within their range, or beyond it by no more than its width and the limits.
-    """
-    rays = np.flatnonzero(seen.edge)
-    some = seen.some(rays)
-    sides = [some.golden]
-    for share in SHARES:
-        sides += map(golden, _displaced(some.given, share * panel_mm[rays], share * aim_mm[rays], AROUND))
-    whole = {
-        name: np.array([(values == side[name]).all(axis=1) | (some.alone & (name != "status")) for side in sides])
-        for name, values in some.fields.items()
-        if name in WHOLE
-    }
-    same: Bools = np.all(list(whole.values()), axis=0) if whole else np.ones((len(sides), len(rays)), bool)
-    found = {name: ~one.any(axis=0) for name, one in whole.items()}
-    if whole:  # each of them is golden's on some side, but not all on one
-        found[next(reversed(whole))] |= ~same.any(axis=0)
-    for name in some.fields.keys() - whole.keys() - {"panel_mm"}:
-        values = np.array([side[name] for side in sides])
-        low = np.where(same[..., None], values, np.inf).min(axis=0)
-        high = np.where(same[..., None], values, -np.inf).max(axis=0)
-        beyond = np.maximum(low - some.fields[name], some.fields[name] - high) - np.maximum(high - low, 0.0)
-        far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
-        outside = np.linalg.norm(far, axis=1) > some.limits[name]
-        found[name] = same.any(axis=0) & outside & ~some.alone
-    return {name: np.isin(np.arange(len(seen.edge)), rays[wrong]) for name, wrong in found.items()}
-
-
-def _roundings(given: Out) -> tuple[Floats, Floats]:
-    """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
-
-    One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
-    the trace through the lenslet.
-    """
-    pitch, pixel = given.display.array.coarsest_mm, np.array(given.display.panel.pitches_mm)
-
-    def rounding(values: Floats) -> Floats:
-        return 0.5 * np.spacing(np.abs(values).astype(np.float32)).astype(np.float64)
-
-    least = 4.0 * rounding(np.array(0.5 * pitch))
-    return np.maximum(pixel * rounding(given.pixels), least), np.maximum(rounding(given.aims), least)
-
-
-def _distance(name: str, values: Floats, wanted: Floats) -> Floats:
-    """Return how far values are from the wanted ones, (N,): a length, or 0 and 1 for integers; never NaN."""
-    if name in WHOLE:
-        return np.asarray((values != wanted).any(axis=1), np.float64)
-    with np.errstate(invalid="ignore", over="ignore"):
-        far = np.linalg.norm(values - wanted, axis=1)
-    return np.where(np.isfinite(far), far, np.inf)
-
-
-def _map_numbers(maps: ErrorMaps, seen: _Comparison) -> None:
+def _map_numbers(maps: ErrorMaps, seen: Comparison) -> None:
     """Add the errors of numbers; their last place is that of a float32 of the vector's largest component."""
     real = {name: values for name, values in seen.fields.items() if name not in WHOLE}
     apart = {name: seen.far(name, values, seen.golden) for name, values in real.items()}
@@ -346,7 +166,7 @@ def _map_numbers(maps: ErrorMaps, seen: _Comparison) -> None:
 # --- diagnosis --------------------------------------------------------------------------------------------------
 
 
-def _diagnosed(seen: _Comparison, two_faults: bool) -> _Finding:
+def _diagnosed(seen: Comparison, two_faults: bool) -> _Finding:
     """Return stage, fault and share explained of rays that are wrong."""
     bad = [name for name, wrong in seen.wrong_by.items() if wrong.any()]
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
@@ -361,7 +181,7 @@ def _diagnosed(seen: _Comparison, two_faults: bool) -> _Finding:
             return "exit", "direction not normalised: it is right but for its length", 1.0
 
     def equal(here: slice, there: slice) -> Bools:
-        far = {name: _distance(name, seen.fields[name][here], seen.golden[name][there]) for name in bad}
+        far = {name: distance(name, seen.fields[name][here], seen.golden[name][there]) for name in bad}
         far |= {name: np.where(seen.alone[here], 0.0, far[name]) for name in bad if name != "status"}
         return np.asarray(np.all([far[name] <= seen.limits[name][there] for name in bad], axis=0))
 
@@ -379,7 +199,7 @@ def _diagnosed(seen: _Comparison, two_faults: bool) -> _Finding:
     )
 
 
-def _axes(seen: _Comparison) -> tuple[Floats, Floats]:
+def _axes(seen: Comparison) -> tuple[Floats, Floats]:
     """Return directions, foreign and golden's, along the array's axes."""
     frame = System.of(seen.given.display).frame
     return tuple(  # type: ignore[return-value]
@@ -388,7 +208,7 @@ def _axes(seen: _Comparison) -> tuple[Floats, Floats]:
     )
 
 
-def _one_late(seen: _Comparison) -> _Finding | None:
+def _one_late(seen: Comparison) -> _Finding | None:
     """Say which component of the direction alone came too late, or too early."""
     if any(wrong.any() for name, wrong in seen.wrong_by.items() if name != "direction") or len(seen.edge) < 2 * MANY:
         return None
@@ -405,7 +225,7 @@ def _one_late(seen: _Comparison) -> _Finding | None:
     return None
 
 
-def _stuck(seen: _Comparison) -> _Finding | None:
+def _stuck(seen: Comparison) -> _Finding | None:
     """Say which bit of the direction is stuck."""
     wrong = seen.wrong_by["direction"]
     if (
@@ -429,14 +249,14 @@ def _stuck(seen: _Comparison) -> _Finding | None:
     return None
 
 
-def _only_status(seen: _Comparison) -> _Finding | None:
+def _only_status(seen: Comparison) -> _Finding | None:
     """Explain rays that are wrong where their status is: the other values of a ray that should be lost say nothing."""
     if "status" not in seen.fields or (seen.wrong & ~seen.wrong_by["status"]).any():
         return None
     return "status", _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0
 
 
-def _stale(seen: _Comparison) -> _Finding | None:
+def _stale(seen: Comparison) -> _Finding | None:
     """Explain a stretch of wrong rays, with right ones before or after, by a register that took effect late."""
     run = np.flatnonzero(seen.wrong)
     first, last = int(run[0]), int(run[-1])
@@ -470,7 +290,7 @@ def _codes(got: npt.NDArray[Any], wanted: npt.NDArray[Any], wrong: Bools) -> str
     return f"wrong status code: {said}"
 
 
-def _wrapped(seen: _Comparison) -> bool:
+def _wrapped(seen: Comparison) -> bool:
     """Tell whether every wrong direction is right but for one component that is off by 2."""
     wrong, right = seen.wrong_by["direction"], seen.golden["direction"]
     apart = (seen.fields["direction"] - right)[wrong]
@@ -486,7 +306,7 @@ def _wrapped(seen: _Comparison) -> bool:
     )
 
 
-def _best(seen: _Comparison) -> _Finding | None:
+def _best(seen: Comparison) -> _Finding | None:
     """Return stage, name and share of the variant that comes nearest to the rays, if it gives nearly all of them."""
     random = np.random.default_rng(0)
     # Of a ray on an edge a variant may give the other side.
@@ -511,7 +331,7 @@ def _best(seen: _Comparison) -> _Finding | None:
     return found
 
 
-def _two(seen: _Comparison) -> _Finding | None:
+def _two(seen: Comparison) -> _Finding | None:
     """Return stage, names and share of the first two faults that together give nearly all rays."""
     for lag in (1, -1):
         found = _best(seen.later(lag))
@@ -532,7 +352,7 @@ def _two(seen: _Comparison) -> _Finding | None:
     return None
 
 
-def _tried(variant: Variant, sample: _Comparison) -> tuple[float, float]:
+def _tried(variant: Variant, sample: Comparison) -> tuple[float, float]:
     """Return `_match` of a variant; of one that gives no display, none."""
     try:
         return _match(variant, sample)
@@ -540,7 +360,7 @@ def _tried(variant: Variant, sample: _Comparison) -> tuple[float, float]:
         return 0.0, np.inf
 
 
-def _apart(sample: _Comparison, variant: Variant) -> float:
+def _apart(sample: Comparison, variant: Variant) -> float:
     """Return how far a variant is from foreign rays, as the mean logarithm of its distances in units of golden's."""
     try:
         rays = variant.predict(sample.given, sample.golden)
@@ -555,7 +375,7 @@ def _apart(sample: _Comparison, variant: Variant) -> float:
     return float(np.mean(ratios)) if ratios else np.inf
 
 
-def _match(variant: Variant, sample: _Comparison) -> tuple[float, float]:
+def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
     """Return the share of rays that a variant gives, and its distance from the wrong ones in units of golden's.
 
     The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
@@ -614,7 +434,7 @@ def _map_words(maps: ErrorMaps, foreign: Foreign, case: FixedCase) -> None:
     given, bits = foreign.given, case.build.fraction_bits
     twin = rays_of_words(given.display, given.pixels, case.traced(), bits)
     right = {"local_mm": twin.local_mm, "direction": twin.direction}
-    apart = {name: _distance(name, foreign.fields[name], values) for name, values in right.items()}
+    apart = {name: distance(name, foreign.fields[name], values) for name, values in right.items()}
     every = np.ones(len(given.pixels), bool)
     unit = word_unit(bits) * every
     maps.add(given, apart, {"local_mm": given.display.array.radius_mm * unit, "direction": unit}, every)
@@ -635,7 +455,7 @@ def _diagnosed_words(
     place = WORD_UNITS * unit * foreign.given.display.array.radius_mm
     moved = np.full_like(foreign.given.pixels, place)
     wide = Bounds(direction_urad=1e6 * WORD_UNITS * unit, point_nm=1e6 * place)
-    seen = _compare(foreign, wide, moved, moved)
+    seen = compare(foreign, wide, moved, moved)
     ties = lenslets & (seen.edge | seen.ties)
     if (ties == wrong).all():
         return "lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0
