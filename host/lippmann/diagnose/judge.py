@@ -312,6 +312,8 @@ def _best(seen: Comparison) -> _Finding | None:
     # Of a ray on an edge a variant may give the other side.
     bad = np.flatnonzero(seen.wrong & ~seen.edge)
     bad = bad if len(bad) else np.flatnonzero(seen.wrong)
+    if not len(bad):
+        return None
     some = np.sort(random.permutation(bad)[:SAMPLE])
     good = random.permutation(np.flatnonzero(~seen.wrong & ~seen.edge))[: SAMPLE // 3]
     sample = seen.some(np.concatenate([some, good]))
@@ -382,8 +384,6 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
     as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
     """
     rays, bad = variant.predict(sample.given, sample.golden), sample.wrong
-    if not bad.any():
-        return 0.0, np.inf
     right, ratios = np.ones(len(bad), bool), []
     for name, values in sample.fields.items():
         if name in variant.silent:
