@@ -57,7 +57,7 @@ test-record: $(READY) ## the results of the last make test-full, into docs/repor
 coverage: $(READY) ## lines that the tests of make test execute, into docs/reports (twenty minutes)
 	$(BIN)/python -m lippmann.dev.code_coverage --jobs $(JOBS)
 
-toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/reports (an hour, 30 GB in build)
+toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/reports (hours, and tens of GB in build)
 	$(BIN)/python -m lippmann.dev.code_coverage --jobs $(JOBS) --toggles
 
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs

@@ -487,10 +487,11 @@ def test_two_faults_are_looked_for_behind_a_set_with_one(tmp_path):
 def test_the_how_to_shows_what_the_command_prints():
     """But for the tracing: rays and sets of its command."""
     page = (TOP / "docs/how-to/regress.md").read_text()
-    shown = re.search(r"^    (\d+) rays in (\d+) sets: right\n", page, re.M)
+    shown = re.search(r"^    (\d+) rays in (\d+) sets: right\n    coverage: (\d+) of (\d+) points met\n", page, re.M)
     display = load_display(TOP / "scenes/displays/paper-square.toml")
     sets = [len(one.pixels) for one in Stream(display, "all", "exact", 0, 24, 100_000).sets()]
     assert (int(shown[1]), int(shown[2])) == (sum(sets), len(sets))
+    assert int(shown[3]) == int(shown[4]) == len(POINTS) == len(met_by(display))
 
 
 def test_steps_between_cells():
@@ -584,6 +585,7 @@ def test_a_stream_that_ends_early_is_one_json_object(tracer):
         done = piped(some, "regress", "--stream", "--json")
         told = json.loads(done.stdout)
         assert (done.returncode, told["exit_code"], told["hash"], told["right"]) == (2, 2, None, False)
+        assert told["ended"] == told["error"]
         assert len(told["sets"]) == judged
         assert told["error"] in done.stderr.decode()
     told = json.loads(piped(answers, "regress", "--stream", "--json").stdout)

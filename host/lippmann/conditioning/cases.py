@@ -310,8 +310,7 @@ def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays of every fate, far from its onset: stopped by a dome, at a wall between domes, at the array's end."""
     array, panel = display.array, display.panel
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
-    leaning = replace(array, shear=1.0, radius_mm=4.0 * array.radius_mm, thickness_mm=8.0 * array.radius_mm)
-    walls = changed(domes, shear=1.0, radius_mm=1.02 * leaning.half_diagonal_mm)
+    walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)
     # The end lies between lenslets' centres.
     across, row = array.pitches_mm[0], array.row_pitch_mm
     end = (

@@ -42,7 +42,7 @@ from lippmann.sim.virtual_board import TIMING, board_build, check_panel, step_of
 
 #: Seeds that are tried unless others are asked for.
 SEEDS = "1,2,3,4,5,6,7,8"
-#: Minutes after which a seed is given up unless told otherwise: PyPI's nextpnr takes an hour and a half at most.
+#: Minutes after which a seed is given up unless told otherwise: several times what PyPI's nextpnr takes on two cores.
 PATIENCE_MIN = 240
 #: Words of the SDRAM, 16 bits each, of two pixels, and of a row.
 PAIR_WORDS, ROW_WORDS = 3, 512

@@ -27,6 +27,8 @@ WHOLE = ("home", "lenslet", "status")
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
+#: Rays on an edge that are looked at together: some ten kilobytes each.
+AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,13 @@ def compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats) 
     limits |= {name: limit + most.get(name, moves) for name, limit in bounds.limits(given, rays).items()}
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
     seen = Comparison(given, foreign.fields, rays, limits, edge, alone)
-    return replace(seen, wrong_on_edge=_wrong_on_edge(seen, panel_mm, aim_mm)) if edge.any() else seen
+    on_edge = np.flatnonzero(edge)
+    wrong = {name: np.zeros(n, bool) for name in foreign.fields}
+    for first in range(0, len(on_edge), AT_ONCE):
+        some = on_edge[first : first + AT_ONCE]
+        for name, found in _wrong_on_edge(seen.some(some), panel_mm[some], aim_mm[some]).items():
+            wrong[name][some] = found
+    return replace(seen, wrong_on_edge=wrong)
 
 
 def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[Out]:
@@ -147,34 +155,34 @@ def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES
 
 
 def _wrong_on_edge(seen: Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
-    """Return which rays on an edge are golden's on no side of it, (N,) by array.
+    """Return which of rays that are all on an edge are golden's on no side of it, (N,) by array.
 
     Golden's are those of inputs displaced by `SHARES` of the roundings. A ray must have status and lenslet of some of
     them, and values within their range, or beyond it by no more than its width and the limits.
     """
-    rays = np.flatnonzero(seen.edge)
-    some = seen.some(rays)
-    sides = [some.golden]
+    sides = [seen.golden]
     for share in SHARES:
-        sides += map(golden, _displaced(some.given, share * panel_mm[rays], share * aim_mm[rays], AROUND))
+        sides += map(golden, _displaced(seen.given, share * panel_mm, share * aim_mm, AROUND))
     whole = {
-        name: np.array([(values == side[name]).all(axis=1) | (some.alone & (name != "status")) for side in sides])
-        for name, values in some.fields.items()
-        if name in WHOLE
+        name: np.array(
+            [(seen.fields[name] == side[name]).all(axis=1) | (seen.alone & (name != "status")) for side in sides]
+        )
+        for name in WHOLE
+        if name in seen.fields
     }
-    same: Bools = np.all(list(whole.values()), axis=0) if whole else np.ones((len(sides), len(rays)), bool)
-    found = {name: ~one.any(axis=0) for name, one in whole.items()}
-    if whole:  # each of them is golden's on some side, but not all on one
-        found[next(reversed(whole))] |= ~same.any(axis=0)
-    for name in some.fields.keys() - whole.keys() - {"panel_mm"}:
+    same: Bools = np.all(list(whole.values()), axis=0) if whole else np.ones((len(sides), len(seen.edge)), bool)
+    found = {name: np.asarray(~one.any(axis=0)) for name, one in whole.items()}
+    if whole:  # where each is golden's on some side, and not all on one, the last is wrong
+        found[list(whole)[-1]] |= ~same.any(axis=0)
+    for name in seen.fields.keys() - whole.keys() - {"panel_mm"}:
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
-        beyond = np.maximum(low - some.fields[name], some.fields[name] - high) - np.maximum(high - low, 0.0)
+        beyond = np.maximum(low - seen.fields[name], seen.fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
-        outside = np.linalg.norm(far, axis=1) > some.limits[name]
-        found[name] = same.any(axis=0) & outside & ~some.alone
-    return {name: np.isin(np.arange(len(seen.edge)), rays[wrong]) for name, wrong in found.items()}
+        outside = np.linalg.norm(far, axis=1) > seen.limits[name]
+        found[name] = np.asarray(same.any(axis=0) & outside & ~seen.alone)
+    return found
 
 
 def roundings(given: Out) -> tuple[Floats, Floats]:

@@ -122,7 +122,7 @@ def test_ten_million_accesses(build, board_ps):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("build", "frames"), [("lines", 1000), ("720p", 60)])
+@pytest.mark.parametrize(("build", "frames"), [("lines", 1000), ("720p", 1000)])
 def test_no_underflow_in_many_frames(build, frames):
     figures, broken = store(build, panel=frames)
     assert not broken
