@@ -1,10 +1,11 @@
 """The counts of Verilator and coverage.py, added up by hand-made files and by a small simulation."""
 
+import csv
 import json
 import subprocess
 
 import pytest
-from lippmann.dev.code_coverage import host_rows, page, read_rtl, reasons, rtl_rows, share, toggles_page
+from lippmann.dev.code_coverage import check_reasons, host_rows, page, read_rtl, reasons, rtl_rows, share, toggles_page
 from lippmann.errors import InputError
 from lippmann.sim.compilation import COVERAGE, TOGGLES, verilated
 from lippmann.sim.tools import repository
@@ -99,6 +100,17 @@ def test_the_page_of_toggles():
     text = toggles_page({"date": "today"}, rtl, {"rtl/b.sv": "a table"}).text()
     assert "80.0 % of 20 toggles" in text
     assert "| rtl/b.sv | 10 | 4 | a table |" in text
+
+
+def test_each_file_whose_bits_stand_still_has_a_reason():
+    with (repository() / "docs/reports/toggles.csv").open() as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    assert len(rows) > 90
+    still = [row["file"] for row in rows if int(row["still"])]
+    why = reasons(repository(), toggles=True)
+    check_reasons(still, why, "still")
+    with pytest.raises(InputError, match=f"does not say why {still[0]} has holes; add a still"):
+        check_reasons(still, {file: text for file, text in why.items() if file != still[0]}, "still")
 
 
 def test_nothing_measured_is_no_share():

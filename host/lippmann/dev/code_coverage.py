@@ -176,9 +176,10 @@ def page(
 def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapping[str, str]) -> Page:
     """Return the page of bits that toggle; `why` has the reasons by file."""
     rows = [{**row, "still": row["toggles"] - row["toggled"], "why": why.get(row["file"], "")} for row in rtl]
-    least = sorted(rows, key=lambda row: -row["still"])[:SHOWN]
-    charts = {"toggles that no bench sees": [float(row["still"]) for row in least]}
-    plot = bar_charts("toggles", [row["file"] for row in least], charts)
+    least = sorted((row for row in rows if row["still"]), key=lambda row: -row["still"])
+    shown = least[:SHOWN]
+    charts = {"toggles that no bench sees": [float(row["still"]) for row in shown]}
+    plot = bar_charts("toggles", [row["file"] for row in shown], charts)
     context = {"least": least, "share": share(rtl, "toggled", "toggles"), "toggles": sum(row["toggles"] for row in rtl)}
     templates = Path(__file__).with_name("templates")
     columns = ("file", "toggles", "toggled", "still")
@@ -194,6 +195,14 @@ def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, s
         if not (top / hole.file).is_file():
             raise input_error(f"{path}: {name}[{number}].file", f"there is no file {hole.file}", "name it as it is now")
     return {hole.file: hole.why for hole in holes}
+
+
+def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
+    """Raise InputError when files with holes, or with bits that stand still, have no reason."""
+    if unexplained := [file for file in files if file not in why]:
+        raise input_error(
+            str(HOLES), f"it does not say why {', '.join(unexplained)} has holes", f"add a {name}, or a test"
+        )
 
 
 def measure(folder: Path, jobs: int, toggles: bool) -> None:
@@ -216,7 +225,7 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
 
 @click.command()
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes of the tests.")
-@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits instead: hours, and tens of GB.")
+@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits instead: an hour, and tens of GB.")
 @click.option("--keep", is_flag=True, help="Read what the last run counted; run no test.")
 @click.option("--report", default="docs/reports", show_default=True, help="Folder of the page.")
 def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
@@ -235,16 +244,14 @@ def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
     if toggles:
         toggles_page(provenance("make toggles", ("pytest",), {}), rtl, why).write(Path(report))
         click.echo(f"RTL: {share(rtl, 'toggled', 'toggles'):.1f} % of toggles")
+        check_reasons([row["file"] for row in rtl if row["toggled"] < row["toggles"]], why, "still")
         return
     host = host_rows(json.loads((folder / "host.json").read_text()))
     origin = provenance("make coverage", ("coverage", "pytest"), {})
     page(origin, rtl, host, why).write(Path(report))
     click.echo(f"RTL: {share(rtl):.1f} % of lines")
     click.echo(f"host: {share(host):.1f} % of lines")
-    if unexplained := [row["file"] for row in rtl if row["missing"] and row["file"] not in why]:
-        raise input_error(
-            str(HOLES), f"it does not say why {', '.join(unexplained)} has holes", "add a hole, or a test"
-        )
+    check_reasons([row["file"] for row in rtl if row["missing"]], why, "hole")
 
 
 if __name__ == "__main__":
