@@ -57,7 +57,7 @@ test-record: $(READY) ## the results of the last make test-full, into docs/repor
 coverage: $(READY) ## lines that the tests of make test execute, into docs/reports (twenty minutes)
 	$(BIN)/python -m lippmann.dev.code_coverage --jobs $(JOBS)
 
-toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/reports (hours, and tens of GB in build)
+toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/reports (an hour, and tens of GB in build)
 	$(BIN)/python -m lippmann.dev.code_coverage --jobs $(JOBS) --toggles
 
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
@@ -117,7 +117,7 @@ report-layers: $(READY) ## drawn layers and the streamed frame against the full 
 	$(BIN)/lippmann bench layers --report docs/reports > /dev/null
 
 report-calibration: $(READY) ## random displays calibrated by simulated photographs, into docs/reports
-	$(BIN)/lippmann bench calibration --seed 10 --report docs/reports > /dev/null
+	OPENBLAS_NUM_THREADS=1 $(BIN)/lippmann bench calibration --displays 50 --jobs $(JOBS) --seed 10 --report docs/reports > /dev/null
 
 peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/reports
 	$(BIN)/lippmann bench peers --report docs/reports > /dev/null

@@ -10,10 +10,12 @@ import cv2
 import numpy as np
 import pytest
 from lippmann.calibration import check
+from lippmann.calibration.bundle import WITHIN, Problem, jacobian
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
-from lippmann.calibration.intervals import interval, movement_of
-from lippmann.calibration.landing import inner_rays, movement
+from lippmann.calibration.intervals import blur_of, interval, movement_of, read
+from lippmann.calibration.landing import inner_rays, landing_of, movement
 from lippmann.calibration.lattice import find_lattice, steps_of
+from lippmann.calibration.lenslets import Lenslets
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.radius import radius_of
 from lippmann.calibration.result import load_calibration
@@ -111,6 +113,31 @@ def test_an_interval_holds_the_point_and_is_as_short_as_the_movement_tells():
     np.testing.assert_allclose((low[0], high[0]), (np.floor(true[0]), np.floor(true[0]) + 1.0), atol=2e-3)
 
 
+@pytest.mark.parametrize("blur", [0.05, 0.3, 0.77, 1.0])
+def test_a_blurred_reading_is_the_mean_over_the_blur(blur):
+    at = np.random.default_rng(4).uniform(-20.0, 20.0, 500)
+    across = (np.arange(4000) + 0.5) / 4000 - 0.5
+    np.testing.assert_allclose(read(at, blur), np.floor(at[:, None] + blur * across).mean(axis=1), atol=3e-4)
+    np.testing.assert_array_equal(read(at, 0.0), np.floor(at))
+
+
+@pytest.mark.parametrize("blur", [0.1, 0.35, 0.6])
+def test_the_blur_of_readings_is_found_and_makes_points_finer(blur):
+    """Readings that are means of the rounding over the blur, of points that move by 0.7 pixels over a cell."""
+    rng = np.random.default_rng(13)
+    count, many = 150, 200
+    true = rng.uniform(5.0, 900.0, count)
+    group = np.repeat(np.arange(count), many)
+    shift = rng.uniform(-0.35, 0.35, len(group)).astype(np.float32)
+    across = blur * ((np.arange(400) + 0.5) / 400 - 0.5)
+    seen = np.array([np.floor(one + across).mean() for one in true[group] + shift]) + 0.5
+    seen = (seen + rng.normal(0.0, 0.01, len(seen))).astype(np.float32)
+    found = blur_of(seen, shift, group, count)
+    assert abs(found - blur) < 0.02
+    error, without = (np.mean(interval(seen, shift, group, count, one), axis=0) - true for one in (found, 0.0))
+    assert np.median(abs(error)) < 0.3 * np.median(abs(without))
+
+
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_the_movement_over_a_cell_is_that_of_exact_rays(request, grid):
     """Against rays at places and slopes that were not fitted; the cell's axis lies at an angle."""
@@ -128,6 +155,32 @@ def test_the_movement_over_a_cell_is_that_of_exact_rays(request, grid):
     found = moves.of(local, new, np.repeat(np.arange(len(new)), len(inner)))
     assert abs(exact).max() > 0.1
     np.testing.assert_allclose(found, exact.reshape(-1, 2), atol=0.005 * abs(exact).max())
+
+
+def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
+    """Points near the ends of their intervals, of which a step of differences would cross some."""
+    display = load_display(request.config.rootpath / "scenes/displays/vga-square.toml")
+    rng = np.random.default_rng(15)
+    index = np.stack(np.mgrid[-8:9, -6:7], axis=-1).reshape(-1, 2)
+    zeros, camera = np.zeros((len(index), 2)), [3.13, 0.02, 0.01, 20.0, -10.0, 350.0]
+    view = Lenslets("one", (600, 800), index, zeros, zeros, zeros, index[:, 0], zeros, np.eye(2),
+                    rng.normal(0.0, 0.1, (len(index), 2, 2)), np.eye(2), 1.0, 1.0)  # fmt: skip
+    problem = Problem(display, [landing_of(display, 0.3, 350.0)], [view], (600, 800))
+    pitch = display.array.pitches_mm[0]
+    x = np.array([pitch, pitch, 0.0, 0.0, 0.0, 0.0, display.gap_mm, 0.01, 0.01, 900.0, 400.0, 300.0, 0, 0, *camera])
+    panel, photo = problem.seen(x, 0)
+    half = rng.uniform(0.0, 0.3, (len(index), 2))
+    ends = half * rng.choice([-1.0, 1.0], half.shape) + rng.normal(0.0, 1e-7, half.shape)
+    near = dataclasses.replace(view, half_px=half, panel_mm=panel - ends * display.panel.pitches_mm, photo_px=photo)
+    problem = dataclasses.replace(problem, views=[near])
+    kept = [np.ones(len(index), bool)]
+    found = jacobian(problem, x, [(1.0, 1.0)], kept)[: 4 * len(index)].reshape(-1, 4, len(x))
+    far = dataclasses.replace(problem, views=[dataclasses.replace(near, half_px=zeros)])
+    smooth = jacobian(far, x, [(1.0, 1.0)], kept)[: 4 * len(index)].reshape(-1, 4, len(x))
+    within = abs(problem.offsets(x, 0)[:, :2]) < half
+    assert 0.3 < within.mean() < 0.7
+    np.testing.assert_allclose(found[:, :2], smooth[:, :2] * np.where(within, WITHIN, 1.0)[..., None], rtol=1e-12)
+    np.testing.assert_array_equal(found[:, 2:], smooth[:, 2:])
 
 
 # --- whole calibrations ---------------------------------------------------------------------------

@@ -1,7 +1,9 @@
 """The least squares over all positions: the array, its gap, the camera's lens and its poses.
 
-Each lenslet that a position sees gives two points: that of the panel seen through it, and that of its middle in the
-photograph. Weighted by their own scatter, both are fitted at once. Weak priors keep what the data leave open where it
+Each lenslet that a position sees gives two points: that of the panel seen at a place of the photograph, and that of the
+lenslet's middle in the photograph. The middle is where neighbours' light mixes, so it tells where the camera is, but
+not which point is seen: that is expected at the place where it was read, by how points move over the cell. Weighted by
+their own scatter, both are fitted at once. Weak priors keep what the data leave open where it
 usually is; a parameter whose uncertainty is that of its prior was not determined.
 
 The covariance is that of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the panel's
@@ -31,11 +33,16 @@ ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "off
 GAP = {"gap": 1e-4}
 #: Height of the array over its mean, mm: tilts and curvatures, in half widths and half heights of the panel.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
+#: What the lenslets' middles in a photograph lack, in pitches at the steepest slope, by powers of the slope: blur and
+#: aberrations move the seams of lenslets that are seen aside. No panel point depends on it.
+SEAMS = {"seams_5": 1e-4, "seams_9": 1e-4}
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
 #: Priors: standard deviations of the gap (share of D), of the bow (share of D), of the focal length (of its
 #: logarithm), of the principal point (share of the photograph's longer side), and of the distortion.
 PRIOR_GAP, PRIOR_BOW, PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.3, 0.1, 0.7, 0.02, 0.3
+#: That of the seams, pitches.
+PRIOR_SEAMS = 0.03
 #: That of a gap that is held.
 HELD_GAP = 1e-5
 #: Most lenslets of a position in the least squares.
@@ -54,9 +61,9 @@ SMOOTH = (0.12, 0.12, 0.2, 0.2)
 WITHIN = 0.03
 #: Least smooth errors, as measured on computed photographs: of panel points, in pixels, and of the lenslets' middles in
 #: a photograph, in lenslets.
-POINTS, MIDDLES = 0.01, 0.003
+POINTS, MIDDLES = 0.001, 0.0003
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
-LEAST_SCATTER = 0.02
+LEAST_SCATTER = 0.005
 SEED = 1911
 
 
@@ -76,12 +83,12 @@ class Problem:
     def names(self) -> list[str]:
         """Names of the parameters, in order."""
         poses = [f"{name}_{k}" for k in range(len(self.views)) for name in POSE]
-        return [*ARRAY, *GAP, *(BOW if self.bow else ()), *LENS, *poses]
+        return [*ARRAY, *GAP, *(BOW if self.bow else ()), *SEAMS, *LENS, *poses]
 
     @cached_property
     def steps(self) -> Floats:
         """The step of each parameter for differences."""
-        kinds = {**ARRAY, **GAP, **(BOW if self.bow else {}), **LENS}
+        kinds = {**ARRAY, **GAP, **(BOW if self.bow else {}), **SEAMS, **LENS}
         return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views))])
 
     @property
@@ -110,6 +117,11 @@ class Problem:
         u, v = 2.0 * centres[:, 0] / panel.width_mm, 2.0 * centres[:, 1] / panel.height_mm
         return np.asarray(x[7:12] @ np.stack([u, v, u * u - 1.0 / 3.0, v * v - 1.0 / 3.0, u * v]))
 
+    def seams(self, x: Floats) -> Floats:
+        """Return the numbers of `SEAMS`."""
+        end = self.shared - len(LENS)
+        return x[end - len(SEAMS) : end]
+
     def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
         """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
         lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
@@ -117,18 +129,34 @@ class Problem:
         high = self.heights(x, centres)
         z = landing.outline_mm + high
         slope = (pose[3:5] - centres) / np.reshape(pose[5] - z, (-1, 1))
-        panel = centres + landing.point(slope, x[6] + high)
         middles = np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))])
         photo = projected(middles, lens, pose[:3], pose[3:])
+        view = self.views[k]
+        aside = (view.cell_px - photo) @ view.steps
+        share = slope / landing.steepest
+        square = (share**2).sum(axis=1, keepdims=True)
+        fifth, ninth = self.seams(x)
+        middles[:, :2] += x[0] * share * square**2 * (fifth + ninth * square**2)
+        photo = projected(middles, lens, pose[:3], pose[3:])
+        panel = centres + landing.point(slope, x[6] + high) + np.einsum("np,npa->na", aside, view.moves)
         return panel, photo
 
     def residuals(self, x: Floats, k: int) -> Floats:
         """Return the residuals of view k, (N, 4): panel points in pixels of the panel, pixels of the photograph."""
+        off = self.offsets(x, k)
+        off[:, :2] -= (1.0 - WITHIN) * np.clip(off[:, :2], -self.views[k].half_px, self.views[k].half_px)
+        return off
+
+    def offsets(self, x: Floats, k: int) -> Floats:
+        """Return the residuals of view k as if the middle of each interval had been measured, (N, 4)."""
         panel, photo = self.seen(x, k)
         view = self.views[k]
-        off = (panel - view.panel_mm) / self.display.panel.pitches_mm
-        off -= (1.0 - WITHIN) * np.clip(off, -view.half_px, view.half_px)
-        return np.column_stack([off, photo - view.photo_px])
+        return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
+
+    def counting(self, x: Floats, k: int) -> Floats:
+        """Return the derivatives of the residuals of view k by its offsets, (N, 4)."""
+        within = abs(self.offsets(x, k)[:, :2]) < self.views[k].half_px
+        return np.column_stack([np.where(within, WITHIN, 1.0), np.ones_like(within, float)])
 
     def priors(self, x: Floats) -> Floats:
         """Return the residuals to the priors, in standard deviations."""
@@ -141,6 +169,7 @@ class Problem:
             np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL,
             (mx - 0.5 * self.shape[1]) / (PRIOR_MIDDLE * longer), (my - 0.5 * self.shape[0]) / (PRIOR_MIDDLE * longer),
             k1 / PRIOR_DISTORTION, k2 / PRIOR_DISTORTION,
+            *(self.seams(x) / PRIOR_SEAMS),
         ])  # fmt: skip
 
     def thinned(self, most: int) -> Problem:
@@ -157,6 +186,8 @@ def _some(view: Lenslets, at: npt.NDArray[np.int64]) -> Lenslets:
         panel_mm=view.panel_mm[at],
         half_px=view.half_px[at],
         pixels=view.pixels[at],
+        cell_px=view.cell_px[at],
+        moves=view.moves[at],
         readings=None,
     )
 
@@ -257,18 +288,22 @@ def _minimised(
         return np.concatenate([*parts, problem.priors(at)])
 
     found = least_squares(
-        residuals, x[chosen], lambda part: _jacobian(problem, whole(part), scatter, kept)[:, chosen], x_scale="jac",
+        residuals, x[chosen], lambda part: jacobian(problem, whole(part), scatter, kept)[:, chosen], x_scale="jac",
         loss="soft_l1" if robust else "linear", f_scale=ROBUST, ftol=SETTLED, xtol=1e-12, gtol=1e-12,
         max_nfev=MOST_STEPS,
     )  # fmt: skip
     return whole(found.x)
 
 
-def _jacobian(
+def jacobian(
     problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]]
 ) -> Floats:
-    """Return the derivatives by central differences; a pose moves its own view only."""
+    """Return the derivatives by central differences; a pose moves its own view only.
+
+    The differences are those of the offsets: across an end of an interval, they would be those of neither side.
+    """
     sizes = [4 * int(one.sum()) for one in kept]
+    factors = [problem.counting(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
     first = np.concatenate([[0], np.cumsum(sizes)])
     matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
     for at, step in enumerate(problem.steps):
@@ -277,8 +312,8 @@ def _jacobian(
         down[at] -= step
         own = range(len(sizes)) if at < problem.shared else [(at - problem.shared) // len(POSE)]
         for k in own:
-            change = _weighted(problem, up, scatter, kept, k) - _weighted(problem, down, scatter, kept, k)
-            matrix[first[k] : first[k + 1], at] = change / (2.0 * step)
+            change = problem.offsets(up, k)[kept[k]] - problem.offsets(down, k)[kept[k]]
+            matrix[first[k] : first[k + 1], at] = (factors[k] * change / (2.0 * step)).ravel()
         if at < problem.shared:
             matrix[first[-1] :, at] = (problem.priors(up) - problem.priors(down)) / (2.0 * step)
     return matrix
@@ -288,7 +323,7 @@ def _judged(
     problem: Problem, x: Floats, scatter: list[tuple[float, float]], kept: list[npt.NDArray[np.bool_]]
 ) -> Solution:
     """Return the solution with its covariance by blocks of lenslets."""
-    matrix = _jacobian(problem, x, scatter, kept)
+    matrix = jacobian(problem, x, scatter, kept)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     matrix /= scale
     priors = matrix[matrix.shape[0] - len(problem.priors(x)) :]

@@ -66,6 +66,11 @@ class Lenslets:
     panel_mm: Floats
     half_px: Floats
     pixels: npt.NDArray[np.int64]
+    #: Where the photograph shows the cells' middles that the panel points are for, (N, 2); steps of the photograph's
+    #: pixels in the cell of pitch 1, (2, 2); and how the panel points move over it, (N, 2, 2), mm for each pitch.
+    cell_px: Floats
+    steps: Floats
+    moves: Floats
     #: Movement of the panel point over the lenslet's aperture: (2, 2), mm for each pitch across the cell.
     spread: Floats
     #: Share of the pixels that see the lenslet in front of them.
@@ -126,11 +131,15 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         )
     _check_steady(decoded.name, whole_share(names, counts), outline.agree)
     panel = at[kept] - middle[kept] @ spread
+    shown, _, grown = _averages(decoded.photo_px.astype(np.float64), local, good, groups, len(names))
+    cells = shown[kept] - middle[kept] @ grown
+    moves = np.broadcast_to(spread, (len(panel), 2, 2))
     read = good & kept[groups]
     readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
     return Lenslets(
-        decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], spread,
-        outline.agree, decoded.modulation, readings,
+        decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], cells,
+        np.asarray(np.linalg.inv(grown), np.float64), moves, spread, outline.agree,
+        decoded.modulation, readings,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.calibration.bundle import SEAMS
 from lippmann.calibration.camera import Lens, first_lens, first_pose
 from lippmann.calibration.landing import Landing, landing_of
 from lippmann.calibration.lattice import SeenLattice
@@ -45,7 +46,7 @@ class Start:
         """The parameters in the order of `bundle.Problem`, without a bow."""
         lens = [self.lens.focal_px, *self.lens.middle_px, *self.lens.distortion]
         poses = [one for turn, place in self.poses for one in (*turn, *place)]
-        return np.array([*self.array, self.gap_mm, *lens, *poses])
+        return np.array([*self.array, self.gap_mm, *np.zeros(len(SEAMS)), *lens, *poses])
 
 
 def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:

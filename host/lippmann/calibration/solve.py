@@ -110,11 +110,8 @@ def solve_views(
         # Left alone, it would follow what the model lacks, and take pitch and offset with it.
         whole = replace(whole, held=True)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
-    # Domes that face the viewer hide a part of their neighbours: where they are in the photograph is known less well
-    # than what they see, and finer points would only lean on that.
-    finer = nominal.array.plano_side == "panel"
-    for _ in range(REFINEMENTS if finer else 1):
-        whole = seen_again(solution, whole, landing, finer)
+    for _ in range(REFINEMENTS):
+        whole = seen_again(solution, whole, landing)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
     round_lens = None
     for _ in range(RADIUS_ROUNDS if radius else 0):
@@ -139,11 +136,11 @@ def solve_views(
     return made
 
 
-def seen_again(solution: Solution, whole: Problem, landing: Landing, finer: bool = False) -> Problem:
+def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
     """Return the problem with rays traced through the display that was found, from where each camera stands.
 
-    With `finer` the panel points become finer than pixels, too. The problem stays as it is when there can be no such
-    display. `landing` tells the steepest slope.
+    The panel points become finer than pixels, too. The problem stays as it is when there can be no such display.
+    `landing` tells the steepest slope.
     """
     try:
         built = display_of(whole.display, solution)
@@ -156,7 +153,7 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing, finer: bool
         distance = max(1.0, float(place[2]))
         landings.append(landing_of(built, landing.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
-        views.append(refined(view, built, slopes, movement_of(built, turn, slopes, distance)) if finer else view)
+        views.append(refined(view, built, slopes, movement_of(built, turn, slopes, distance)))
     return replace(whole, landings=landings, views=views)
 
 

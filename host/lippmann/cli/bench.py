@@ -250,6 +250,7 @@ def calibration(
     solids: bool = option("POV-Ray photographs glass lenslets, in place of our tracer.", False),
     swept: int = option("Number of displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
     width_px: int = option("Width of the panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
+    jobs: int = option("Processes that share the random displays.", 1, click.IntRange(1)),
 ) -> tuple[Mapping[str, Any], Page]:
     """Calibrate random displays by simulated photographs, and compare with the displays as built.
 
@@ -261,7 +262,7 @@ def calibration(
 
     with scratch_folder() as folder:
         seeds = range(bench.seed, bench.seed + displays)
-        rows = bench.collect(measure(folder, seeds, solids=solids, panel_px=width_px))
+        rows = bench.collect(measure(folder, seeds, solids=solids, panel_px=width_px, jobs=jobs))
         tried = bench.collect(sweep(folder, range(bench.seed, bench.seed + swept)))
         seen = bench.collect(views(folder, bench.scenes, ("vga-square", "vga-hex"), bench.seed))
     tables = {"rows": rows, "sweep": tried, "views": seen}

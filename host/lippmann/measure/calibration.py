@@ -10,7 +10,10 @@ import math
 import shutil
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -300,21 +303,36 @@ def measure(
     disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
     solids: bool = False,
     panel_px: int = 640,
+    jobs: int = 1,
 ) -> Iterator[dict[str, Any]]:
     """Photograph random displays, solve them, and yield a row for each; `solids` lets POV-Ray take the photographs.
 
-    A display that is refused has a row with the reason as `refused`. The photographs are removed after each.
+    `jobs` processes share the displays.
     """
-    for seed in seeds:
-        case = random_case(seed, panel_px, photo_width(panel_px))
-        place = folder / case.name
-        photographs = case.shoot(place, seed, disturbances, look_at_solids(seed=seed) if solids else None)
-        try:
-            yield solve_case(case, photographs, bow=disturbances.bow_mm != 0.0)
-        except LippmannError as error:
-            yield {"display": case.name, "refused": str(error)}
-        finally:
-            shutil.rmtree(place)
+    one = partial(measure_one, folder, disturbances=disturbances, solids=solids, panel_px=panel_px)
+    if jobs == 1:
+        yield from map(one, seeds)
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        yield from pool.map(one, seeds)
+
+
+def measure_one(
+    folder: Path, seed: int, disturbances: Disturbances, solids: bool = False, panel_px: int = 640
+) -> dict[str, Any]:
+    """Photograph a random display, solve it, and return its row.
+
+    A display that is refused has a row with the reason as `refused`. The photographs are removed.
+    """
+    case = random_case(seed, panel_px, photo_width(panel_px))
+    place = folder / case.name
+    photographs = case.shoot(place, seed, disturbances, look_at_solids(seed=seed) if solids else None)
+    try:
+        return solve_case(case, photographs, bow=disturbances.bow_mm != 0.0)
+    except LippmannError as error:
+        return {"display": case.name, "refused": str(error)}
+    finally:
+        shutil.rmtree(place)
 
 
 def sweep(folder: Path, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
