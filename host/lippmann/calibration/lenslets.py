@@ -24,6 +24,9 @@ FAR = 0.7
 MIDDLE = 0.35
 #: Pixels in the middle of a cell from which on their mean counts.
 FEW = 3
+#: Most readings that a position keeps: 30 for each of 100,000 lenslets.
+MOST_READINGS = 3_000_000
+SEED = 1914
 #: Most standard deviations of a pixel from the others of its lenslet.
 SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
@@ -134,7 +137,9 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     shown, _, grown = _averages(decoded.photo_px.astype(np.float64), local, good, groups, len(names))
     cells = shown[kept] - middle[kept] @ grown
     moves = np.broadcast_to(spread, (len(panel), 2, 2))
-    read = good & kept[groups]
+    read = np.flatnonzero(good & kept[groups])
+    if len(read) > MOST_READINGS:
+        read = np.sort(np.random.default_rng(SEED).choice(read, MOST_READINGS, replace=False, shuffle=False))
     readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
     return Lenslets(
         decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], cells,
