@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import json
+import re
 
 import click.testing
 import pytest
@@ -58,6 +59,18 @@ def test_old_command_lines_work(measured, capfd, words):
     assert said["rows"] == [ROW]
     assert {"machine", "date", "command", "versions"} < set(said)
     assert said["command"] == f"lippmann bench animate --scenes {SCENES} --seed 5 --device llvm"
+
+
+def test_the_origin_tells_a_command_that_runs(monkeypatch, capfd):
+    """Options whose names are not those of the parameters, and a switch; nothing is calibrated."""
+    for name in ("measure", "sweep", "views"):
+        monkeypatch.setattr(f"lippmann.measure.calibration.{name}", lambda *args, **own: iter(()))
+    words = ["calibration", "--seed", "3", "--sweep", "1", "--width", "320", "--solids", "--device", "llvm"]
+    assert run(["bench", *words, "--scenes", SCENES, "--json"]) == 0
+    first = json.loads(capfd.readouterr().out)["command"]
+    assert {"--sweep 1", "--width 320", "--solids"} <= set(re.findall(r"--\w+(?: \d+)?", first))
+    assert run([*first.split()[1:], "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["command"] == first
 
 
 def test_rows_as_text_and_as_page(measured, capfd, tmp_path):

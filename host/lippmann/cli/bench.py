@@ -73,6 +73,8 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
 
     def decorated(measure: Measure) -> click.Command:
         name = measure.__name__
+        own_options = list(parameters(measure))
+        flags = {one.name: one.opts[0] for one in own_options}
 
         def command(scenes: str, seed: int, device: str, report: str | None, as_json: bool, **own: Any) -> None:
             folder = shipped_scenes(scenes)
@@ -81,9 +83,9 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
             words += [f"--device {device}"] if needs_device else []
             for key, value in own.items():
                 if isinstance(value, bool):
-                    words += [f"--{key}"] * value
+                    words += [flags[key]] * value
                 else:
-                    words += [f"--{key} {one}" for one in (value if isinstance(value, tuple) else (value,))]
+                    words += [f"{flags[key]} {one}" for one in (value if isinstance(value, tuple) else (value,))]
             chosen = start_mitsuba(device) if needs_device else ""
             origin = provenance(" ".join(words), packages)
             found, written = measure(Bench(folder, seed, chosen, kept, origin), **own)
@@ -97,7 +99,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
 
         options = [
             SCENES.parameter("scenes", str),
-            *parameters(measure),
+            *own_options,
             kept_in.parameter("report", str),
             SEED.parameter("seed", int),
             (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
