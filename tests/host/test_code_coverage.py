@@ -1,12 +1,12 @@
 """The counts of Verilator and coverage.py, added up by hand-made files and by a small simulation."""
 
-import csv
 import json
 import subprocess
 
 import pytest
 from lippmann.dev.code_coverage import check_reasons, host_rows, page, read_rtl, reasons, rtl_rows, share, toggles_page
 from lippmann.errors import InputError
+from lippmann.measure.figures import read_csv
 from lippmann.sim.compilation import COVERAGE, TOGGLES, verilated
 from lippmann.sim.tools import repository
 
@@ -74,8 +74,8 @@ def test_a_simulation_tells_its_lines(tmp_path, monkeypatch):
 
 def test_each_reason_is_of_a_file(tmp_path):
     assert "rtl/math/lipp_quadratic.sv" in reasons(repository())
-    (tmp_path / "holes.toml").write_text('[[hole]]\nfile = "rtl/gone.sv"\nwhy = "none"\n')
-    with pytest.raises(InputError, match=r"hole\[0\]\.file: there is no file rtl/gone\.sv"):
+    (tmp_path / "holes.toml").write_text('[[hole]]\nfiles = ["rtl/gone.sv"]\nwhy = "none"\n')
+    with pytest.raises(InputError, match=r"hole\[0\]\.files: there is no file rtl/gone\.sv"):
         reasons(tmp_path, tmp_path / "holes.toml")
 
 
@@ -103,10 +103,9 @@ def test_the_page_of_toggles():
 
 
 def test_each_file_whose_bits_stand_still_has_a_reason():
-    with (repository() / "docs/reports/toggles.csv").open() as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    _, rows = read_csv(repository() / "docs/reports/toggles.csv")
     assert len(rows) > 90
-    still = [row["file"] for row in rows if int(row["still"])]
+    still = [row["file"] for row in rows if row["still"]]
     why = reasons(repository(), toggles=True)
     check_reasons(still, why, "still")
     with pytest.raises(InputError, match=f"does not say why {still[0]} has holes; add a still"):

@@ -41,7 +41,7 @@ POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_
 #: Priors: standard deviations of the gap (share of D), of the bow (share of D), of the focal length (of its
 #: logarithm), of the principal point (share of the photograph's longer side), and of the distortion.
 PRIOR_GAP, PRIOR_BOW, PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.3, 0.1, 0.7, 0.02, 0.3
-#: That of the seams, pitches.
+#: Prior of the numbers of the seams: their standard deviation, pitches.
 PRIOR_SEAMS = 0.03
 #: That of a gap that is held.
 HELD_GAP = 1e-5
@@ -122,6 +122,13 @@ class Problem:
         end = self.shared - len(LENS)
         return x[end - len(SEAMS) : end]
 
+    def moved_by_seams(self, x: Floats, slope: Floats, steepest: float) -> Floats:
+        """Return how far the lenslets' middles in a photograph are moved, (N, 2) mm, for slopes (N, 2)."""
+        share = slope / steepest
+        square = (share**2).sum(axis=1, keepdims=True)
+        fifth, ninth = self.seams(x)
+        return np.asarray(x[0] * share * square**2 * (fifth + ninth * square**2))
+
     def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
         """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
         lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
@@ -130,15 +137,12 @@ class Problem:
         z = landing.outline_mm + high
         slope = (pose[3:5] - centres) / np.reshape(pose[5] - z, (-1, 1))
         middles = np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))])
-        photo = projected(middles, lens, pose[:3], pose[3:])
         view = self.views[k]
-        aside = (view.cell_px - photo) @ view.steps
-        share = slope / landing.steepest
-        square = (share**2).sum(axis=1, keepdims=True)
-        fifth, ninth = self.seams(x)
-        middles[:, :2] += x[0] * share * square**2 * (fifth + ninth * square**2)
-        photo = projected(middles, lens, pose[:3], pose[3:])
+        # The panel point is that of the place that was read, which is aside of where the rays' middle is seen.
+        aside = (view.cell_px - projected(middles, lens, pose[:3], pose[3:])) @ view.steps
         panel = centres + landing.point(slope, x[6] + high) + np.einsum("np,npa->na", aside, view.moves)
+        middles[:, :2] += self.moved_by_seams(x, slope, landing.steepest)
+        photo = projected(middles, lens, pose[:3], pose[3:])
         return panel, photo
 
     def residuals(self, x: Floats, k: int) -> Floats:
@@ -153,7 +157,7 @@ class Problem:
         view = self.views[k]
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
 
-    def counting(self, x: Floats, k: int) -> Floats:
+    def gains(self, x: Floats, k: int) -> Floats:
         """Return the derivatives of the residuals of view k by its offsets, (N, 4)."""
         within = abs(self.offsets(x, k)[:, :2]) < self.views[k].half_px
         return np.column_stack([np.where(within, WITHIN, 1.0), np.ones_like(within, float)])
@@ -303,7 +307,7 @@ def jacobian(
     The differences are those of the offsets: across an end of an interval, they would be those of neither side.
     """
     sizes = [4 * int(one.sum()) for one in kept]
-    factors = [problem.counting(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
+    factors = [problem.gains(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
     first = np.concatenate([[0], np.cumsum(sizes)])
     matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
     for at, step in enumerate(problem.steps):

@@ -140,7 +140,7 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
     """Return the problem with rays traced through the display that was found, from where each camera stands.
 
     The panel points become finer than pixels, too. The problem stays as it is when there can be no such display.
-    `landing` tells the steepest slope.
+    Rays are traced for slopes as steep as those of `landing`.
     """
     try:
         built = display_of(whole.display, solution)

@@ -172,7 +172,8 @@ def _judge_stream(bounds: Bounds, files: _Files) -> int:
     lines = [*lines, *[f"stream: {read.hash}"] * bool(read.hash)] if verdicts else ["nothing was judged"]
     about: dict[str, Any] = {"made": read.made, "hash": read.hash or None, "bounds": dataclasses.asdict(bounds)}
     files.write(verdicts, words, ended, about)
-    failure = {} if ended is None else {"error": ended, "exit_code": code}
+    # As of any command that fails.
+    failure = {"error": ended, "exit_code": code} if ended is not None else {}
     whole = {"right": not (wrong or ended), "rays": rays, "wrong": wrong, "ended": ended, "covered": met}
     emit({**whole, **about, **failure, "sets": sets}, lines)
     if ended is not None:

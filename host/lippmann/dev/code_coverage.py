@@ -52,9 +52,9 @@ SHOWN = 15
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Hole:
-    """Why lines of a file are not executed by the quick tests, or why its bits do not toggle."""
+    """Why lines of files are not executed by the quick tests, or why their bits do not toggle."""
 
-    file: Annotated[str, key("the file, from the top of the checkout")]
+    files: Annotated[tuple[str, ...], key("the files, from the top of the checkout")]
     why: Annotated[str, key("the reason")]
 
 
@@ -192,9 +192,10 @@ def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, s
     read = toml.read(Holes, toml.load(path, "holes"), str(path))
     name, holes = ("still", read.still) if toggles else ("hole", read.hole)
     for number, hole in enumerate(holes):
-        if not (top / hole.file).is_file():
-            raise input_error(f"{path}: {name}[{number}].file", f"there is no file {hole.file}", "name it as it is now")
-    return {hole.file: hole.why for hole in holes}
+        for file in hole.files:
+            if not (top / file).is_file():
+                raise input_error(f"{path}: {name}[{number}].files", f"there is no file {file}", "name it as it is now")
+    return {file: hole.why for hole in holes for file in hole.files}
 
 
 def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
