@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,38 +39,41 @@ def write_video(
     """
     path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
     try:
-        import imageio_ffmpeg as ffmpeg
+        import imageio_ffmpeg
 
-        ffmpeg.get_ffmpeg_exe()
+        ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
         raise MissingLibraryError(f"ffmpeg is missing ({error}); {to_install()}") from None
+    rate = Fraction(frames_per_second).limit_denominator(1000)
+    taken = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width_px}x{height_px}", "-r", str(rate), "-i", "-"]
     if path.suffix.lower() in LOSSLESS_SUFFIXES:
-        kind: dict[str, Any] = {"codec": "ffv1", "pix_fmt_out": "bgr0", "quality": None}
+        made = ["-c:v", "ffv1", "-pix_fmt", "bgr0"]
     else:
-        colours = ("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1")
-        convert = ("-vf", "scale=out_color_matrix=bt709:out_range=tv")
-        kind = {"codec": "libx264", "quality": 7, "output_params": [*colours, *convert, "-movflags", "+faststart"]}
+        made = [
+            "-c:v",
+            "libx264",
+            "-pix_fmt",
+            "yuv420p",
+            "-crf",
+            "15",
+            "-vf",
+            "scale=out_color_matrix=bt709:out_range=tv",
+        ]
+        made += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
+        made += ["-movflags", "+faststart"]
     count = 0
     with replacing(path) as partial:
         place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
-        writer = ffmpeg.write_frames(
-            place, (width_px, height_px), fps=Fraction(frames_per_second).limit_denominator(1000),
-            macro_block_size=1, ffmpeg_log_level="quiet", **kind,
-        )  # fmt: skip
-        writer.send(None)
+        command = [ffmpeg, "-y", "-v", "quiet", *taken, *made, place]
         try:
-            for frame in frames:
-                writer.send(np.ascontiguousarray(frame))
-                count += 1
-        except OSError:  # ffmpeg has ended; its message is too long to show
+            # A group of its own: Ctrl-C ends the command, which then ends ffmpeg by the end of its frames.
+            with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
+                assert encoder.stdin is not None
+                for frame in frames:
+                    encoder.stdin.write(np.ascontiguousarray(frame).data)
+                    count += 1
+        except BrokenPipeError:  # ffmpeg has ended; its message is too long to show
             raise not_written(path, "ffmpeg stopped", partial) from None
-        finally:
-            writer.close()
-        # imageio_ffmpeg hides ffmpeg's exit code; a full disk shows as missing frames.
-        try:
-            written = ffmpeg.count_frames_and_secs(place)[0]
-        except (RuntimeError, OSError):  # not a video
-            written = -1
-        if int(written) != count:
+        if encoder.returncode:
             raise not_written(path, "ffmpeg stopped", partial)
     return count
