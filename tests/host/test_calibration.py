@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import shutil
+from statistics import NormalDist
 from types import SimpleNamespace
 
 import cv2
@@ -12,10 +13,10 @@ import pytest
 from lippmann.calibration import check
 from lippmann.calibration.bundle import WITHIN, Problem, jacobian
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
-from lippmann.calibration.intervals import blur_of, interval, movement_of, read
+from lippmann.calibration.intervals import Moved, blur_of, interval, movement_of, read
 from lippmann.calibration.landing import inner_rays, landing_of, movement
 from lippmann.calibration.lattice import find_lattice, steps_of
-from lippmann.calibration.lenslets import Lenslets
+from lippmann.calibration.lenslets import Lenslets, Readings
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.radius import radius_of
 from lippmann.calibration.result import load_calibration
@@ -105,7 +106,7 @@ def test_an_interval_holds_the_point_and_is_as_short_as_the_movement_tells():
     shift = rng.uniform(-0.8, 0.8, len(group)).astype(np.float32)
     shift[group == 0] = 0.0
     read = (np.floor(true[group] + shift) + 0.5).astype(np.float32)
-    low, high = interval(read, shift, group, count)
+    low, high = interval(read, shift, np.full_like(shift, 1e-4), group, count)
     assert ((low - 2e-3 <= true) & (true <= high + 2e-3)).all()
     # 60 steps in 1.6 pixels: two or three of them lie within the tolerance.
     assert np.median(high - low) < 0.1
@@ -113,29 +114,45 @@ def test_an_interval_holds_the_point_and_is_as_short_as_the_movement_tells():
     np.testing.assert_allclose((low[0], high[0]), (np.floor(true[0]), np.floor(true[0]) + 1.0), atol=2e-3)
 
 
-@pytest.mark.parametrize("blur", [0.05, 0.3, 0.77, 1.0])
-def test_a_blurred_reading_is_the_mean_over_the_blur(blur):
+@pytest.mark.parametrize("edge", [0.001, 0.05, 0.15, 0.2, 0.6, 1.5])
+def test_a_blurred_reading_is_the_mean_over_the_blur(edge):
+    """Against the mean of the rounding at the quantiles of a normal distribution."""
     at = np.random.default_rng(4).uniform(-20.0, 20.0, 500)
-    across = (np.arange(4000) + 0.5) / 4000 - 0.5
-    np.testing.assert_allclose(read(at, blur), np.floor(at[:, None] + blur * across).mean(axis=1), atol=3e-4)
-    np.testing.assert_array_equal(read(at, 0.0), np.floor(at))
+    across = np.array([NormalDist().inv_cdf((k + 0.5) / 4000) for k in range(4000)])
+    wanted = np.floor(at[:, None] + edge * across).mean(axis=1)
+    np.testing.assert_allclose(read(at, np.full_like(at, edge)), wanted, atol=2e-3)
 
 
-@pytest.mark.parametrize("blur", [0.1, 0.35, 0.6])
-def test_the_blur_of_readings_is_found_and_makes_points_finer(blur):
-    """Readings that are means of the rounding over the blur, of points that move by 0.7 pixels over a cell."""
+@pytest.mark.parametrize(("cell", "pupil"), [(0.02, 0.03), (0.03, 0.01), (0.03, 0.12)])
+def test_the_blur_of_readings_is_found_and_makes_points_finer(cell, pupil):
+    """Readings that are means of the rounding over both blurs, of points that move unevenly over a cell."""
     rng = np.random.default_rng(13)
     count, many = 150, 200
     true = rng.uniform(5.0, 900.0, count)
     group = np.repeat(np.arange(count), many)
-    shift = rng.uniform(-0.35, 0.35, len(group)).astype(np.float32)
-    across = blur * ((np.arange(400) + 0.5) / 400 - 0.5)
-    seen = np.array([np.floor(one + across).mean() for one in true[group] + shift]) + 0.5
-    seen = (seen + rng.normal(0.0, 0.01, len(seen))).astype(np.float32)
-    found = blur_of(seen, shift, group, count)
-    assert abs(found - blur) < 0.02
-    error, without = (np.mean(interval(seen, shift, group, count, one), axis=0) - true for one in (found, 0.0))
-    assert np.median(abs(error)) < 0.3 * np.median(abs(without))
+
+    def moved(x, y):
+        return 0.8 * x + 6.0 * x * x + 4.0 * y * y - 20.0 * x**3
+
+    x, y = rng.uniform(-0.35, 0.35, (2, len(group)))
+    mean = (6.0 + 4.0) * 0.35**2 / 3.0
+    blur = rng.normal(size=(3, 500))
+    blur = ((blur - blur.mean(axis=1, keepdims=True)) / blur.std(axis=1, keepdims=True))[..., None]
+    seen = np.floor(true[group] + moved(x + cell * blur[0], y + cell * blur[1]) - mean + pupil * blur[2]).mean(axis=0)
+    seen = (seen + 0.5 + rng.normal(0.0, 0.02, len(seen))).astype(np.float32)
+    across = np.hypot(0.8 + 12.0 * x - 60.0 * x * x, 8.0 * y)
+    both = (np.stack([one, one], axis=1).astype(np.float32) for one in (moved(x, y) - mean, across, 20.0 - 120.0 * x))
+    movement = Moved(*both)
+    readings = Readings(np.stack([seen, seen], axis=1), np.zeros((len(seen), 2), np.float32), group)
+    found = blur_of(readings, movement, count)
+    assert abs(found[0] - cell) < 0.1 * cell
+    assert abs(found[1] - pupil) < 0.1 * pupil + 0.005
+    error, without = (
+        np.mean(interval(seen, *movement.along(0).blurred(one), group, count), axis=0) - true
+        for one in (found, (0.0, 0.0))
+    )
+    assert abs(np.median(error)) < 0.001
+    assert abs(np.median(without)) > 4.0 * abs(np.median(error))
 
 
 @pytest.mark.parametrize("grid", ["square", "hex"])
@@ -152,9 +169,21 @@ def test_the_movement_over_a_cell_is_that_of_exact_rays(request, grid):
     exact = (at - at.mean(axis=1, keepdims=True)) / display.panel.pitches_mm * [1.0, -1.0]
     c, s = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn))
     local = np.tile(inner @ [[c, -s], [s, c]] / display.array.pitches_mm[0], (len(new), 1))
-    found = moves.of(local, new, np.repeat(np.arange(len(new)), len(inner)))
+    group, still = np.repeat(np.arange(len(new)), len(inner)), np.zeros_like(new)
+    found = moves.of(local, new, still, group)
     assert abs(exact).max() > 0.1
-    np.testing.assert_allclose(found, exact.reshape(-1, 2), atol=0.005 * abs(exact).max())
+    np.testing.assert_allclose(found.shift, exact.reshape(-1, 2), atol=0.005 * abs(exact).max())
+    # A cell that lies aside: the same points, but for what its mean moved; and the derivatives.
+    aside = rng.uniform(-0.02, 0.02, new.shape)
+    beside = moves.of(local - aside[group], new, aside, group)
+    mean = np.einsum("nd,nda->na", aside, moves.over_cell(new, aside))
+    np.testing.assert_allclose(beside.shift + mean[group], found.shift, atol=2e-5)
+    h = 0.01
+    ways = [[moves.of(local + sign * step, new, still, group).shift for sign in (-1, 1)] for step in h * np.eye(2)]
+    slopes = [(high - low) / (2.0 * h) for low, high in ways]
+    np.testing.assert_allclose(found.change, np.hypot(*slopes), rtol=2e-3, atol=1e-3)
+    bent = sum(low + high - 2.0 * found.shift for low, high in ways) / h**2
+    np.testing.assert_allclose(found.bent, bent, rtol=5e-3, atol=0.05)
 
 
 def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):

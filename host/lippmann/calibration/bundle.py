@@ -129,21 +129,32 @@ class Problem:
         fifth, ninth = self.seams(x)
         return np.asarray(x[0] * share * square**2 * (fifth + ninth * square**2))
 
-    def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
-        """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
+    def pose(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats]:
+        """Return the lens, and the turn and the place of view k."""
         lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
+        return lens, pose[:3], pose[3:]
+
+    def outlines(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats | float]:
+        """Return the slopes (N, 2) of view k's lenslets, the middles (N, 3) of their outlines, mm, and the heights."""
+        place = self.pose(x, k)[2]
         landing, centres = self.landings[k], self.centres(x, self.places[k])
         high = self.heights(x, centres)
         z = landing.outline_mm + high
-        slope = (pose[3:5] - centres) / np.reshape(pose[5] - z, (-1, 1))
-        middles = np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))])
-        view = self.views[k]
-        # The panel point is that of the place that was read, which is aside of where the rays' middle is seen.
-        aside = (view.cell_px - projected(middles, lens, pose[:3], pose[3:])) @ view.steps
-        panel = centres + landing.point(slope, x[6] + high) + np.einsum("np,npa->na", aside, view.moves)
+        slope = (place[:2] - centres) / np.reshape(place[2] - z, (-1, 1))
+        return slope, np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))]), high
+
+    def aside(self, x: Floats, k: int, middles: Floats | None = None) -> Floats:
+        """Return how far, in cells of pitch 1, the places that were read are aside of the outlines' middles, (N, 2)."""
+        middles = self.outlines(x, k)[1] if middles is None else middles
+        return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
+
+    def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
+        """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
+        landing, (slope, middles, high) = self.landings[k], self.outlines(x, k)
+        moved = np.einsum("np,npa->na", self.aside(x, k, middles), self.views[k].moves)
+        panel = middles[:, :2] - landing.outline(slope) + landing.point(slope, x[6] + high) + moved
         middles[:, :2] += self.moved_by_seams(x, slope, landing.steepest)
-        photo = projected(middles, lens, pose[:3], pose[3:])
-        return panel, photo
+        return panel, projected(middles, *self.pose(x, k))
 
     def residuals(self, x: Floats, k: int) -> Floats:
         """Return the residuals of view k, (N, 4): panel points in pixels of the panel, pixels of the photograph."""

@@ -3,39 +3,51 @@
 A reading is the middle of the panel's pixel that is seen. With the point t that a lenslet sees on average, and the
 movement s(p) of the point over its cell, the camera's pixels p of the lenslet read on average
 
-    f(t) = mean of S(t + s(p)),   S(u) = mean of floor(v) + 1/2 over |v - u| < b/2,
+    f(t) = mean of S(t + s(p) + 1/2 a^2 L(p), b(p)),   S(u, b) = mean of floor(v) + 1/2
 
-which grows with t in steps whose edges have the width b: that of the camera's blur on the panel, the same for all of a
-position. It is the b whose S is nearest to the single readings. So a mean that was read gives the interval in which t
-is. Where points move by a pixel or more over the cell it is short; in focus, where all of a lenslet sees one pixel, it
-is as wide as that pixel. The middle of a wide interval is no measurement: its error is that of rounding, which is alike
-for many neighbours.
+over normal v with mean u and deviation b: it grows with t in steps whose edges are blurred. The photograph's blur has
+the deviation a in the cell, and the camera's pupil adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. Where points move
+unevenly over the cell, with the sum L of their second derivatives, the blur moves the mean, too. Both a and c, the same
+for all of a position, are those whose S is nearest to the single readings.
+
+So a mean that was read gives the interval in which t is. Where points move by a pixel or more over the cell it is
+short; in focus, where all of a lenslet sees one pixel, it is as wide as that pixel. The middle of a wide interval is no
+measurement: its error is that of rounding, which is alike for many neighbours.
 
 The movement is that of exact rays through the array that a first solution has found.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares
+from scipy.special import ndtr
 
-from lippmann.calibration.landing import ACROSS, inner_rays
-from lippmann.calibration.lenslets import INNER, Lenslets
+from lippmann.calibration.landing import inner_rays
+from lippmann.calibration.lenslets import Lenslets, Readings
 from lippmann.display import Display
 from lippmann.optics.panel import PanelFrame
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Values = npt.NDArray[np.floating[Any]]
+Singles = npt.NDArray[np.float32]
+#: The a and the c of the module's formula.
+Blur = tuple[float, float]
 #: Panel pixels by which a mean of readings may be wrong.
 TOLERANCE = 0.02
-#: Least and greatest width b, and how well it is found, pixels.
-BLURS, BLUR_STEP = (0.01, 1.0), 0.01
+#: Deviation b from which on more than one edge counts, pixels.
+WIDE = 0.17
+#: First values of the blur: a in pitches, c in pixels of the panel; and the least deviation b, pixels.
+FIRST_BLUR, LEAST_BLUR = (0.02, 0.03), 1e-3
+#: Steps to the point of a lenslet that is nearest to its readings.
+NEAREST = 4
 #: Halvings of an interval of two pixels.
 HALVINGS = 11
 #: Lenslets of a view through which rays are traced.
@@ -43,41 +55,90 @@ TRACED = 60
 #: Readings whose movement is computed at once.
 CHUNK = 1 << 16
 #: Lenslets from which the blur is found.
-MOST_BLURRED = 200
+MOST_BLURRED = 60
 #: Step across a cell of pitch 1, for differences.
-STEP = 1e-3
+STEP = 1e-2
 SEED = 1912
-#: Powers of the place in the cell, up to the fifth, and of the slope, up to the second: aberrations of steep lenslets.
-PLACE = [(a, b) for a in range(6) for b in range(6 - a)]
-SLOPE = [(a, b) for a in range(3) for b in range(3 - a)]
+#: Powers of the place in the cell, up to the seventh, and of the slope, up to the third: aberrations of steep lenslets.
+PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
+SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
 
 @dataclass(frozen=True)
 class Movement:
-    """How panel points (pixels) move over a cell: factors (slope powers, place powers, 2), around a mean slope."""
+    """How panel points (pixels) move over a cell: factors (slope powers, place powers, 2), around a mean slope.
+
+    `inner` (M, 2) are places all over the inner cell.
+    """
 
     factors: Floats
     slope: Floats
+    inner: Floats
 
-    def over_cell(self, slopes: Floats) -> Floats:
-        """Return how points move on average over inner cells, (N, 2, 2) pixels for each pitch, for slopes (N, 2)."""
+    def over_cell(self, slopes: Floats, aside: Floats) -> Floats:
+        """Return how points move with a cell that is `aside` (N, 2), (N, 2, 2) pixels for each pitch."""
+
+        def mean(step: Floats) -> Floats:
+            return np.asarray(_powers(self.inner + step, PLACE).mean(axis=0))
+
         own = np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1)
-        side = INNER * (np.arange(ACROSS) + 0.5 - 0.5 * ACROSS) / ACROSS
-        local = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-        ways = [
-            (_powers(local + step, PLACE) - _powers(local - step, PLACE)).mean(axis=0) / (2.0 * STEP)
-            for step in STEP * np.eye(2)
+        steps = STEP * np.eye(2)
+        ways = [(mean(one) - mean(-one)) / (2.0 * STEP) for one in steps]
+        bends = [
+            [(mean(a + b) - mean(a - b) - mean(b - a) + mean(-a - b)) / (2.0 * STEP) ** 2 for b in steps] for a in steps
         ]
-        return np.asarray(np.einsum("dp,npa->nda", np.array(ways), own))
+        half = 0.5 * np.einsum("ne,dep,npa->nda", aside, np.array(bends), own)
+        return np.asarray(np.einsum("dp,npa->nda", np.array(ways), own) + half)
 
-    def of(self, local: Values, slopes: Floats, group: Indices) -> npt.NDArray[np.float32]:
-        """Return the movement (M, 2) at places (M, 2) in cells of pitch 1, of lenslets with slopes (N, 2)."""
-        own = np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1)
-        moved = np.empty((len(local), 2), np.float32)
+    def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
+        """Return the movement from the mean of each cell at places (M, 2) in cells of pitch 1.
+
+        The cells are those of lenslets with slopes (N, 2), and are moved `aside` (N, 2).
+        """
+        own = np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1).astype(np.float32)
+        mean = np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside)).astype(np.float32)
+        moved, near = np.empty((len(local), 4, 2), np.float32), aside.astype(np.float32)
         for first in range(0, len(local), CHUNK):
             part = slice(first, first + CHUNK)
-            moved[part] = np.einsum("mp,mpa->ma", _powers(local[part], PLACE), own[group[part]])
-        return moved
+            of = group[part]
+            moved[part] = np.einsum("mkp,mpa->mka", _derivatives(local[part] + near[of]), own[of])
+            moved[part, 0] -= mean[of]
+        return Moved(moved[:, 0], np.hypot(moved[:, 1], moved[:, 2]), moved[:, 3])
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Of M readings, (M, 2) each: the movement s, pixels; its greatest change |s'|, a pitch; and the sum L."""
+
+    shift: Singles
+    change: Singles
+    bent: Singles
+
+    def along(self, axis: int, some: npt.NDArray[np.bool_] | slice = slice(None)) -> Moved:
+        """Return that of columns (0) or rows (1), (M,) each."""
+        return Moved(*(one[some, axis] for one in (self.shift, self.change, self.bent)))
+
+    def blurred(self, blur: Blur) -> tuple[Singles, Singles]:
+        """Return the movement of the mean, and the deviation b."""
+        a, c = map(np.float32, blur)
+        edge = np.maximum(np.hypot(a * self.change, c), np.float32(LEAST_BLUR))
+        return self.shift + np.float32(0.5) * a * a * self.bent, edge
+
+
+def _derivatives(local: Values) -> Singles:
+    """Return the powers of places (N, 2), their derivatives along both axes, and the sums of the second ones."""
+    a, b = np.array(PLACE, np.float32).T
+    x, y = (one[:, None].astype(np.float32) ** np.arange(8, dtype=np.float32) for one in local.T)
+
+    def power(table: Singles, exponent: Singles, order: int) -> Singles:
+        factor = np.ones_like(exponent)
+        for k in range(order):
+            factor *= exponent - np.float32(k)
+        return np.asarray(factor * table[:, np.maximum(exponent - order, 0).astype(int)])
+
+    x0, x1, x2 = (power(x, a, k) for k in range(3))
+    y0, y1, y2 = (power(y, b, k) for k in range(3))
+    return np.stack([x0 * y0, x1 * y0, x0 * y1, x2 * y0 + x0 * y2], axis=1)
 
 
 def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
@@ -102,55 +163,70 @@ def movement_of(display: Display, turn_deg: float, slopes: Floats, distance_mm: 
     powers = _powers(some - middle, SLOPE)[:, None, :, None] * _powers(local, PLACE)[None, :, None, :]
     design = powers.reshape(len(some), len(local), -1)[seen]
     factors = np.linalg.lstsq(design, pixels[seen], rcond=None)[0]
-    return Movement(factors.reshape(len(SLOPE), len(PLACE), 2), middle)
+    return Movement(factors.reshape(len(SLOPE), len(PLACE), 2), middle, local)
 
 
-def refined(view: Lenslets, display: Display, slopes: Floats, movement: Movement) -> Lenslets:
+def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:
     """Return the view with the middles and half widths of the intervals that its readings give.
+
+    The cells that were read are `aside` (N, 2) of those of the movement, pitches.
 
     What the tolerance adds to a half width is no doubt: short intervals are measurements.
     """
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None
-    count, shift = len(view.index), movement.of(readings.local, slopes, readings.group)
-    axes = [(readings.panel_px[:, axis], shift[:, axis], readings.group, count) for axis in (0, 1)]
-    found = [interval(*one, blur_of(*one)) for one in axes]
+    count, moved = len(view.index), movement.of(readings.local, slopes, aside, readings.group)
+    blur = blur_of(readings, moved, count)
+    found = [
+        interval(readings.panel_px[:, axis], *moved.along(axis).blurred(blur), readings.group, count) for axis in (0, 1)
+    ]
     low, high = (np.stack(sides, axis=1) for sides in zip(*found, strict=True))
     middle = np.stack(frame.panel_from_pixel(*(0.5 * (low + high)).T), axis=1)
-    moves = movement.over_cell(slopes) * np.multiply(display.panel.pitches_mm, [1.0, -1.0])
+    moves = movement.over_cell(slopes, aside) * np.multiply(display.panel.pitches_mm, [1.0, -1.0])
     return replace(view, panel_mm=middle, moves=moves, half_px=np.maximum(0.5 * (high - low) - TOLERANCE, 0.0))
 
 
-def read(at: Values, blur: float) -> Values:
-    """Return S of the module's formula, without its 1/2, at points (M,): the integral of floor over b."""
-    if not blur:
-        return np.floor(at)
-
-    def integral(end: Values) -> Values:
-        part = end - np.floor(end)
-        return np.asarray(0.5 * (end * end - end + part * (1.0 - part)))
-
-    half = at.dtype.type(0.5 * blur)
-    return np.asarray((integral(at + half) - integral(at - half)) / (half + half))
-
-
-def blur_of(panel_px: npt.NDArray[np.float32], shift: npt.NDArray[np.float32], group: Indices, count: int) -> float:
-    """Return the b with which readings are nearest to S, each lenslet at the middle of its interval."""
-    some = group < MOST_BLURRED
-    panel_px, shift, group, count = panel_px[some], shift[some], group[some], min(count, MOST_BLURRED)
-
-    def off(blur: float) -> float:
-        middle = 0.5 * np.sum(interval(panel_px, shift, group, count, blur), axis=0)
-        near = np.floor(middle)
-        expected = read((middle - near).astype(np.float32)[group] + shift, blur) + near[group] + 0.5
-        return float(np.mean(abs(expected - panel_px)))
-
-    return float(minimize_scalar(off, bounds=BLURS, method="bounded", options={"xatol": BLUR_STEP}).x)
+def read(at: Singles, edge: Singles) -> Singles:
+    """Return S of the module's formula, without its 1/2, at points (M,) for deviations (M,)."""
+    near = np.rint(at)
+    found = near - 1 + ndtr((at - near) / edge)
+    wide = edge > WIDE
+    if wide.any():  # several edges: the first terms of the Fourier series
+        turn, fade = 2.0 * math.pi * at[wide], -2.0 * np.square(math.pi * edge[wide])
+        waves = np.exp(fade) * np.sin(turn) + 0.5 * np.exp(4.0 * fade) * np.sin(2.0 * turn)
+        found[wide] = at[wide] - 0.5 + waves / math.pi
+    return np.asarray(found)
 
 
-def interval(
-    panel_px: npt.NDArray[np.float32], shift: npt.NDArray[np.float32], group: Indices, count: int, blur: float = 0.0
-) -> tuple[Floats, Floats]:
+def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
+    """Return the a and the c with which S is nearest to the readings of some lenslets, each at its best point."""
+    chosen = np.random.default_rng(SEED).permutation(count)[:MOST_BLURRED]
+    number = np.full(count, -1)
+    number[chosen] = np.arange(len(chosen))
+    some = number[readings.group] >= 0
+    group = number[readings.group[some]]
+    axes = [(readings.panel_px[some, axis], moved.along(axis, some)) for axis in (0, 1)]
+
+    def off(blur: Floats) -> Floats:
+        parts = []
+        for panel_px, own in axes:
+            shift, edge = own.blurred((blur[0], blur[1]))
+            t = 0.5 * np.sum(interval(panel_px, shift, edge, group, len(chosen)), axis=0)
+            for _ in range(NEAREST):
+                near = np.floor(t)
+                at = (t - near).astype(np.float32)[group] + shift
+                error = panel_px - near[group] - 0.5 - read(at, edge)
+                grows = np.exp(-0.5 * ((at - np.rint(at)) / edge) ** 2) / edge
+                sums = [np.bincount(group, weights=grows * one, minlength=len(chosen)) for one in (error, grows)]
+                t = t + sums[0] / np.maximum(sums[1], 1e-9) * math.sqrt(2.0 * math.pi)
+            parts.append(error)
+        return np.concatenate(parts)
+
+    found = least_squares(off, FIRST_BLUR, bounds=(0.0, 0.3), diff_step=0.02, xtol=1e-2, ftol=1e-4, max_nfev=12)
+    return float(found.x[0]), float(found.x[1])
+
+
+def interval(panel_px: Singles, shift: Singles, edge: Singles, group: Indices, count: int) -> tuple[Floats, Floats]:
     """Return the least and the greatest t of each lenslet whose f is the mean that was read, but for the tolerance."""
     number = np.maximum(np.bincount(group, minlength=count), 1)
     mean = np.bincount(group, weights=panel_px, minlength=count) / number
@@ -161,7 +237,7 @@ def interval(
         low, high = mean - 1.0, mean + 1.0
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            step = read((middle - whole).astype(np.float32)[group] + shift, blur)
+            step = read((middle - whole).astype(np.float32)[group] + shift, edge)
             above = whole + np.bincount(group, weights=step, minlength=count) / number + 0.5 > wanted
             low, high = np.where(above, low, middle), np.where(above, middle, high)
         sides.append(0.5 * (low + high))

@@ -35,7 +35,7 @@ SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 #: Directions in which a cell looks alike.
 FOLDS = {"square": 4, "hex": 6}
 #: Rays across the inner cell; slopes; their directions.
-ACROSS, SLOPES, DIRECTIONS = 7, 9, 16
+ACROSS, SLOPES, DIRECTIONS = 13, 9, 16
 #: An outline: points across the middle of the cell, those on the edge, halvings that find them, rounds, and twice the
 #: distance within which the edge is, in pitches.
 INSIDE, EDGE_POINTS, HALVINGS, ROUNDS, AROUND = 12, 96, 11, 3, 2.4

@@ -126,13 +126,14 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
-    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts)
+    # A neighbour whose side is dark would leave the light of the seam to the lenslet, and move its middle.
+    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts, WHOLE)
+    _check_steady(decoded.name, whole_share(names, counts), outline.agree)
     if kept.sum() < 30:
         what = f"only {int(kept.sum())} lenslets are seen"
         raise input_error(
             decoded.name, what, "come nearer, or use a camera with more pixels: 4 or more across a lenslet"
         )
-    _check_steady(decoded.name, whole_share(names, counts), outline.agree)
     panel = at[kept] - middle[kept] @ spread
     shown, _, grown = _averages(decoded.photo_px.astype(np.float64), local, good, groups, len(names))
     cells = shown[kept] - middle[kept] @ grown
@@ -195,16 +196,17 @@ def _surrounded(table: Floats, places: npt.NDArray[np.int64], least: Floats | fl
     return inside
 
 
-def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64], beside: float = 0.8) -> npt.NDArray[np.bool_]:
     """Tell which lenslets (N, 2) are seen whole: not the outermost, and with about as many pixels as their neighbours.
 
     At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.
+    `beside` is the share of their pixels that the neighbours have.
     """
     table, places = _table(index, counts)
     i, j = places
     most = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
-    inside = _surrounded(table, places, 0.8 * most)
-    return np.asarray(inside & (counts >= WHOLE * most - 0.6 * np.sqrt(most)))
+    few = 0.6 * np.sqrt(most)
+    return np.asarray(_surrounded(table, places, beside * most - few) & (counts >= WHOLE * most - few))
 
 
 def _complete(

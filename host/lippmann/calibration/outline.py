@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.floating]
 #: Pixels that the map is fitted to.
 MOST_PIXELS = 40_000
 SEED = 1910
+#: Least share of pixels that follow the map.
+LEAST_AGREEING = 0.5
 #: Most distance of a pixel from its lenslet's centre, in pitches: a cell's corner.
 CORNER = 0.75
 
@@ -86,9 +88,7 @@ def fit_outline(
     origin = np.median(cells[some], axis=0)
     homography, mask = cv2.findHomography(at[some], cells[some] - origin, cv2.RANSAC, 1.5 * CORNER, maxIters=1000)
     share = float(np.mean(mask)) if np.size(homography) == 9 else 0.0
-    if share < 0.5:
-        what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
-        raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
+    _check_agreement(name, share)
     numbers = np.concatenate([(homography / homography[2, 2]).ravel()[:8], np.zeros(2)])
     for reach in (1.5 * CORNER, CORNER):
         off = abs(_mapped(numbers, at) + origin - cells).max(axis=1)
@@ -98,7 +98,15 @@ def fit_outline(
     numbers[3:6] += origin[1] * np.array([numbers[6], numbers[7], 1.0])
     made = Outline(Lattice("hex" if grid == "hex" else "square", 1.0), middle, size, numbers)
     agree = float((made.located(photo_px[some])[0] == index[some]).all(axis=1).mean())
+    _check_agreement(name, agree)
     return replace(made, agree=agree)
+
+
+def _check_agreement(name: str, share: float) -> None:
+    """Refuse a map that few pixels follow."""
+    if share < LEAST_AGREEING:
+        what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
+        raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
 
 
 def grouped(index: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

@@ -149,11 +149,12 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
     turn, height = np.rad2deg(solution.value("rotation")), outline_mm(built)
     landings, views = [], []
     for k, view in enumerate(whole.views):
-        place = np.array([solution.value(f"place_{axis}_{k}") for axis in "xyz"])
+        place = whole.pose(solution.x, k)[2]
         distance = max(1.0, float(place[2]))
         landings.append(landing_of(built, landing.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
-        views.append(refined(view, built, slopes, movement_of(built, turn, slopes, distance)))
+        aside = whole.aside(solution.x, k)
+        views.append(refined(view, built, slopes, aside, movement_of(built, turn, slopes, distance)))
     return replace(whole, landings=landings, views=views)
 
 
