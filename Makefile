@@ -117,7 +117,8 @@ report-layers: $(READY) ## drawn layers and the streamed frame against the full 
 	$(BIN)/lippmann bench layers --report docs/reports > /dev/null
 
 report-calibration: $(READY) ## random displays calibrated by simulated photographs, into docs/reports
-	OPENBLAS_NUM_THREADS=1 $(BIN)/lippmann bench calibration --displays 50 --jobs $(JOBS) --seed 10 --report docs/reports > /dev/null
+	OPENBLAS_NUM_THREADS=1 $(BIN)/lippmann bench calibration --displays 50 --solids 6 --bowed 3 --large \
+	  --jobs $(JOBS) --seed 10 --report docs/reports > /dev/null
 
 peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/reports
 	$(BIN)/lippmann bench peers --report docs/reports > /dev/null

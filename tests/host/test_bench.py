@@ -63,12 +63,13 @@ def test_old_command_lines_work(measured, capfd, words):
 
 def test_the_origin_tells_a_command_that_runs(monkeypatch, capfd):
     """Options whose names are not those of the parameters, and a switch; nothing is calibrated."""
-    for name in ("measure", "sweep", "views"):
+    for name in ("measure", "largest", "sweep", "views"):
         monkeypatch.setattr(f"lippmann.measure.calibration.{name}", lambda *args, **own: iter(()))
-    words = ["calibration", "--seed", "3", "--sweep", "1", "--width", "320", "--solids", "--device", "llvm"]
+    words = ["calibration", "--seed", "3", "--sweep", "1", "--width", "320", "--solids", "2", "--large"]
+    words += ["--device", "llvm"]
     assert run(["bench", *words, "--scenes", SCENES, "--json"]) == 0
     first = json.loads(capfd.readouterr().out)["command"]
-    assert {"--sweep 1", "--width 320", "--solids"} <= set(re.findall(r"--\w+(?: \d+)?", first))
+    assert {"--sweep 1", "--width 320", "--solids 2", "--large"} <= set(re.findall(r"--\w+(?: \d+)?", first))
     assert run([*first.split()[1:], "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["command"] == first
 
@@ -152,11 +153,17 @@ def test_the_page_of_calibrations():
     ]
     tried.append({"display": "one", "over": "noise", "value": 4, "photographs": 99, "refused": "too dark"})
     seen = [{**errors, "display": "two", "before_db": 25.5, "after_db": 35.7, "ideal_db": 35.4}]
-    page = calibration_page({}, [row, {"display": "bad", "refused": "blurred"}], tried, seen, False, 1280)
+    made = {"rows": [row, {"display": "bad", "refused": "blurred"}], "sweep": tried, "views": seen}
+    made |= {"solids": [row | {"rms_px": 0.061}], "bowed": [row | {"rms_px": 0.052, "bow_um": 29.5}]}
+    weight = {"photographs": 120, "megapixels": 12.0, "peak_mb": 2100.0, "seconds": 150.0}
+    page = calibration_page({}, made | {"large": [row | weight]}, 1280)
     text = page.text()
     assert {plot.name for plot in page.plots} == {"calibration-accuracy", "calibration-sweep"}
     assert "6 of 7 numbers lie inside" in text
-    assert "1 of 2 displays were refused: blurred" in text
+    assert "1 of 4 displays were refused: blurred" in text
+    assert "by POV-Ray: at most 0.061 px rms on 1 displays" in text
+    assert "at most 0.052 px rms on 1 displays" in text
+    assert "from 120 photographs of 12 megapixels: 2.5 minutes and 2.1 GB; 0.010 px rms, pitches within 7.0 ppm" in text
     assert "1280 pixels wide" in text
     assert "with 4000 pixels across" in text
     assert "with 25.5 dB before, 35.7 dB after, and 35.4 dB" in text

@@ -31,6 +31,8 @@ SEED = 1914
 SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
 WHOLE = 0.95
+#: The same of the neighbours. Perspective makes neighbours of few, large lenslets differ by half of the rest.
+BESIDE = 0.9
 #: Photographs are not of one place when both are less: the share of the lenslets inside the panel that are seen whole,
 #: and that of the pixels that see the lenslet in front. Clean ones have 0.79 and 0.98, with a tenth wrong 0.69 and
 #: 0.93, blurred by 3 pixels 0.39 and 0.99, moved by 3 pixels 0.25 and 0.85.
@@ -127,7 +129,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
     # A neighbour whose side is dark would leave the light of the seam to the lenslet, and move its middle.
-    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts, WHOLE)
+    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts, BESIDE)
     _check_steady(decoded.name, whole_share(names, counts), outline.agree)
     if kept.sum() < 30:
         what = f"only {int(kept.sum())} lenslets are seen"

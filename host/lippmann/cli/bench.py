@@ -6,6 +6,7 @@ import importlib
 import importlib.metadata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -249,7 +250,9 @@ def layers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 def calibration(
     bench: Bench,
     displays: int = option("Number of random displays, of the seeds from --seed on.", 12, click.IntRange(1)),
-    solids: bool = option("POV-Ray photographs glass lenslets, in place of our tracer.", False),
+    solids: int = option("Number of them that POV-Ray photographs too, as solids of glass.", 0, click.IntRange(0)),
+    bowed: int = option("Number of them photographed bowed, dusty and with wrong pixels, too.", 0, click.IntRange(0)),
+    large: bool = option("Also an 8K panel behind 100,000 lenslets, with its time and memory.", False),
     swept: int = option("Number of displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
     width_px: int = option("Width of the panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
     jobs: int = option("Processes that share the random displays.", 1, click.IntRange(1)),
@@ -260,15 +263,21 @@ def calibration(
 
     Example: lippmann bench calibration --displays 4
     """
-    from lippmann.measure.calibration import measure, sweep, views
+    from lippmann.measure.calibration import BOWED, largest, measure, sweep, views
 
     with scratch_folder() as folder:
-        seeds = range(bench.seed, bench.seed + displays)
-        rows = bench.collect(measure(folder, seeds, solids=solids, panel_px=width_px, jobs=jobs))
-        tried = bench.collect(sweep(folder, range(bench.seed, bench.seed + swept)))
-        seen = bench.collect(views(folder, bench.scenes, ("vga-square", "vga-hex"), bench.seed))
-    tables = {"rows": rows, "sweep": tried, "views": seen}
-    return tables, benches.calibration_page(bench.origin, rows, tried, seen, solids, width_px)
+        first = bench.seed
+        one = partial(measure, folder, panel_px=width_px, jobs=jobs)
+        measured = {
+            "rows": one(range(first, first + displays)),
+            "solids": one(range(first, first + solids), solids=True),
+            "bowed": one(range(first, first + bowed), BOWED),
+            "large": largest(folder, bench.scenes, first) if large else (),
+            "sweep": sweep(folder, range(first, first + swept)),
+            "views": views(folder, bench.scenes, ("vga-square", "vga-hex"), first),
+        }
+        tables = {name: bench.collect(rows) for name, rows in measured.items()}
+    return tables, benches.calibration_page(bench.origin, tables, width_px)
 
 
 for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, calibration):

@@ -27,6 +27,7 @@ from lippmann.display import Array, Display, Grid, Panel, PlanoSide, display_tex
 from lippmann.engines import trace_to_panel
 from lippmann.errors import LippmannError
 from lippmann.images import Radiance, psnr_db
+from lippmann.limits import proc_mb
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -57,6 +58,11 @@ BLUR_PX = (0.4, 0.7)
 #: for each direction, and factors of the noise.
 SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
 POSITIONS = 3
+#: A bench that the model does not have: an array bowed by 30 um, dust, and camera pixels with arbitrary values.
+BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
+#: Lenslets of the largest display, width of its photographs, pixels, and its errors: degrees, shares of pitch and gap.
+LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
+LARGE_ERRORS = 0.6, 0.003, 0.1
 #: The misalignment of the pictures that an eye compares: degrees, and a share of the pitch.
 SEEN_DEG, SEEN_PITCH = 0.3, 0.002
 #: Width of the photographs from which that is calibrated, pixels.
@@ -284,6 +290,7 @@ def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, An
     found = calibrate(photographs, case.nominal, bow)
     seconds = time.perf_counter() - started
     off = deviations(found, case.built)
+    bows = {"bow_um": sum(1000.0 * found.parameter(name).value for name in ("bow_xx", "bow_yy"))} if bow else {}
     return {
         "display": case.name,
         "grid": case.built.array.grid,
@@ -294,6 +301,7 @@ def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, An
         "numbers": len(off),
         "most_intervals": max(map(abs, off.values())),
         "seconds": seconds,
+        **bows,
     }
 
 
@@ -333,6 +341,29 @@ def measure_one(
         return {"display": case.name, "refused": str(error)}
     finally:
         shutil.rmtree(place)
+
+
+def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Photograph the 8K display with `LENSLETS` lenslets, solve it in a process of its own, and yield its row.
+
+    `megapixels` and `photographs` are those of a camera of three positions, `peak_mb` is the process's memory.
+    """
+    nominal, rng = load_display(scenes / "displays/uhd-8k.toml"), np.random.default_rng((seed, 0x8))
+    pitch = math.sqrt(nominal.panel.width_mm * nominal.panel.height_mm / LENSLETS)
+    nominal = replace(nominal, array=replace(nominal.array, pitch_mm=pitch))
+    turn, scale, gap = LARGE_ERRORS
+    built = nominal.misaligned(rotation_deg=turn, pitch_scale=1.0 + scale, gap_mm=gap * nominal.gap_mm)
+    case = Case(nominal.name, nominal, built, _cameras(built, rng, LARGE_PHOTO_PX, POSITIONS), _sensor(rng))
+    photographs = case.shoot(folder / case.name, seed)
+    camera = case.cameras[0]
+    size = {"megapixels": camera.width_px * camera.height_px / 1e6, "photographs": _count(photographs)}
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        yield {**pool.submit(_weighed, case, photographs).result(), **size}
+    shutil.rmtree(folder / case.name)
+
+
+def _weighed(case: Case, photographs: Path) -> dict[str, Any]:
+    return {**solve_case(case, photographs), "peak_mb": proc_mb("self/status", "VmHWM")}
 
 
 def sweep(folder: Path, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:

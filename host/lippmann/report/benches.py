@@ -55,21 +55,22 @@ def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
     return Page("fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context)
 
 
-def calibration_page(origin: Origin, rows: Rows, tried: Rows, seen: Rows, solids: bool, panel_px: int) -> Page:
-    """Return the page of `lippmann bench calibration`: displays, sweep, views.
-
-    `solids`: POV-Ray took the photographs; `panel_px`: width of the panels.
-    """
-    solved = [row for row in rows if "refused" not in row]
-    context = {"rows": solved, "refused": [row for row in rows if "refused" in row], "solids": solids}
-    context |= {"tried": tried, "seen": seen, "panel_px": panel_px, "photo_px": photo_width(panel_px)}
-    context |= {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
+def calibration_page(origin: Origin, tables: Mapping[str, Rows], panel_px: int) -> Page:
+    """Return the page of `lippmann bench calibration`; `panel_px` is the width of the random displays' panels."""
+    random = [*tables["rows"], *tables["solids"], *tables["bowed"]]
+    found = {name: [row for row in rows if "refused" not in row] for name, rows in tables.items()}
+    refused = [row for row in random if "refused" in row]
+    context = {**found, "sweep": tables["sweep"], "refused": refused, "tried": len(random)}
+    widths = {"panel_px": panel_px, "photo_px": photo_width(panel_px)}
+    solved = found["rows"]
+    sums = {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
     labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
     charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
     plot = [plots.bar_charts("calibration-accuracy", labels, charts)] if solved else []
-    plot += [plots.calibration_sweep(tried)] if tried else []
-    tables = {"calibration-accuracy": solved, "calibration-sweep": tried, "calibration-views": seen}
-    return Page("calibration-accuracy", origin, plot, {k: v for k, v in tables.items() if v}, context)
+    plot += [plots.calibration_sweep(tables["sweep"])] if tables["sweep"] else []
+    kept = {"accuracy": solved, **{name: rows for name, rows in tables.items() if name != "rows"}}
+    files = {f"calibration-{name}": rows for name, rows in kept.items() if rows}
+    return Page("calibration-accuracy", origin, plot, files, {**context, **widths, **sums})
 
 
 def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
