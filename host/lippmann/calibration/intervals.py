@@ -56,12 +56,23 @@ TRACED = 60
 CHUNK = 1 << 16
 #: Lenslets from which the blur is found.
 MOST_BLURRED = 60
-#: Step across a cell of pitch 1, for differences.
-STEP = 1e-2
 SEED = 1912
 #: Powers of the place in the cell, up to the seventh, and of the slope, up to the third: aberrations of steep lenslets.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
 SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
+
+
+def _derivative(axis: int) -> Floats:
+    """Return the matrix that makes the factors of `PLACE` those of the derivative along the cell's axis."""
+    matrix = np.zeros((len(PLACE), len(PLACE)))
+    for number, powers in enumerate(PLACE):
+        if powers[axis] > 0:
+            lower = (powers[0] - 1, powers[1]) if axis == 0 else (powers[0], powers[1] - 1)
+            matrix[PLACE.index(lower), number] = powers[axis]
+    return matrix
+
+
+ALONG = (_derivative(0), _derivative(1))
 
 
 @dataclass(frozen=True)
@@ -75,35 +86,43 @@ class Movement:
     slope: Floats
     inner: Floats
 
+    def _own(self, slopes: Floats) -> Floats:
+        """Return the factors of `PLACE` of lenslets with slopes (N, 2), (N, powers, 2)."""
+        return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
+
     def over_cell(self, slopes: Floats, aside: Floats) -> Floats:
         """Return how points move with a cell that is `aside` (N, 2), (N, 2, 2) pixels for each pitch."""
-
-        def mean(step: Floats) -> Floats:
-            return np.asarray(_powers(self.inner + step, PLACE).mean(axis=0))
-
-        own = np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1)
-        steps = STEP * np.eye(2)
-        ways = [(mean(one) - mean(-one)) / (2.0 * STEP) for one in steps]
-        bends = [
-            [(mean(a + b) - mean(a - b) - mean(b - a) + mean(-a - b)) / (2.0 * STEP) ** 2 for b in steps] for a in steps
-        ]
-        half = 0.5 * np.einsum("ne,dep,npa->nda", aside, np.array(bends), own)
-        return np.asarray(np.einsum("dp,npa->nda", np.array(ways), own) + half)
+        own, mean = self._own(slopes), _powers(self.inner, PLACE).mean(axis=0)
+        ways = np.array([mean @ one for one in ALONG])
+        bends = np.array([[mean @ one @ other for other in ALONG] for one in ALONG])
+        half = 0.5 * np.einsum("ne,dep,npa->nda", aside, bends, own, optimize=True)
+        return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
         """Return the movement from the mean of each cell at places (M, 2) in cells of pitch 1.
 
-        The cells are those of lenslets with slopes (N, 2), and are moved `aside` (N, 2).
+        The cells are those of lenslets with slopes (N, 2), and are moved `aside` (N, 2). The lenslets `group` (M,)
+        ascend.
         """
-        own = np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1).astype(np.float32)
-        mean = np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside)).astype(np.float32)
-        moved, near = np.empty((len(local), 4, 2), np.float32), aside.astype(np.float32)
-        for first in range(0, len(local), CHUNK):
-            part = slice(first, first + CHUNK)
-            of = group[part]
-            moved[part] = np.einsum("mkp,mpa->mka", _derivatives(local[part] + near[of]), own[of])
-            moved[part, 0] -= mean[of]
-        return Moved(moved[:, 0], np.hypot(moved[:, 1], moved[:, 2]), moved[:, 3])
+        own, (x, y) = self._own(slopes), (one[:, None, None] for one in aside.T)
+        along_x, along_y = (one @ own for one in ALONG)
+        second = x * x * (ALONG[0] @ along_x) + 2.0 * x * y * (ALONG[0] @ along_y) + y * y * (ALONG[1] @ along_y)
+        here = own + x * along_x + y * along_y + 0.5 * second
+        here[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
+        ways = [one @ here for one in ALONG]
+        bent = ALONG[0] @ ways[0] + ALONG[1] @ ways[1]
+        factors = np.concatenate([here, *ways, bent], axis=2).astype(np.float32)
+        ends = np.searchsorted(group, np.arange(len(slopes) + 1))
+        moved = np.empty((len(local), 8), np.float32)
+        first = 0
+        while first < len(slopes):  # as many lenslets as fill a chunk, one at least
+            last = max(first + 1, int(np.searchsorted(ends, ends[first] + CHUNK, side="right")) - 1)
+            powers = _place_powers(local[ends[first] : ends[last]])
+            for k in range(first, last):
+                low, high = ends[k : k + 2] - ends[first]
+                moved[ends[k] : ends[k + 1]] = powers[:, low:high].T @ factors[k]
+            first = last
+        return Moved(moved[:, :2], np.hypot(moved[:, 2:4], moved[:, 4:6]), moved[:, 6:])
 
 
 @dataclass(frozen=True)
@@ -125,20 +144,10 @@ class Moved:
         return self.shift + np.float32(0.5) * a * a * self.bent, edge
 
 
-def _derivatives(local: Values) -> Singles:
-    """Return the powers of places (N, 2), their derivatives along both axes, and the sums of the second ones."""
-    a, b = np.array(PLACE, np.float32).T
-    x, y = (one[:, None].astype(np.float32) ** np.arange(8, dtype=np.float32) for one in local.T)
-
-    def power(table: Singles, exponent: Singles, order: int) -> Singles:
-        factor = np.ones_like(exponent)
-        for k in range(order):
-            factor *= exponent - np.float32(k)
-        return np.asarray(factor * table[:, np.maximum(exponent - order, 0).astype(int)])
-
-    x0, x1, x2 = (power(x, a, k) for k in range(3))
-    y0, y1, y2 = (power(y, b, k) for k in range(3))
-    return np.stack([x0 * y0, x1 * y0, x0 * y1, x2 * y0 + x0 * y2], axis=1)
+def _place_powers(local: Values) -> Singles:
+    """Return the powers `PLACE` of places (N, 2), (powers, N)."""
+    x, y = (np.cumprod([np.ones_like(one), *[one] * 7], axis=0, dtype=np.float32) for one in local.T)
+    return np.asarray([x[a] * y[b] for a, b in PLACE])
 
 
 def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:

@@ -47,7 +47,7 @@ class Readings:
     """What M camera pixels of the lenslets' inner cells read.
 
     `panel_px` (M, 2) are the panel points, `local` (M, 2) the places in the cell of pitch 1, `group` (M,) the numbers
-    of the lenslets.
+    of the lenslets, which ascend.
     """
 
     panel_px: npt.NDArray[np.float32]
@@ -143,6 +143,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     read = np.flatnonzero(good & kept[groups])
     if len(read) > MOST_READINGS:
         read = np.sort(np.random.default_rng(SEED).choice(read, MOST_READINGS, replace=False, shuffle=False))
+    read = read[np.argsort(groups[read], kind="stable")]
     readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
     return Lenslets(
         decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], cells,
