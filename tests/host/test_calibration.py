@@ -177,7 +177,7 @@ def test_the_movement_over_a_cell_is_that_of_exact_rays(request, grid):
     aside = rng.uniform(-0.02, 0.02, new.shape)
     beside = moves.of(local - aside[group], new, aside, group)
     mean = np.einsum("nd,nda->na", aside, moves.over_cell(new, aside))
-    np.testing.assert_allclose(beside.shift + mean[group], found.shift, atol=1e-4 * abs(exact).max())
+    np.testing.assert_allclose(beside.shift + mean[group], found.shift, atol=4e-4 * abs(exact).max())
     h = 0.01
     ways = [[moves.of(local + sign * step, new, still, group).shift for sign in (-1, 1)] for step in h * np.eye(2)]
     slopes = [(high - low) / (2.0 * h) for low, high in ways]
