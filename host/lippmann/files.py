@@ -97,7 +97,7 @@ def _remove(path: Path) -> None:
     with interrupts.held():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
-        else:
+        elif os.path.lexists(path):  # a file system that is read-only refuses to remove even nothing
             path.unlink(missing_ok=True)
 
 

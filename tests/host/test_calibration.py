@@ -319,6 +319,25 @@ def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):
     assert np.sqrt((kept[:, 5:7] ** 2).mean()) < 0.2
 
 
+def test_one_position_in_the_middle_finds_its_place(request, tmp_path):
+    """Nothing but the file's pitch tells the distance then; a gap that is not known must not spoil the points."""
+    plain = request.config.rootpath / "scenes/displays/vga-square.toml"
+    nominal, place = load_display(plain), (0.0, 0.0, 80.0)
+    built = nominal.misaligned(rotation_deg=0.3, gap_mm=0.2, pitch_scale=1.002)
+    (tmp_path / "built.toml").write_text(display_text(built))
+    words = ["calibrate", "shoot", str(plain), "--simulated", str(tmp_path / "built.toml"), "--from", "0,0,80"]
+    assert run([*words, "--width", "800", "-o", str(tmp_path / "photos/position-1")]) == 0
+    found = calibrate(tmp_path / "photos", nominal)
+    assert found.rms_panel_px < 0.05
+    (camera,) = found.cameras
+    off = np.subtract(camera["place_mm"], place)
+    assert (abs(off) < camera["uncertainty_mm"]).all()
+    assert abs(off[2]) < 0.1 * place[2]
+    assert f"{place[2] + off[2]:.0f} +- " in " ".join(found.remarks)
+    seen = eye_difference(found.display, built, place, camera["place_mm"])
+    assert np.sqrt((seen**2).mean()) < 0.2
+
+
 # --- photographs that cannot be used --------------------------------------------------------------
 
 
@@ -403,9 +422,13 @@ def test_a_panel_partly_out_of_view(case, spoiled):
         calibrate(spoiled.parent, case.nominal)
 
 
-def test_simulated_camera_that_are_missing_or_of_other_patterns(case, spoiled, tmp_path):
+def test_photographs_that_are_missing_or_of_other_patterns(case, spoiled, tmp_path):
     patterns = PatternSet.of(case.nominal)
     (spoiled / "02-black.png").rename(spoiled / "99-other.png")
+    shutil.copy(spoiled / "01-white.png", spoiled / "01-white.bmp")
+    with pytest.raises(InputError, match=r"01-white.bmp and 01-white.png are photographs of one pattern; keep one"):
+        calibrate(spoiled.parent, case.nominal)
+    (spoiled / "01-white.bmp").unlink()
     with pytest.raises(InputError, match=r"99-other.png belongs to no pattern, and the photograph of 02-black is mis"):
         positions(spoiled.parent, patterns)
     (spoiled / "99-other.png").unlink()

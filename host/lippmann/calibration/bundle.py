@@ -38,9 +38,10 @@ BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy":
 SEAMS = {"seams_5": 1e-4, "seams_9": 1e-4}
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
-#: Priors: standard deviations of the gap (share of D), of the bow (share of D), of the focal length (of its
-#: logarithm), of the principal point (share of the photograph's longer side), and of the distortion.
-PRIOR_GAP, PRIOR_BOW, PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.3, 0.1, 0.7, 0.02, 0.3
+#: Priors: standard deviations of the pitches (shares of the file's), of the gap and of the bow (shares of D), ...
+PRIOR_PITCH, PRIOR_GAP, PRIOR_BOW = 0.01, 0.3, 0.1
+#: ... of the focal length (of its logarithm), principal point (share of the photograph's longer side), and distortion.
+PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.7, 0.02, 0.3
 #: Prior of the numbers of the seams: their standard deviation, pitches.
 PRIOR_SEAMS = 0.03
 #: That of a gap that is held.
@@ -180,6 +181,7 @@ class Problem:
         focal, mx, my, k1, k2 = x[self.shared - len(LENS) : self.shared]
         bow = list(x[7:12] / (PRIOR_BOW * depth)) if self.bow else []
         return np.array([
+            *(x[:2] / display.array.pitches_mm - 1.0) / PRIOR_PITCH,
             (x[6] - display.gap_mm) / ((HELD_GAP if self.held else PRIOR_GAP) * depth), *bow,
             np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL,
             (mx - 0.5 * self.shape[1]) / (PRIOR_MIDDLE * longer), (my - 0.5 * self.shape[0]) / (PRIOR_MIDDLE * longer),

@@ -171,7 +171,7 @@ def _check_steady(name: str, share: float, agree: float) -> None:
     """
     if share < STEADY and agree < AGREE:
         what = f"the photographs do not fit together: only {100.0 * share:.0f} % of the lenslets are the same in all"
-        raise input_error(name, what, "fix camera and display, and take the position again")
+        raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")
 
 
 def whole_share(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> float:

@@ -71,7 +71,14 @@ def _number(folder: Path) -> tuple[int, str]:
 
 
 def _photographs(folder: Path) -> dict[str, Path]:
-    return {one.stem: one for one in sorted(folder.iterdir()) if one.suffix.lower() in SUFFIXES}
+    found: dict[str, Path] = {}
+    for one in sorted(folder.iterdir()):
+        if one.suffix.lower() in SUFFIXES:
+            if one.stem in found:
+                what = f"{found[one.stem].name} and {one.name} are photographs of one pattern"
+                raise input_error(str(folder), what, "keep one of them")
+            found[one.stem] = one
+    return found
 
 
 def _position(folder: Path, patterns: PatternSet) -> Position:

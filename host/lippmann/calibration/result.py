@@ -239,9 +239,9 @@ def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[s
         )
         if views == 1:
             x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")
-            remarks.append(
-                f"the file is right for eyes near the camera, about ({x:.0f}, {y:.0f}, {z:.0f}) mm, not elsewhere"
-            )
+            half = 1.96 * solution.deviation("place_z_0")
+            place = f"({x:.0f}, {y:.0f}, {z:.0f} +- {half:.0f}) mm"
+            remarks.append(f"the file is right for eyes near {place}, where the camera was found, not elsewhere")
     else:
         remarks.append("photograph from places farther aside, at distances that differ by half")
     return tuple(remarks)

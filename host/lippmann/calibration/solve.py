@@ -49,6 +49,9 @@ MOST_OUTLIERS = 0.35
 BOW_DEVIATIONS, LEAST_BOW_MM = 6.0, 0.004
 #: Rounds in which panel points become finer than pixels.
 REFINEMENTS = 3
+#: Growth of the scatter, and pixels of it, from which on points have become worse: a gap that is not known moves points
+#: over the cells otherwise than in the photographs.
+COARSER, FINE_PX = 2.0, 0.02
 #: Rounds in which the radius is found for the gap, and the gap for the radius.
 RADIUS_ROUNDS = 2
 
@@ -93,7 +96,7 @@ def solve_views(
     radius: bool = False,
     progress: Progress = lambda what, done, total: None,
 ) -> Calibration:
-    """Return the calibration that the lenslets seen from some positions give."""
+    """Return the calibration that the lenslets seen from some positions give; see `calibrate`."""
     likely, landing = starts(nominal, views, seen, shape)
     tried = []
     for number, start in enumerate(likely):
@@ -111,26 +114,36 @@ def solve_views(
         whole = replace(whole, held=True)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
     for _ in range(REFINEMENTS):
-        whole = seen_again(solution, whole, landing)
-        solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
+        finer = seen_again(solution, whole, landing)
+        again = solve(finer.thinned(MOST_LENSLETS), solution.x)
+        if _scatter(again) > COARSER * _scatter(solution) + FINE_PX:
+            break
+        whole, solution = finer, again
     round_lens = None
     for _ in range(RADIUS_ROUNDS if radius else 0):
         round_lens = radius_of(display_of(whole.display, solution), solution)
         array = replace(nominal.array, radius_mm=round_lens.value_mm)
         whole = seen_again(solution, replace(whole, display=replace(nominal, array=array)), landing)
         solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
+    if round_lens is not None:
+        # What the radius leaves open, the other numbers leave open with it.
+        larger = replace(nominal.array, radius_mm=round_lens.value_mm + round_lens.deviation_mm)
+        beside = seen_again(solution, replace(whole, display=replace(nominal, array=larger)), landing)
+        doubt = solve(beside.thinned(MOST_LENSLETS), solution.x).x - solution.x
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
     progress("least squares", 2, 3)
     if whole.held:
         solution, bowed = released(solution), released(bowed)
+    if round_lens is not None:
+        solution, bowed = (_widened(one, doubt) for one in (solution, bowed))
     height = bow_mm(bowed)
     remarks = []
-    if bow:
-        solution = bowed
+    if bow and _bow_is_sure(bowed):
         remarks.append(f"bow: the array is {1000.0 * height:+.0f} um higher at the panel's corners than in its middle")
     elif _bow_is_sure(bowed) and abs(height) > LEAST_BOW_MM:
         remarks.append(f"the array is bowed or tilted ({1000.0 * height:+.0f} um at the corners); solve with --bow")
+    solution = bowed if bow else solution
     made = _result(nominal, replace(solution.problem, views=whole.views), solution, tuple(remarks), round_lens)
     progress("least squares", 3, 3)
     return made
@@ -158,6 +171,11 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
     return replace(whole, landings=landings, views=views)
 
 
+def _scatter(solution: Solution) -> float:
+    """Return the scatter of panel points in the worst view, pixels."""
+    return max(panel for panel, _ in solution.scatter)
+
+
 def _cost(solution: Solution) -> float:
     """Return what a numbering costs: the scatter of panel points and photograph, with outliers."""
     lost = 1.0 - float(np.mean(np.concatenate(solution.kept)))
@@ -168,6 +186,12 @@ def _with_bow(solution: Solution) -> Solution:
     """Fit again with tilts and curvatures of the array."""
     x = np.concatenate([solution.x[:7], np.zeros(len(BOW)), solution.x[7:]])
     return solve(replace(solution.problem, bow=True), x)
+
+
+def _widened(solution: Solution, off: Floats) -> Solution:
+    """Return a solution whose covariance has one more source: the parameters without bow change by `off` with it."""
+    more = np.concatenate([off[:7], np.zeros(len(solution.x) - len(off)), off[7:]])
+    return replace(solution, covariance=solution.covariance + np.outer(more, more))
 
 
 def bow_mm(solution: Solution) -> float:
@@ -185,7 +209,7 @@ def _result(
     """Return the calibration; refuse one that the data contradict."""
     pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
     outliers = 1.0 - float(np.mean(np.concatenate(solution.kept)))
-    scatter = max(one[0] for one in solution.scatter)
+    scatter = _scatter(solution)
     limit = max(MOST_SCATTER_PX, MOST_SCATTER * pitch_px)
     if scatter > limit or outliers > MOST_OUTLIERS:
         raise DoubtError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -180,6 +181,8 @@ def solve_command(
         raise input_error(output, f"unknown extension '{path.suffix}'", "give a .toml file")
     if not path.parent.is_dir():
         raise input_error(output, f"the folder {path.parent} does not exist", "make it first")
+    if path.is_dir() or not os.access(path.parent, os.W_OK):
+        raise input_error(output, "cannot be written", "choose another name or folder")
     if path.exists() and path.samefile(display_path):
         raise input_error(output, "is the nominal display file", "give the calibrated one another name")
     with progress_bar("photographs") as progress:
