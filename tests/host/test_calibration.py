@@ -26,6 +26,7 @@ from lippmann.cli import run
 from lippmann.display import display_text, load_display
 from lippmann.errors import InputError
 from lippmann.measure.calibration import eye_difference, judge, random_case
+from lippmann.report.calibration import digits
 
 SEED = 2
 #: Width of the panel and of the photographs, pixels: 20 x 15 lenslets of about 20 pixels.
@@ -528,9 +529,20 @@ def test_the_report_of_a_calibration(case, photos, tmp_path, capfd):
     text = (page / "calibration.md").read_text()
     for name in ("pitch_x", "rotation", "gap"):
         assert name in text
+    summary = load_calibration(out)[1]
+    (gap,) = [one for one in summary["parameters"] if one["name"] == "gap"]
+    assert f"| gap | {digits(gap['value'], gap['uncertainty'])} |" in text
     out.write_text(out.read_text().replace("gap_mm = ", "gap_mm = 1"))
     assert run(["calibrate", "report", str(out), "-o", str(page)]) == 2
     assert "belongs to another display file" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("number", "half", "text"),
+    [(1.0019687, 5.78e-5, "1.001969"), (5.78e-5, 5.78e-5, "0.000058"), (-3e-10, 0.00178, "0.0000"), (79.4, 16.0, "79")],
+)
+def test_a_number_has_the_digits_that_its_uncertainty_has(number, half, text):
+    assert digits(number, half) == text
 
 
 def zoomed(picture, share=0.7):

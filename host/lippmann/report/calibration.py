@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -73,6 +74,12 @@ def views(nominal: Display, display: Display, eye: Eye) -> tuple[Plot, dict[str,
     return Plot("calibration-views", finish(picture)), decibels
 
 
+def digits(number: float, half: float) -> str:
+    """Return a number with the digits that its uncertainty has, two of which it tells; 0 has no sign."""
+    places = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 6
+    return f"{round(number, places) + 0.0:.{places}f}"
+
+
 def calibration_page(
     origin: Mapping[str, str],
     display: Display,
@@ -85,12 +92,25 @@ def calibration_page(
     nominal = parse_display(nominal_text, "nominal")
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
     seen, _ = views(nominal, display, Eye((place[0], place[1], place[2])))
-    rows = [
-        {**one, "change": one["value"] - one["nominal"], "determined": bool(one["determined"])}
-        for one in summary["parameters"]
-    ]
+    rows = []
+    for one in summary["parameters"]:
+        half = one["uncertainty"]
+        numbers = {"value": one["value"], "nominal": one["nominal"], "change": one["value"] - one["nominal"]}
+        texts = {name: digits(number, half) for name, number in numbers.items()}
+        rows.append({**one, **texts, "uncertainty": digits(half, half), "determined": bool(one["determined"])})
+    cameras = []
+    for one in summary["cameras"]:
+        sides = zip(one["place_mm"], one["uncertainty_mm"], strict=True)
+        cameras.append({**one, "place": ", ".join(f"{digits(x, half)} +- {digits(half, half)}" for x, half in sides)})
     names = ("position", "i", "j", "x_mm", "y_mm", "right_px", "down_px", "kept")
     table = [dict(zip(names, map(float, row), strict=True)) for row in field]
-    context = {"rows": rows, "summary": summary, "display": display, "nominal": nominal, "eye": place}
+    context = {
+        "rows": rows,
+        "cameras": cameras,
+        "summary": summary,
+        "display": display,
+        "nominal": nominal,
+        "eye": place,
+    }
     plots = [seen, residual_plot(field, summary["cameras"]), histogram_plot(field)]
     return Page("calibration", origin, plots, {"calibration-residuals": table}, context)
