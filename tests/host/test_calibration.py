@@ -474,6 +474,10 @@ def test_check_draws_and_judges(case, tmp_path, capfd):
     for name, picture in (("1-white", half), ("2-dark", light - half)):
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.round(255 * np.clip(picture, 0, 1) ** (1 / 2.2)).astype(np.uint8))
     assert run(["calibrate", "check", str(tmp_path / "d.toml"), "--photos", str(tmp_path)]) == 4
+    aside = f"{eye},0,{eye}"
+    assert run(["calibrate", "check", str(tmp_path / "d.toml"), "--eye", aside, "-o", str(tmp_path / "no")]) == 2
+    assert ": the eye sees 0 % of the panel through the lenslets in front" in capfd.readouterr().err
+    assert not (tmp_path / "no").exists()
 
 
 def test_shooting_photographs_what_is_shown(case, tmp_path):

@@ -23,6 +23,7 @@ from lippmann.display import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.fullscreen import full_screen
 from lippmann.variant import own_variant
+from lippmann.viewing import status_share
 
 #: Exit code when photographs were judged and contradict the display file.
 FOUND_WRONG = 4
@@ -208,6 +209,12 @@ def solve_command(
     emit({**found.summary(), "output": output, "kept": str(beside)}, lines)
 
 
+#: Least share of the panel that an eye sees through the lenslets in front, for a picture that proves something.
+LEAST_OWN = 0.5
+#: Share from which on the rest is not worth a word: corners of cells.
+WHOLE = 0.95
+
+
 @make_command("check", command)
 def check_command(
     display_path: str = argument("CALIBRATED.toml"),
@@ -240,13 +247,23 @@ def check_command(
         raise InputError(
             "give the eye's place and a folder, --eye X,Y,Z -o FOLDER, or photographs with --photos FOLDER"
         )
+    own = status_share(display, eye)["ok"]
+    if own < LEAST_OWN:
+        what = (
+            f"the eye sees {100.0 * own:.0f} % of the panel through the lenslets in front; elsewhere neighbours' pixels"
+        )
+        raise input_error(
+            f"--eye {eye[0]:g},{eye[1]:g},{eye[2]:g}", what, "choose a place nearer to the axis, or farther away"
+        )
     folder = Path(output)
     folder.mkdir(parents=True, exist_ok=True)
     with own_variant(device):
         made = pictures(display, eye)
     for name, image in made.items():
         image.save(folder / f"{name}.png")
-    result = {"folder": output, "pictures": list(made), "eye_mm": eye, "identity": display.identity}
+    if own < WHOLE:
+        log(f"{100.0 * (1.0 - own):.0f} % of the panel stays dark in 1-white: the eye sees neighbours' pixels there")
+    result = {"folder": output, "pictures": list(made), "eye_mm": eye, "own_share": own, "identity": display.identity}
     emit(result, f"{output}: {', '.join(made)}; look from {eye[0]:g},{eye[1]:g},{eye[2]:g} mm")
     return 0
 
