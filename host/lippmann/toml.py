@@ -10,6 +10,7 @@ import dataclasses
 import difflib
 import inspect
 import math
+import os
 import re
 import reprlib
 import tomllib
@@ -25,6 +26,8 @@ from lippmann.limits import MAX_TOML_BYTES, read_limited
 
 #: Most parts of a dotted key: Python's parser takes the square of their number in time.
 MAX_KEY_PARTS = 32
+#: Most bytes of a part of a path, and characters of a path.
+MAX_NAME_BYTES, MAX_PATH = 255, 4000
 DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
 
 Form = TypeVar("Form")
@@ -190,7 +193,7 @@ def load(path: Path, what: str) -> dict[str, Any]:
     except FileNotFoundError:
         remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
         raise input_error(str(path), "no such file", remedy) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # bytes that are not UTF-8, a name that no file can have
         raise input_error(str(path), f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
@@ -225,7 +228,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
         if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
             raise _wrong(source, name, value, node)
     try:
-        read: Form = msgspec.convert(raw, form, dec_hook=lambda kind, text: kind(text))
+        read: Form = msgspec.convert(raw, form, dec_hook=_path)
         return read
     except InputError as error:  # of a __post_init__
         raise InputError(f"{source}: {error}") from None
@@ -239,6 +242,14 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
         while name not in nodes:  # a number of a vector, or of a list of them
             name = name.rpartition("[")[0]
         raise _wrong(source, name, *nodes[name]) from None
+
+
+def _path(kind: Callable[[str], Any], text: str) -> Any:
+    """Return the path that a file names; ValueError for a name that no file can have."""
+    parts = [os.fsencode(part) for part in Path(text).parts]
+    if b"\0" in b"".join(parts) or max(map(len, parts), default=0) > MAX_NAME_BYTES or len(text) > MAX_PATH:
+        raise ValueError(text)
+    return kind(text)
 
 
 def _join(table: str, name: str) -> str:
@@ -312,6 +323,8 @@ def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
             how = remedy(node, re.sub(r"\[\d+\]", "", name))
             return input_error(f"{source}: {name}", "is empty", f"give at least {least}: {how}")
     shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
+    if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # of `_path`
+        return input_error(f"{source}: {name}", f"{shown} is no file's name", "give the name of a file")
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
     meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]
     guess = f'did you mean "{meant[0]}"? ' if len(meant) == 1 else ""
