@@ -321,7 +321,7 @@ def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):
 
 
 def test_one_position_in_the_middle_finds_its_place(request, tmp_path):
-    """Nothing but the file's pitch tells the distance then; a gap that is not known must not spoil the points."""
+    """The file's pitch alone tells how far this camera is. The gap stays unknown, which must not spoil points."""
     plain = request.config.rootpath / "scenes/displays/vga-square.toml"
     nominal, place = load_display(plain), (0.0, 0.0, 80.0)
     built = nominal.misaligned(rotation_deg=0.3, gap_mm=0.2, pitch_scale=1.002)

@@ -1,10 +1,10 @@
 """The least squares over all positions: the array, its gap, the camera's lens and its poses.
 
 Each lenslet that a position sees gives two points: that of the panel seen at a place of the photograph, and that of the
-lenslet's middle in the photograph. The middle is where neighbours' light mixes, so it tells where the camera is, but
-not which point is seen: that is expected at the place where it was read, by how points move over the cell. Weighted by
-their own scatter, both are fitted at once. Weak priors keep what the data leave open where it
-usually is; a parameter whose uncertainty is that of its prior was not determined.
+lenslet's middle in the photograph. The middle is found from the seams, where neighbours' light mixes: it tells where
+the camera is, but not which point is seen. The point is expected at the place where it was read, by how points move
+over the cell. Both are fitted at once, weighted by their own scatter. Weak priors keep what the data leave open where
+it usually is; a parameter whose uncertainty is that of its prior was not determined.
 
 The covariance is that of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the panel's
 pixels are coarse, so that single lenslets would promise too much. Beside it, a share of the scatter is taken as smooth
@@ -144,9 +144,8 @@ class Problem:
         slope = (place[:2] - centres) / np.reshape(place[2] - z, (-1, 1))
         return slope, np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))]), high
 
-    def aside(self, x: Floats, k: int, middles: Floats | None = None) -> Floats:
-        """Return how far, in cells of pitch 1, the places that were read are aside of the outlines' middles, (N, 2)."""
-        middles = self.outlines(x, k)[1] if middles is None else middles
+    def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
+        """Return how far the places that were read are from the outlines' middles (N, 3), in cells of pitch 1."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
     def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:

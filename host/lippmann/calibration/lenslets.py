@@ -31,8 +31,9 @@ SEED = 1914
 SPREAD = 6.0
 #: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
 WHOLE = 0.95
-#: The same of the neighbours. Perspective makes neighbours of few, large lenslets differ by half of the rest.
-BESIDE = 0.9
+#: The same of the neighbours: of lenslets that are measured, and of those that the map of the photograph is fitted to.
+#: Perspective makes the neighbours of few, large lenslets differ by half of the rest.
+BESIDE, BESIDE_MAPPED = 0.9, 0.8
 #: Photographs are not of one place when both are less: the share of the lenslets inside the panel that are seen whole,
 #: and that of the pixels that see the lenslet in front. Clean ones have 0.79 and 0.98, with a tenth wrong 0.69 and
 #: 0.93, blurred by 3 pixels 0.39 and 0.99, moved by 3 pixels 0.25 and 0.85.
@@ -199,7 +200,9 @@ def _surrounded(table: Floats, places: npt.NDArray[np.int64], least: Floats | fl
     return inside
 
 
-def whole(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64], beside: float = 0.8) -> npt.NDArray[np.bool_]:
+def whole(
+    index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64], beside: float = BESIDE_MAPPED
+) -> npt.NDArray[np.bool_]:
     """Tell which lenslets (N, 2) are seen whole: not the outermost, and with about as many pixels as their neighbours.
 
     At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.

@@ -166,7 +166,7 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
         distance = max(1.0, float(place[2]))
         landings.append(landing_of(built, landing.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
-        aside = whole.aside(solution.x, k)
+        aside = whole.aside(solution.x, k, whole.outlines(solution.x, k)[1])
         views.append(refined(view, built, slopes, aside, movement_of(built, turn, slopes, distance)))
     return replace(whole, landings=landings, views=views)
 

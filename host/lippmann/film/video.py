@@ -49,18 +49,9 @@ def write_video(
     if path.suffix.lower() in LOSSLESS_SUFFIXES:
         made = ["-c:v", "ffv1", "-pix_fmt", "bgr0"]
     else:
-        made = [
-            "-c:v",
-            "libx264",
-            "-pix_fmt",
-            "yuv420p",
-            "-crf",
-            "15",
-            "-vf",
-            "scale=out_color_matrix=bt709:out_range=tv",
-        ]
+        made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "15", "-movflags", "+faststart"]
+        made += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
         made += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
-        made += ["-movflags", "+faststart"]
     count = 0
     with replacing(path) as partial:
         place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
