@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-calibration report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-gpu test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-calibration report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -40,7 +40,7 @@ demo: $(READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
 # Workers and processes of the tests read modules that one of them has compiled, whatever this is set to outside.
-test test-full coverage toggles formal: export PYTHONDONTWRITEBYTECODE =
+test test-full test-gpu coverage toggles formal: export PYTHONDONTWRITEBYTECODE =
 
 # Every commit is judged by the same draws, so that what fails has to do with the commit. A bare pytest, and
 # test-full, draw anew each time and print the seed.
@@ -50,6 +50,11 @@ test: lint ## lint, then the tests that take minutes at most (JOBS=3)
 
 test-full: lint ## lint, then every test (half an hour)
 	$(BIN)/pytest -n $(JOBS) --junitxml=build/test-full.xml
+
+# Those that trace or render with Dr.Jit; they fail without a GPU.
+GPU_TESTS := fast_engine renderer golden_pictures converged panel observer capture_rays capture_lens mitsuba_sensor models_nest viewing parallax
+test-gpu: $(READY) ## the fast engine and the renderer on an NVIDIA GPU (minutes)
+	LIPPMANN_TEST_DEVICE=cuda $(BIN)/pytest -n $(JOBS) --dist loadfile -m "not full" $(GPU_TESTS:%=tests/host/test_%.py)
 
 test-record: $(READY) ## the results of the last make test-full, into docs/reports
 	$(BIN)/python -m lippmann.dev.test_record build/test-full.xml
@@ -78,7 +83,7 @@ lint-rtl:
 	$(BIN)/python -m lippmann.dev.lint
 
 bench: $(READY) ## measure the figures of docs/measured.md (a quarter of an hour, on a quiet machine)
-	@for name in trace render rtl view animate observe; do \
+	@for name in trace render stages rtl view animate observe; do \
 	  $(BIN)/lippmann bench $$name --report docs > /dev/null || exit; done
 
 docs-tables: $(READY) ## make the tables of keys, coverage points and promises, and the JSON Schemas again

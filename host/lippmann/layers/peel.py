@@ -18,7 +18,7 @@ from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, make_integrator, scene_ray
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
-from lippmann.variant import mitsuba
+from lippmann.variant import current_device, mitsuba
 
 Point = tuple[float, float, float]
 
@@ -142,7 +142,7 @@ def seen_depths(
 
 
 def _chunks(texels: int, samples: int) -> Iterator[tuple[int, int]]:
-    step = max(1, CHUNK_SAMPLES // samples)
+    step = max(1, CHUNK_SAMPLES[current_device()] // samples)
     for first in range(0, texels, step):
         interrupts.check()
         yield first, min(step, texels - first)

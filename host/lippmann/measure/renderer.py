@@ -241,8 +241,14 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
     return {_pixels(display): Measured.of(one.result() for one in found) for display, found in peaks.items()}
 
 
-def separately(device: str, scene: Path, display: Path, samples: int) -> dict[str, Any]:
-    """Render with the exact model by the command line, in a process of its own, and return its times and peak memory.
+#: What `separately` returns.
+RENDER_KEYS = ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")
+
+
+def separately(
+    device: str, scene: Path, display: Path, samples: int, keys: Sequence[str] = RENDER_KEYS
+) -> dict[str, Any]:
+    """Render with the exact model by the command line, in a process of its own, and return some of what it tells.
 
     Raises LippmannError when the process fails, with its message.
     """
@@ -256,7 +262,7 @@ def separately(device: str, scene: Path, display: Path, samples: int) -> dict[st
         message = done.stderr.strip().splitlines()[-1:]
         raise LippmannError(f"{scene} for {display}: rendering in a process of its own failed: {message}")
     result: dict[str, Any] = json.loads(done.stdout)
-    return {key: result[key] for key in ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")}
+    return {key: result[key] for key in keys}
 
 
 # ---- lippmann bench render ----
@@ -307,27 +313,6 @@ def against_perspective(scene: Scene, display: Display, settings: Settings) -> d
     return {**seconds, "rate_ratio": float(np.median(ratios))}
 
 
-def optics_share(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time a whole render, and one whose integrator ignores the scene: the cost of optics and bookkeeping."""
-    mi = mitsuba()
-
-    base: Any = mi.SamplingIntegrator
-
-    class Nothing(base):  # type: ignore[misc]
-        def sample(
-            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
-        ) -> tuple[Any, Any, list[Any]]:
-            # Uses all of the ray, so that the compiler leaves none of the optics out.
-            return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
-
-    mi.register_integrator("nothing", Nothing)
-    seconds, ratios = compared(
-        optics_seconds=timed(scene, display, replace(settings, integrator="nothing")),
-        render_seconds=timed(scene, display, replace(settings, integrator="lights")),
-    )
-    return {**seconds, "share": float(np.median(ratios))}
-
-
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     """Yield the rows of `lippmann bench render`: `what`, and its figures. Each round has its own seed."""
     device, fish = current_device(), scenes / "fish/fish.xml"
@@ -336,7 +321,6 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         yield {"what": what, **separately(device, fish, scenes / f"displays/{name}.toml", samples)}
     scene, display = load_scene(fish), load_display(scenes / "displays/paper-square.toml")
     settings = {name: Settings(samples=4, integrator=name, seed=seed) for name in INTEGRATORS[::-1]}
-    yield {"what": "optics' share, fish, lights, 4 samples", **optics_share(scene, display, settings["lights"])}
     for name in ("fish", "chart", "knot"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
         for integrator in ("path", "lights"):

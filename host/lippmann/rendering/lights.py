@@ -16,7 +16,8 @@ from lippmann.variant import mitsuba
 def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
-    Parameter of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4).
+    Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
+    default true; without them each light reaches every surface that faces it, as `lippmann bench stages` asks for).
     """
     mi = mitsuba()
     import drjit as dr
@@ -37,6 +38,7 @@ def register_lights() -> None:
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             self.max_depth = props.get("max_depth", 4)
+            self.shadows = props.get("shadows", True)
 
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
@@ -83,8 +85,9 @@ def register_lights() -> None:
                 for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):
                     value = dr.select(ds.pdf != 0.0, weight * reflectance, 0.0)
                     lit = active & dr.any(value != 0.0)
-                    shadowed = scene.ray_test(si.spawn_ray_to(ds.p), lit)
-                    total += dr.select(lit & ~shadowed, value, 0.0)
+                    if self.shadows:
+                        lit &= ~scene.ray_test(si.spawn_ray_to(ds.p), lit)
+                    total += dr.select(lit, value, 0.0)
                 return total
 
             state = (

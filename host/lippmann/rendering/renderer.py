@@ -9,10 +9,12 @@ image). So depth comes out right and occlusion is correct, without a second pass
 from __future__ import annotations
 
 import math
+import os
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,13 +28,15 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
 from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.lights import register_lights
+from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
-from lippmann.subpixels import COLOURS, Box
+from lippmann.subpixels import COLOURS, Box, Layout
 from lippmann.variant import current_device, mitsuba
 
-#: Samples traced at once. Part of an image's definition, because random integrators draw their numbers by chunk.
-CHUNK_SAMPLES = 1 << 22
+#: Samples traced at once, by device. Part of an image's definition, because random integrators draw their numbers by
+#: chunk. A GPU is idle between chunks, and has registers where a CPU has memory.
+CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Side of the square tiles of pixels, which are traced in Morton order, so that rays traced together stay close.
 TILE_PX = 8
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
@@ -133,46 +137,27 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
 
     width, height = source.width_px, source.height_px
     check_memory(width, height, settings)
-    integrator = make_integrator(scene, settings)
     samples = settings.samples
     tiles = -(-width // TILE_PX) * -(-height // TILE_PX)
     tile_pixels = TILE_PX * TILE_PX
-    chunk_tiles = max(1, CHUNK_SAMPLES // (samples * tile_pixels))
+    chunk_tiles = max(1, CHUNK_SAMPLES[current_device()] // (samples * tile_pixels))
     planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
 
-    # Channels, and the part of a pixel that shows them, for each pixel of the layout.
-    layout = source.layout
-    passes: list[tuple[tuple[int, ...], list[Box]]] = (
-        [((0, 1, 2), [Box(0.0, 0.0, 1.0, 1.0)])]
-        if layout is None
-        else [((k,), layout.boxes(colour)) for k, colour in enumerate(COLOURS[:3])]
-    )
+    program = _program(scene, source, settings)
 
-    def run(first_tile: int, count: int, number: int) -> list[int]:
+    def run(first_tile: int, count: int, number: int) -> list[Any]:
         """Render tiles into the planes; return the numbers of lost samples."""
+        index = dr.arange(mi.UInt32, count * tile_pixels * samples)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
+        first = dr.opaque(mi.UInt32, first_tile)
         seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
-        for channels, boxes in passes:
-            first = dr.opaque(mi.UInt32, first_tile)
-            index = dr.arange(mi.UInt32, count * tile_pixels * samples)
-            place = index // samples
-            pixel, inside = _pixel_of(first, place, width, height)
-            lines = _lines(source, settings, pixel, index - place * samples, boxes)
-            active = lines.active & inside
-            lost = [mask & inside for mask in lines.lost]
-            sampler = mi.load_dict({"type": "independent"})
-            sampler.seed(seed, count * tile_pixels * samples)
-            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, scene_ray(scene, lines), None, active)
-            colour = dr.select(active, mi.Color3f(radiance), 0.0)
-            if samples > 1:
-                # Evaluated before the sums, because each sum would trace the rays again.
-                dr.eval(colour, lost)
-                colour = mi.Color3f([dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour])
-                pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, count * tile_pixels), width, height)
-            for k in channels:
-                dr.scatter(planes[k], colour[k], pixel, inside)
-            dr.eval(planes, lost)
-        return [int(mi.UInt32(dr.count(mask))[0]) for mask in lost]
+        dr.make_opaque(index)
+        colours, lost = program(index, first, seed)
+        pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, count * tile_pixels), width, height)
+        for plane, colour in zip(planes, colours, strict=True):
+            dr.scatter(plane, colour, pixel, inside)
+        dr.eval(planes)
+        return lost
 
     started = time.perf_counter()
     # Compiles the programs by running them on one tile.
@@ -188,15 +173,64 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
         if progress is not None:
             progress(first + count, tiles)
     finished, cpu_after = time.perf_counter(), time.process_time()
-    traced_samples = width * height * samples * len(passes)
+    traced_samples = width * height * samples * len(_passes(source.layout))
     return Rendered(
         radiance=np.asarray(dr.ravel(mi.Color3f(planes))).reshape(height, width, 3),
         seconds=finished - prepared,
         cpu_seconds=cpu_after - cpu_before,
         prepare_seconds=prepared - started,
         samples_traced=traced_samples,
-        lost_percent=tuple(100.0 * sum(counts) / traced_samples for counts in zip(*lost_samples, strict=True)),
+        lost_percent=tuple(
+            100.0 * sum(int(count[0]) for count in counts) / traced_samples
+            for counts in zip(*lost_samples, strict=True)
+        ),
     )
+
+
+def _passes(layout: Layout | None) -> list[tuple[tuple[int, ...], list[Box]]]:
+    """Return for each pass its channels, and the part of a pixel that shows them, for each pixel of the layout."""
+    if layout is None:
+        return [((0, 1, 2), [Box(0.0, 0.0, 1.0, 1.0)])]
+    return [((k,), layout.boxes(colour)) for k, colour in enumerate(COLOURS[:3])]
+
+
+def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..., tuple[list[Any], list[Any]]]:
+    """Return the function that renders a chunk: its pixels' three colours, and the numbers of lost samples.
+
+    Its arguments are the numbers of the chunk's samples (UInt32), its first tile, and a seed.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    samples = settings.samples
+    integrator = make_integrator(scene, settings)
+    passes = _passes(source.layout)
+    parts = [_Part.of(boxes) for _, boxes in passes]
+
+    def trace(index: Any, first: Any, seed: Any, parts: list[_Part]) -> tuple[list[Any], list[Any]]:
+        place = index // samples
+        pixel, inside = _pixel_of(first, place, source.width_px, source.height_px)
+        colours: list[Any] = []
+        losses: list[Any] = []
+        for (channels, _), part in zip(passes, parts, strict=True):
+            lines = _lines(source, settings, pixel, index - place * samples, part)
+            active = lines.active & inside
+            lost = [mask & inside for mask in lines.lost]
+            sampler = mi.load_dict({"type": "independent"})
+            sampler.seed(seed, dr.width(index))
+            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, scene_ray(scene, lines), None, active)
+            colour = dr.select(active, mi.Color3f(radiance), 0.0)
+            # Evaluated before the sums, because each sum would trace the rays again.
+            dr.eval(colour, lost)
+            for k in channels:
+                mean = dr.block_reduce(dr.ReduceOp.Add, colour[k], samples) * (1.0 / samples)
+                colours.append(colour[k] if samples == 1 else mean)
+            counts = [dr.count(mask) for mask in lost]
+            losses = [a + b for a, b in zip(losses, counts, strict=True)] if losses else counts
+        return colours, losses
+
+    program = Recorded(trace, scene) if source.recordable else trace
+    return lambda index, first, seed: program(index, first, seed, parts)
 
 
 def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
@@ -214,11 +248,27 @@ def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any
     return mi.UInt32(row * width + column), inside
 
 
-def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, boxes: list[Box]) -> Lines:
-    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32).
+@dataclass
+class _Part:
+    """The part of each pixel of a layout that is sampled (`Box`): Dr.Jit values, one for each pixel of the layout."""
 
-    `boxes` are the sampled parts of the pixels of the source's layout, row by row.
-    """
+    box: tuple[Any, Any, Any, Any]
+    #: Whether all parts are as high as their pixels.
+    full_height: bool
+
+    @classmethod
+    def of(cls, boxes: Sequence[Box]) -> _Part:
+        """Return the parts of boxes, row by row; opaque, so that another place needs no compilation."""
+        mi = mitsuba()
+        import drjit as dr
+
+        u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
+        dr.make_opaque(u, v, width, height)
+        return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
+
+
+def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, part: _Part) -> Lines:
+    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32)."""
     mi = mitsuba()
     import drjit as dr
 
@@ -228,13 +278,13 @@ def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, boxes
         x, y = points_in_square(pixel, sample, settings.seed, stream=0)
     row = pixel // source.width_px
     column = pixel - row * source.width_px
-    part: Any = boxes[0]._replace(u=dr.opaque(mi.Float, boxes[0].u))
-    if source.layout is not None and len(boxes) > 1:
+    box = Box(*part.box)
+    if source.layout is not None:
         number = row % source.layout.rows * source.layout.columns + column % source.layout.columns
-        part = Box(*(dr.gather(mi.Float, mi.Float(values), number) for values in zip(*boxes, strict=True)))
-    u = b.double(column) + b.double(0.5 + part.u + part.width * (x - 0.5))
-    if any(box.v or box.height != 1.0 for box in boxes):
-        y = 0.5 + part.v + part.height * (y - 0.5)
+        box = Box(*(dr.gather(mi.Float, values, number) for values in box))
+    u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
+    if not part.full_height:
+        y = 0.5 + box.v + box.height * (y - 0.5)
     return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, settings.seed, stream=1))
 
 
@@ -280,6 +330,16 @@ def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB."""
     # Unlike /proc, the resource usage is what a process inherits from its parent.
     return proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def process_seconds() -> float:
+    """Return the seconds since this process was started; 0 where /proc is not there to tell."""
+    told = Path("/proc/self/stat")
+    if not told.exists():
+        return 0.0
+    # The 22nd field; the second, the program's name in brackets, may hold spaces.
+    ticks = int(told.read_text().rpartition(")")[2].split()[19])
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
 def render_integral(

@@ -48,6 +48,8 @@ class RaySource:
     lines: Callable[[DrJitBackend, Any, Any, tuple[Any, Any]], Lines]
     #: Sub-pixels; None where a pixel emits its three colours alike.
     layout: Layout | None = None
+    #: Whether `lines` stays in Dr.Jit, so that its program can be recorded.
+    recordable: bool = True
 
 
 def lines_from_pixels(
@@ -96,7 +98,7 @@ def display_source(
         dx, dy, dz = (mi.Float(column) for column in rays.direction.astype(np.float32).T)
         return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
-    return RaySource(panel.width_px, panel.height_px, lines, layout_of(panel.subpixels))
+    return RaySource(panel.width_px, panel.height_px, lines, layout_of(panel.subpixels), engine == "fast")
 
 
 @dataclass(frozen=True)

@@ -166,7 +166,7 @@ def layers_page(origin: Origin, rows: Rows) -> Page:
 
 
 #: Measurements of `docs/measured.md`.
-MEASURED = ("trace", "render", "rtl", "view", "animate", "observe")
+MEASURED = ("trace", "render", "stages", "stages-cuda", "rtl", "view", "animate", "observe")
 
 
 def measured_page(folder: Path) -> Page:
@@ -180,6 +180,7 @@ def measured_page(folder: Path) -> Page:
         if (path := folder / f"measured/{name}.csv").exists():
             origins[name], rows[name] = read_csv(path)
     _, placed = read_csv(repository() / SYNTHESIS)
+    rows = {name.replace("-", "_"): kept for name, kept in rows.items()}
     context = {**rows, "origins": origins, "placed": placed, "groups": groups, "ratios": _ratios(rows["render"])}
     return Page("measured", {}, (), {}, context)
 

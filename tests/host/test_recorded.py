@@ -1,0 +1,120 @@
+"""Recorded programs: traced once, for any size; what cannot be recorded; and the garbage of other scenes."""
+
+import gc
+import subprocess
+import sys
+import weakref
+
+import numpy as np
+import pytest
+from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.scene import load_scene
+from lippmann.sim.tools import repository
+
+
+@pytest.fixture(scope="module")
+def chart(mi):
+    return load_scene(repository() / "scenes/chart/chart.xml")
+
+
+class Hidden:
+    """Holds what a recording does not see: what functions refer to is a part of it."""
+
+    def __init__(self, values=None):
+        self.values, self.traced = values, []
+
+
+def test_a_program_is_traced_once_for_any_size(mi, chart):
+    import drjit as dr
+
+    hidden = Hidden()
+
+    def squares(numbers, shift):
+        hidden.traced.append(dr.width(numbers))
+        return numbers * numbers + shift
+
+    program = Recorded(squares, chart)
+    for size, shift in ((64, 1), (4096, 2), (1000, 7)):
+        numbers = dr.arange(mi.UInt32, size)
+        dr.make_opaque(numbers)
+        found = program(numbers, dr.opaque(mi.UInt32, shift))
+        np.testing.assert_array_equal(np.asarray(found), np.arange(size) ** 2 + shift)
+    assert hidden.traced == [64]
+
+
+def test_what_cannot_be_recorded_is_traced_each_time(mi, chart):
+    """An array that is none of the arguments, as a plugin may hold one."""
+    import drjit as dr
+
+    hidden = Hidden(mi.UInt32([3, 1, 4, 1, 5]))
+    dr.eval(hidden.values)
+
+    def shifted(numbers):
+        hidden.traced.append(dr.width(numbers))
+        return numbers + hidden.values
+
+    program = Recorded(shifted, chart)
+    for start in (0, 7):
+        numbers = dr.arange(mi.UInt32, start, start + 5)
+        dr.make_opaque(numbers)
+        np.testing.assert_array_equal(np.asarray(program(numbers)), np.arange(5) + start + [3, 1, 4, 1, 5])
+    assert hidden.traced == [5, 5, 5]  # the first call tried to record it
+
+
+def test_a_scene_goes_with_its_program(mi):
+    """Recordings kept scenes alive until the collector came, and all programs hold the code of every such scene."""
+
+    def program_and_scene():
+        scene = load_scene(repository() / "scenes/chart/chart.xml")
+        return Recorded(lambda x: scene.mitsuba and x + 1, scene), weakref.ref(scene)
+
+    program, scene = program_and_scene()
+    gc.disable()
+    try:
+        program(mi.UInt32(1, 2))
+        assert scene() is not None
+        del program
+        assert scene() is None
+    finally:
+        gc.enable()
+
+
+#: A scene that becomes garbage, in a cycle, while another one's program is recorded, whose lists wake the collector.
+WITH_GARBAGE = """
+import sys
+from pathlib import Path
+import drjit as dr
+from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.scene import load_scene
+from lippmann.variant import mitsuba, start_mitsuba
+start_mitsuba("llvm")
+mi = mitsuba()
+new, old = (load_scene(Path(sys.argv[1])) for _ in range(2))
+class Last:
+    def __init__(self, scene):
+        self.scene = scene
+    def become_garbage(self):
+        cycle = [self.scene]
+        cycle.append(cycle)
+        self.scene = None
+last = Last(old)
+del old
+def down(scene, x):
+    return scene.mitsuba.ray_test(mi.Ray3f(mi.Point3f(x, 0, 900), mi.Vector3f(0, 0, -1)))
+dr.eval(down(last.scene, mi.Float(0)))
+def work(numbers):
+    last.become_garbage()
+    kept = [[k] for k in range(1000000)]
+    return down(new, mi.Float(numbers))
+numbers = dr.arange(mi.UInt32, 64)
+dr.make_opaque(numbers)
+dr.eval(Recorded(work, new)(numbers))
+print("whole")
+"""
+
+
+def test_garbage_is_kept_while_a_program_is_recorded():
+    """Dr.Jit ended the process when the collector freed another scene during the recording."""
+    scene = repository() / "scenes/chart/chart.xml"
+    done = subprocess.run([sys.executable, "-c", WITH_GARBAGE, scene], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "whole\n"), done.stderr
