@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -158,9 +158,20 @@ def check_input(path: str | Path) -> Path:
     return path
 
 
+class Rows(Protocol):
+    """Linear radiance (height, width, 3) that gives some rows at a time: an array, or one that is on disk."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Height, width and 3."""
+
+    def __getitem__(self, rows: slice, /) -> npt.NDArray[Any]:
+        """Return some rows, `BAND_ROWS` at most, from a multiple of it on."""
+
+
 def write_picture(
     path: str | Path,
-    radiance: npt.NDArray[Any],
+    radiance: Rows,
     metadata: Mapping[str, str],
     transfer: Transfer = "srgb",
     bits: int = 8,

@@ -94,8 +94,8 @@ class IntegralImage(Showable):
             size = " x ".join(str(side) for side in self.radiance.shape)
             what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
             raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
-        named = {"display": self.display.name, "identity": self.display.identity, **_tones(self.display)}
-        object.__setattr__(self, "metadata", {**self.metadata, **named})  # the caller's stays as it is
+        # The caller's stays as it is.
+        object.__setattr__(self, "metadata", {**self.metadata, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
         """Write the image: .exr and .tif keep linear radiance, .png the panel's values by its own curve and bits.
@@ -135,6 +135,11 @@ class IntegralImage(Showable):
 
         picture = read_picture(path, (built.panel.width_px, built.panel.height_px), accept)
         return cls(picture.radiance, built, picture.metadata)
+
+
+def metadata_of(display: Display) -> dict[str, str]:
+    """Return what every image for a display carries: its name, identity, transfer curve and bits."""
+    return {"display": display.name, "identity": display.identity, **_tones(display)}
 
 
 def check_image(image: object) -> None:

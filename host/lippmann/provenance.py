@@ -21,6 +21,11 @@ def machine_name() -> str:
     return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
 
 
+def pixel_versions() -> dict[str, str]:
+    """Return the versions of the packages that a picture's pixels depend on."""
+    return {"lippmann": __version__, **{name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}}
+
+
 def provenance(
     command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"), programs: Mapping[str, str] | None = None
 ) -> dict[str, str]:

@@ -7,13 +7,13 @@ import subprocess
 import sys
 import time
 
-import lippmann.film.cluster
+import lippmann.rendering.cluster
 import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.film.cluster import _check_scene, render_on_cluster
 from lippmann.images import read_picture
+from lippmann.rendering.cluster import _check_scene, render_on_cluster
 from test_film import DISPLAY, FILM, MOVE, SCENE
 
 FRAMES = 30
@@ -123,7 +123,7 @@ def test_a_film_waits_for_a_worker(place, cluster):
 
 
 def test_where_nobody_is_the_film_does_not_begin(cluster, monkeypatch):
-    monkeypatch.setattr(lippmann.film.cluster, "ANSWER_S", 0.5)
+    monkeypatch.setattr(lippmann.rendering.cluster, "ANSWER_S", 0.5)
     for address, said in (
         ("tcp://127.0.0.1:9", "no scheduler answers there"),
         ("nonsense://", "no scheduler answers there"),

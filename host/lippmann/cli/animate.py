@@ -17,7 +17,6 @@ from lippmann.cli.options.rendering import RENDERING
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
-from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
 from lippmann.film.shot import Shot, render_shot, shots_of
@@ -25,6 +24,7 @@ from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, w
 from lippmann.images import check_output, encoded_values
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import SCALE_RANGE
 from lippmann.rendering.renderer import BASE_MEMORY_MB, check_memory, check_memory_mb

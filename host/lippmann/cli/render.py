@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import click
 from click.core import ParameterSource
@@ -12,17 +16,19 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
 from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import load_display
+from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.images import check_output
 from lippmann.integral_image import IntegralImage
 from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.remarks import depth_remarks
+from lippmann.rendering.bands import Still, Work, here, is_kept, render_bands, still_of, write_still
+from lippmann.rendering.cluster import local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.renderer import peak_memory_mb, process_seconds
-from lippmann.rendering.scene import check_scene_file
-from lippmann.variant import current_device
+from lippmann.rendering.renderer import Progress, peak_memory_mb, process_seconds
+from lippmann.rendering.scene import Scene, check_scene_file
+from lippmann.variant import current_device, start_mitsuba
 
 #: Options that only scenes have.
 OF_SCENES = ("aperture", "integrator", "max_depth", "tolerance", "memory_mb", "device")
@@ -37,54 +43,113 @@ def command(
     moved: Moved = MOVED,
     seed: int = SEED,
     filter: Filter = option("Of a folder of layers: nearest texel, or bilinear between four.", "nearest"),
+    workers: int | None = option("Processes on this machine that share the render.", None, click.IntRange(1, 64)),
+    scheduler: str | None = option(
+        "Render on the workers of this Dask scheduler: tcp://HOST:8786.", None, metavar="ADDRESS"
+    ),
     device: str = DEVICE,
 ) -> None:
     """Render the integral image of a Mitsuba scene, or of a folder of layers, for a display.
 
     Layers take --engine golden (their default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
 
+    A large or long render keeps its finished bands in OUT.bands: after an interruption the same command goes on.
+
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
     path = check_output(output)
     start_seconds, begun = process_seconds(), time.perf_counter()
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers and --scheduler both say who renders; leave one out")
     if is_layers(scene_path):
-        image = _drawn(scene_path, display_path, options, moved, filter)
+        made = _saved(_drawn(scene_path, display_path, options, moved, filter), path)
     else:
         if _given("filter"):
             raise InputError("--filter is for layers; leave it out with a scene")
         placement, arrange = moved.placement(check_scene_file(scene_path)), moved.arrange
+        shared = workers is not None or scheduler is not None
         with progress_bar("render") as progress:
-            image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
-    rendered = time.perf_counter()
-    image.save(path)
-    written = time.perf_counter()
-    display = image.display
+            display = load_display(display_path)
+            if shared or is_kept(display, options.settings.samples):
+                start_mitsuba(device)
+                still, scene = still_of(options, Path(scene_path), display, placement, arrange, log)
+                with _work(still, scene, workers, scheduler, device) as work:
+                    made = _written(path, still, work, progress)
+            else:
+                image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
+                made = _saved(image, path)
+    panel = made.display.panel
+    seconds = made.measured["seconds"]
+    rest = time.perf_counter() - begun - seconds - made.measured.get("prepare_seconds", 0.0) - made.write_seconds
     result = {
         "output": str(path),
-        "display": display.name,
-        "identity": display.identity,
-        "width_px": display.panel.width_px,
-        "height_px": display.panel.height_px,
-        "model": image.metadata["model"],
-        "engine": image.metadata["engine"],
+        "display": made.display.name,
+        "identity": made.display.identity,
+        "width_px": panel.width_px,
+        "height_px": panel.height_px,
+        "model": made.metadata["model"],
+        "engine": made.metadata["engine"],
         "integrator": options.settings.integrator,
         "samples": options.settings.samples,
         "seed": seed,
         "device": None if is_layers(scene_path) else current_device(),
-        **image.measured,
+        **made.measured,
         # With the two above, the whole process: before the command, scene and remarks, and the file.
         "start_seconds": start_seconds,
-        "load_seconds": rendered - begun - image.measured["seconds"] - image.measured.get("prepare_seconds", 0.0),
-        "write_seconds": written - rendered,
+        "load_seconds": rest,
+        "write_seconds": made.write_seconds,
         "peak_memory_mb": peak_memory_mb(),
     }
 
     text = (
-        f"{path}: {display.panel.width_px} x {display.panel.height_px}, model {image.metadata['model']}, "
-        f"{image.measured['seconds']:.2f} s ({image.measured['samples_per_second'] / 1e6:.2f} M samples/s), "
+        f"{path}: {panel.width_px} x {panel.height_px}, model {made.metadata['model']}, "
+        f"{seconds:.2f} s ({made.measured['samples_per_second'] / 1e6:.2f} M samples/s), "
         f"peak memory {peak_memory_mb():.0f} MB"
     )
     emit(result, text)
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A picture that is on disk."""
+
+    display: Display
+    metadata: Mapping[str, str]
+    measured: Mapping[str, float]
+    write_seconds: float
+
+
+def _saved(image: IntegralImage, path: Path) -> _Made:
+    started = time.perf_counter()
+    image.save(path)
+    return _Made(image.display, image.metadata, image.measured, time.perf_counter() - started)
+
+
+def _written(path: Path, still: Still, work: Work, progress: Progress) -> _Made:
+    """Render a picture by bands, and write it."""
+    started = time.perf_counter()
+    kept, rendered = render_bands(path, still, work, progress)
+    between = time.perf_counter()
+    write_still(path, still, kept)
+    panel, bands = still.display.panel, len(still.bands)
+    pixels = sum(len(still.bands[number]) for number in rendered) * panel.width_px
+    measured = {
+        "seconds": between - started,
+        "samples_per_second": pixels * still.options.settings.samples / max(between - started, 1e-9),
+        "bands": bands,
+        "bands_kept": bands - len(rendered),
+    }
+    return _Made(still.display, still.metadata, measured, time.perf_counter() - between)
+
+
+@contextlib.contextmanager
+def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None, device: str) -> Iterator[Work]:
+    """Give what renders bands: this process, workers that it starts, or those of a scheduler."""
+    if workers is None and scheduler is None:
+        yield here(still, scene)
+        return
+    with contextlib.nullcontext(scheduler) if workers is None else local_workers(workers) as address:
+        yield lambda bands: render_on_cluster(str(address), device, bands, log)
 
 
 def _given(name: str) -> bool:

@@ -7,17 +7,16 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
-from lippmann import __version__
 from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
+from lippmann.provenance import pixel_versions
 from lippmann.rendering.arrange import fitting
 from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.placement import Placement
@@ -34,11 +33,6 @@ from lippmann.rendering.scene import (
 from lippmann.toml import documented, key
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of the packages that pixels depend on."""
-    return {"lippmann": __version__, **{name: metadata.version(name) for name in ("mitsuba", "drjit")}}
-
-
 @documented
 @dataclass(frozen=True)
 class Shot:
@@ -53,6 +47,19 @@ class Shot:
     options: Annotated[RenderOptions, key("how to render")]
 
     @property
+    def scene(self) -> Path:
+        """The scene's file."""
+        return self.film.scene
+
+    def __str__(self) -> str:
+        """Return its name for messages."""
+        return f"frame {self.frame}"
+
+    def render(self) -> IntegralImage:
+        """Render it, on a worker."""
+        return render_shot(self)
+
+    @property
     def identity(self) -> str:
         """Hash of everything that the pixels depend on, 16 hexadecimal digits; the frame's file carries it."""
         options = asdict(self.options)
@@ -64,7 +71,7 @@ class Shot:
             "reach": (self.film.near_mm is None, self.film.far_mm is None),
             "display": self.display.identity,
             "options": options,
-            "versions": list(versions().values()),
+            "versions": list(pixel_versions().values()),
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

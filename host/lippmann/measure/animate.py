@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.display import load_display
-from lippmann.film.cluster import render_on_cluster
 from lippmann.film.film import load_film
 from lippmann.film.shot import Shot, render_shot, shots_of
+from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Settings
 from lippmann.variant import current_device

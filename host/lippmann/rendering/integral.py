@@ -47,6 +47,25 @@ class RenderOptions:
             raise InputError(f"fraction bits belong to the engines twin and rtl; leave them out with {self.engine}")
 
 
+def chosen_model(
+    scene: Scene, display: Display, options: RenderOptions, note: Callable[[str], None] | None = None
+) -> Model:
+    """Return the lens model of a render; `note` is called with remarks, and which model "auto" chose.
+
+    Raises InputError as `choose_model`.
+    """
+    settings = options.settings
+    if note is not None:
+        for remark in remarks(scene, display, settings):
+            note(remark)
+    if options.model != "auto":
+        return options.model
+    choice = choose_model(display, scene.depth_range_mm, settings.aperture, options.tolerance)
+    if note is not None:
+        note(str(choice))
+    return choice.model
+
+
 def render_image(
     scene: Scene,
     display: Display,
@@ -61,17 +80,7 @@ def render_image(
 
     Raises InputError and MissingLibraryError as `render_integral` and `choose_model`.
     """
-    settings = options.settings
-    if note is not None:
-        for remark in remarks(scene, display, settings):
-            note(remark)
-    if options.model == "auto":
-        choice = choose_model(display, scene.depth_range_mm, settings.aperture, options.tolerance)
-        if note is not None:
-            note(str(choice))
-        model = choice.model
-    else:
-        model = options.model
+    settings, model = options.settings, chosen_model(scene, display, options, note)
     rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits)
     carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
     return IntegralImage(rendered.radiance, display, carried, rendered.measured)

@@ -22,7 +22,7 @@ import numpy as np
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
-from lippmann.images import Radiance
+from lippmann.images import BAND_ROWS, Radiance
 from lippmann.limits import free_memory_mb, proc_mb
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
@@ -37,6 +37,8 @@ from lippmann.variant import current_device, mitsuba
 #: Samples traced at once, by device. Part of an image's definition, because random integrators draw their numbers by
 #: chunk. A GPU is idle between chunks, and has registers where a CPU has memory.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
+#: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
+BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
 #: Side of the square tiles of pixels, which are traced in Morton order, so that rays traced together stay close.
 TILE_PX = 8
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
@@ -127,63 +129,118 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
     return integrator
 
 
+def bands_of(width_px: int, height_px: int) -> list[range]:
+    """Return the rows of the bands in which an image is rendered; they are whole tiles, and whole bands of a file."""
+    rows = BAND_ROWS * max(1, round(BAND_PIXELS[current_device()] / (width_px * BAND_ROWS)))
+    return [range(first, min(first + rows, height_px)) for first in range(0, height_px, rows)]
+
+
+class Renderer:
+    """Renders bands of the image of a source of rays, in any order, by one program."""
+
+    def __init__(self, scene: Scene, source: RaySource, settings: Settings) -> None:
+        """Raise InputError when there is no such integrator."""
+        self._samples, self._seed = settings.samples, settings.seed
+        self._width, self._height = source.width_px, source.height_px
+        self._across = -(-self._width // TILE_PX)
+        self._chunk = max(1, CHUNK_SAMPLES[current_device()] // (settings.samples * TILE_PX * TILE_PX))
+        self._program = _program(scene, source, settings)
+        self.bands = bands_of(self._width, self._height)
+        #: Rays for each pixel.
+        self.rays = settings.samples * len(_passes(source.layout))
+
+    def prepare(self) -> float:
+        """Compile the program by rendering one tile; return the seconds that it took."""
+        started = time.perf_counter()
+        self._run(range(TILE_PX), 0, 1, 0, self._planes(range(TILE_PX)))
+        return time.perf_counter() - started
+
+    def render(self, number: int, progress: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
+        """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
+
+        `progress` is called with the number of tiles done after each chunk.
+        """
+        mi = mitsuba()
+        import drjit as dr
+
+        rows = self.bands[number]
+        tiles = self.tiles_of(number)
+        chunks = range(0, tiles, self._chunk)
+        # Random integrators draw by chunk: no two of an image have one number.
+        first_chunk = number * -(-self.tiles_of(0) // self._chunk)
+        planes, lost = self._planes(rows), []
+        for chunk, first in enumerate(chunks, first_chunk):
+            interrupts.check()
+            count = min(self._chunk, tiles - first)
+            lost.append(self._run(rows, first, count, chunk, planes))
+            dr.sync_thread()
+            if progress is not None:
+                progress(count)
+        radiance = np.asarray(dr.ravel(mi.Color3f(planes))).reshape(len(rows), self._width, 3)
+        return radiance, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
+
+    def tiles_of(self, number: int) -> int:
+        """Return the number of tiles of a band."""
+        return self._across * -(-len(self.bands[number]) // TILE_PX)
+
+    def _planes(self, rows: range) -> list[Any]:
+        mi = mitsuba()
+        import drjit as dr
+
+        return [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
+
+    def _run(self, rows: range, first_tile: int, count: int, chunk: int, planes: list[Any]) -> list[Any]:
+        """Render tiles of some rows, numbered from their first, into planes; return the numbers of lost samples."""
+        mi = mitsuba()
+        import drjit as dr
+
+        pixels = count * TILE_PX * TILE_PX
+        index = dr.arange(mi.UInt32, pixels * self._samples)
+        # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
+        first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
+        seed = dr.opaque(mi.UInt32, (self._seed * 0x9E3779B1 + chunk) & 0xFFFFFFFF)
+        dr.make_opaque(index)
+        colours, lost = self._program(index, first, seed)
+        pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
+        place = pixel - dr.opaque(mi.UInt32, rows.start * self._width)
+        for plane, colour in zip(planes, colours, strict=True):
+            dr.scatter(plane, colour, place, inside)
+        dr.eval(planes)
+        return lost
+
+
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
     """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all).
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
-    mi = mitsuba()
-    import drjit as dr
+    check_memory(source.width_px, source.height_px, settings)
+    renderer = Renderer(scene, source, settings)
+    prepare_seconds = renderer.prepare()
+    tiles = sum(renderer.tiles_of(number) for number in range(len(renderer.bands)))
+    done = 0
 
-    width, height = source.width_px, source.height_px
-    check_memory(width, height, settings)
-    samples = settings.samples
-    tiles = -(-width // TILE_PX) * -(-height // TILE_PX)
-    tile_pixels = TILE_PX * TILE_PX
-    chunk_tiles = max(1, CHUNK_SAMPLES[current_device()] // (samples * tile_pixels))
-    planes = [dr.zeros(mi.Float, width * height) for _ in range(3)]
-
-    program = _program(scene, source, settings)
-
-    def run(first_tile: int, count: int, number: int) -> list[Any]:
-        """Render tiles into the planes; return the numbers of lost samples."""
-        index = dr.arange(mi.UInt32, count * tile_pixels * samples)
-        # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
-        first = dr.opaque(mi.UInt32, first_tile)
-        seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
-        dr.make_opaque(index)
-        colours, lost = program(index, first, seed)
-        pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, count * tile_pixels), width, height)
-        for plane, colour in zip(planes, colours, strict=True):
-            dr.scatter(plane, colour, pixel, inside)
-        dr.eval(planes)
-        return lost
-
-    started = time.perf_counter()
-    # Compiles the programs by running them on one tile.
-    run(0, 1, 0)
-    dr.sync_thread()
-    prepared, cpu_before = time.perf_counter(), time.process_time()
-    lost_samples = []
-    for number, first in enumerate(range(0, tiles, chunk_tiles)):
-        interrupts.check()
-        count = min(chunk_tiles, tiles - first)
-        lost_samples.append(run(first, count, number))
-        dr.sync_thread()
+    def told(count: int) -> None:
+        nonlocal done
+        done += count
         if progress is not None:
-            progress(first + count, tiles)
+            progress(done, tiles)
+
+    started, cpu_before = time.perf_counter(), time.process_time()
+    radiance = np.empty((source.height_px, source.width_px, 3), np.float32)
+    lost = []
+    for number, rows in enumerate(renderer.bands):
+        radiance[rows.start : rows.stop], counts = renderer.render(number, told)
+        lost.append(counts)
     finished, cpu_after = time.perf_counter(), time.process_time()
-    traced_samples = width * height * samples * len(_passes(source.layout))
+    traced = source.width_px * source.height_px * renderer.rays
     return Rendered(
-        radiance=np.asarray(dr.ravel(mi.Color3f(planes))).reshape(height, width, 3),
-        seconds=finished - prepared,
+        radiance=radiance,
+        seconds=finished - started,
         cpu_seconds=cpu_after - cpu_before,
-        prepare_seconds=prepared - started,
-        samples_traced=traced_samples,
-        lost_percent=tuple(
-            100.0 * sum(int(count[0]) for count in counts) / traced_samples
-            for counts in zip(*lost_samples, strict=True)
-        ),
+        prepare_seconds=prepare_seconds,
+        samples_traced=traced,
+        lost_percent=tuple(100.0 * sum(counts) / traced for counts in zip(*lost, strict=True)),
     )
 
 

@@ -1,11 +1,12 @@
-"""Renders shots across processes and machines, by Dask distributed.
+"""Renders the frames of a film, or the bands of a picture, across processes and machines, by Dask distributed.
 
-The scheduler distributes the shots; when a worker is lost, its shots go to another. Workers read the scene from the
+The scheduler distributes them; when a worker is lost, what it had goes to another. Workers read the scene from the
 same path as this process, so the machines must share its folder.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import logging
@@ -15,11 +16,10 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
-from lippmann.film.shot import Shot, render_shot, versions
-from lippmann.integral_image import IntegralImage
+from lippmann.provenance import pixel_versions
 from lippmann.rendering.scene import digest_of
 from lippmann.variant import start_mitsuba
 
@@ -27,42 +27,60 @@ from lippmann.variant import start_mitsuba
 ANSWER_S = 10.0
 #: Seconds without any worker after which a message says so.
 ALONE_S = 5.0
-#: Shots submitted for each thread of the workers: one is rendered, one waits.
+#: Tasks submitted for each thread of the workers: one is rendered, one waits.
 AHEAD = 2
 
 #: The command that starts a scheduler on this machine alone.
 SCHEDULER = "dask scheduler --host 127.0.0.1 --no-dashboard"
 
-#: A worker renders one frame at a time on all cores, whatever its number of threads.
+#: A worker renders one task at a time on all cores, whatever its number of threads.
 _rendering = threading.Lock()
 
 
+class Task(Protocol):
+    """What a worker renders; its text names it in messages."""
+
+    @property
+    def scene(self) -> Path:
+        """The scene's file."""
+
+    @property
+    def digest(self) -> str:
+        """Its `digest_of`."""
+
+    def render(self) -> Any:
+        """Render it."""
+
+
+Tasks = TypeVar("Tasks", bound=Task)
+
+
 def render_on_cluster(
-    address: str, device: str, shots: Sequence[Shot], log: Any = lambda text: None
-) -> Iterator[tuple[Shot, IntegralImage]]:
-    """Render shots on the workers of a cluster; yield each with its image as it arrives.
+    address: str, device: str, tasks: Sequence[Tasks], log: Any = lambda text: None
+) -> Iterator[tuple[Tasks, Any]]:
+    """Render tasks on the workers of a cluster; yield each with what it renders as it arrives.
 
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
-    shots are distributed in their order. `log` is called with a message when no worker is left.
+    tasks are distributed in their order. `log` is called with a message when no worker is left.
 
     Raises InputError when no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a
-    different scene or different versions; DeviceError when the scheduler is lost, or a shot crashes several workers;
+    different scene or different versions; DeviceError when the scheduler is lost, or a task crashes several workers;
     MissingLibraryError when Dask is missing here, or Lippmann on a worker.
     """
-    if not shots:
+    if not tasks:
         return
     client = _connected(address)
     from distributed import KilledWorker, wait
 
     try:
-        waiting = iter(shots)
-        running: dict[Any, Shot] = {}
+        waiting = iter(tasks)
+        running: dict[Any, Tasks] = {}
         alone = time.monotonic()
         while True:
             threads = sum(client.nthreads().values())
             room = max(1, AHEAD * threads) - len(running)
-            for shot in itertools.islice(waiting, max(0, room)):
-                running[client.submit(_rendered, shot, device, versions(), pure=False)] = shot
+            for task in itertools.islice(waiting, max(0, room)):
+                running[client.submit(_rendered, task, device, pixel_versions(), pure=False)] = task
             if not running:
                 return
             try:
@@ -70,10 +88,10 @@ def render_on_cluster(
             except TimeoutError:
                 done = ()
             for future in done:
-                shot = running.pop(future)
-                image = future.result()
+                task = running.pop(future)
+                rendered = future.result()
                 future.release()
-                yield shot, image
+                yield task, rendered
             if threads:
                 alone = time.monotonic()
             elif time.monotonic() - alone > ALONE_S:
@@ -84,14 +102,34 @@ def render_on_cluster(
             f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
         ) from None
     except KilledWorker:
-        what = f"frame {shot.frame} crashed several workers"
+        what = f"{task} crashed several workers"
         raise device_error(address, what, "see their logs; they may lack memory") from None
     except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
         what = f"the scheduler is lost ({type(error).__name__})"
-        remedy = "start it and run the command again: finished frames are kept"
+        remedy = "start it and run the command again: what is finished is kept"
         raise device_error(address, what, remedy) from None
     finally:
         client.close()
+
+
+@contextlib.contextmanager
+def local_workers(count: int) -> Iterator[str]:
+    """Start workers on this machine, on loopback alone; yield their scheduler's address.
+
+    One that dies is replaced. MissingLibraryError when Dask is missing.
+    """
+    try:
+        from distributed import LocalCluster
+    except ImportError as error:
+        raise _no_dask(error) from None
+    with LocalCluster(
+        n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def _no_dask(error: ImportError) -> MissingLibraryError:
+    return MissingLibraryError(f"distributed cannot be imported ({error}); pip install 'lippmann[cluster]'")
 
 
 def _worker(address: str) -> str:
@@ -105,9 +143,7 @@ def _connected(address: str) -> Any:
     try:
         import distributed
     except ImportError as error:
-        raise MissingLibraryError(
-            f"distributed cannot be imported ({error}); pip install 'lippmann[cluster]'"
-        ) from None
+        raise _no_dask(error) from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in a line
     try:
@@ -124,19 +160,19 @@ def _connected(address: str) -> Any:
     return client
 
 
-def _rendered(shot: Shot, device: str, wanted: dict[str, str]) -> IntegralImage:
-    """Render a shot, on a worker."""
+def _rendered(task: Task, device: str, wanted: dict[str, str]) -> Any:
+    """Render a task, on a worker."""
     from distributed import get_worker
 
     name = f"worker {get_worker().address}"
-    if versions() != wanted:
-        theirs = ", ".join(f"{key} {value}" for key, value in versions().items())
+    if pixel_versions() != wanted:
+        theirs = ", ".join(f"{key} {value}" for key, value in pixel_versions().items())
         ours = ", ".join(f"{key} {value}" for key, value in wanted.items())
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same versions everywhere")
     with _rendering:
         start_mitsuba(device)
-        _check_scene(name, shot.film.scene, shot.digest)
-        return render_shot(shot)
+        _check_scene(name, task.scene, task.digest)
+        return task.render()
 
 
 @functools.lru_cache(maxsize=8)

@@ -1,0 +1,248 @@
+"""A large picture, rendered band by band: on disk instead of in memory, by this process or by many workers.
+
+The bands that are finished stay in a folder beside the picture until it is whole: an interrupted render goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lippmann.display import Display
+from lippmann.errors import input_error
+from lippmann.files import make_folder, replacing
+from lippmann.images import Radiance, write_picture
+from lippmann.integral_image import metadata_of
+from lippmann.provenance import pixel_versions
+from lippmann.rendering.arrange import Arrange, arranged
+from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import BASE_MEMORY_MB, Progress, Renderer, bands_of, check_memory_mb
+from lippmann.rendering.scene import Scene, digest_of, load_scene
+from lippmann.rendering.sources import display_source
+
+#: A picture of more pixels than these, or more samples, is rendered by bands that are kept.
+KEPT_PIXELS, KEPT_SAMPLES = 1 << 25, 1 << 27
+#: The name of a kept band: its picture's identity and its number.
+BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
+
+#: The radiance of a band, and its numbers of lost samples by reason.
+Rendered = tuple[Radiance, list[int]]
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture with everything that its pixels depend on, so that any process can render its bands."""
+
+    scene: Path
+    digest: str
+    placement: Placement
+    display: Display
+    #: With a lens model, not "auto".
+    options: RenderOptions
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of everything that the pixels depend on, 16 hexadecimal digits."""
+        options = asdict(self.options)
+        del options["settings"]["memory_mb"], options["tolerance"]
+        parts = {
+            "scene": self.digest,
+            "placement": asdict(self.placement),
+            "display": self.display.identity,
+            "options": options,
+            "bands": [rows.start for rows in self.bands],
+            "versions": list(pixel_versions().values()),
+        }
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def bands(self) -> list[range]:
+        """The rows of its bands."""
+        return bands_of(self.display.panel.width_px, self.display.panel.height_px)
+
+    def renderer(self, scene: Scene | None = None) -> Renderer:
+        """Return what renders its bands; the scene is loaded when it is not given."""
+        if scene is None:
+            scene = load_scene(self.scene, self.placement)
+        options, settings = self.options, self.options.settings
+        assert options.model != "auto"
+        source = display_source(
+            self.display, options.model, settings.samples, settings.aperture, options.engine, options.fraction_bits
+        )
+        return Renderer(scene, source, settings)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What its file carries."""
+        options = self.options
+        assert options.model != "auto"
+        made = image_metadata(options.model, options.settings, self.scene, options.engine, options.fraction_bits)
+        return {**made, **metadata_of(self.display)}
+
+
+def still_of(
+    options: RenderOptions,
+    scene: Path,
+    display: Display,
+    placement: Placement,
+    arrange: Arrange | None,
+    note: Callable[[str], None],
+) -> tuple[Still, Scene]:
+    """Return a still, and its scene, loaded by the variant that is set; parameters and errors as for `api.render`."""
+    loaded = load_scene(scene, placement)
+    if arrange is not None:
+        loaded = arranged(loaded, display, arrange)
+        note(f"placed by {loaded.placement}")
+    chosen = replace(options, model=chosen_model(loaded, display, options, note))
+    return Still(loaded.path, digest_of(loaded.path), loaded.placement, display, chosen), loaded
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band of a still, for a worker."""
+
+    still: Still
+    number: int
+
+    @property
+    def scene(self) -> Path:
+        """The scene's file."""
+        return self.still.scene
+
+    @property
+    def digest(self) -> str:
+        """The scene's hash."""
+        return self.still.digest
+
+    def __str__(self) -> str:
+        """Return its name for messages."""
+        return f"band {self.number}"
+
+    def render(self) -> Rendered:
+        """Render it; the scene and the program are kept for the next band of the same still."""
+        if self.still.identity not in _renderers:
+            _renderers.clear()
+            _renderers[self.still.identity] = self.still.renderer()
+        return _renderers[self.still.identity].render(self.number)
+
+
+_renderers: dict[str, Renderer] = {}
+
+
+class KeptBands:
+    """The finished bands of a still in a folder; like an array of rows to what writes the picture."""
+
+    def __init__(self, folder: Path, still: Still) -> None:
+        """Make the folder, and remove the bands of another still from it; InputError when it cannot be made."""
+        make_folder(folder, "choose another place with -o")
+        self._folder, self._still = folder, still
+        panel = still.display.panel
+        self.shape = panel.height_px, panel.width_px, 3
+        for path in folder.iterdir():
+            found = BAND_NAME.fullmatch(path.name)
+            if found is not None and found[1] != still.identity:
+                path.unlink(missing_ok=True)
+
+    def missing(self) -> list[Band]:
+        """Return the bands that are not there, or not whole."""
+        return [Band(self._still, k) for k in range(len(self._still.bands)) if self._read(k) is None]
+
+    def keep(self, band: Band, radiance: Radiance) -> None:
+        """Store a band; NoSpaceError when the disk is full."""
+        with replacing(self._path(band.number)) as partial, partial.open("wb") as stream:
+            np.save(stream, radiance)
+
+    def __getitem__(self, rows: slice) -> Radiance:
+        """Return some rows, which belong to one band."""
+        first, stop, _ = rows.indices(self.shape[0])
+        for number, band in enumerate(self._still.bands):
+            if first in band:
+                found = self._read(number)
+                if found is None:
+                    raise input_error(str(self._path(number)), "is gone or broken", "render again")
+                return np.array(found[first - band.start : stop - band.start])
+        return np.empty((0, *self.shape[1:]), np.float32)
+
+    def remove(self) -> None:
+        """Remove the folder."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _path(self, number: int) -> Path:
+        return self._folder / f"{self._still.identity}-{number:05d}.npy"
+
+    def _read(self, number: int) -> Radiance | None:
+        rows = self._still.bands[number]
+        try:
+            found: Radiance = np.load(self._path(number), mmap_mode="r")
+        except (OSError, ValueError, EOFError):
+            return None
+        whole = found.shape == (len(rows), *self.shape[1:]) and found.dtype == np.float32
+        return found if whole else None
+
+
+#: Renders bands, in any order.
+Work = Callable[[Sequence[Band]], Iterable[tuple[Band, Rendered]]]
+
+
+def here(still: Still, scene: Scene) -> Work:
+    """Return the work that renders bands in this process, with a scene that is loaded."""
+
+    def work(bands: Sequence[Band]) -> Iterator[tuple[Band, Rendered]]:
+        if bands:
+            renderer = still.renderer(scene)
+            for band in bands:
+                yield band, renderer.render(band.number)
+
+    return work
+
+
+def render_bands(path: Path, still: Still, work: Work, progress: Progress) -> tuple[KeptBands, list[int]]:
+    """Render the bands of a still that its folder, PATH.bands, lacks; return all, and the numbers of the new ones.
+
+    `progress` is called with (rows there, rows in all).
+
+    Raises InputError and NoSpaceError when a file cannot be written, or a band exceeds the memory limit, and what
+    `work` raises; the finished bands are kept.
+    """
+    panel = still.display.panel
+    check_band_memory(still)
+    kept = KeptBands(path.with_name(f"{path.name}.bands"), still)
+    missing = kept.missing()
+    done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
+    progress(done, panel.height_px)
+    for band, (radiance, _) in work(missing):
+        kept.keep(band, radiance)
+        done += len(radiance)
+        progress(done, panel.height_px)
+    return kept, [band.number for band in missing]
+
+
+def write_still(path: Path, still: Still, kept: KeptBands) -> None:
+    """Write the picture of all its bands, and remove their folder; InputError when it cannot be written."""
+    panel = still.display.panel
+    write_picture(path, kept, still.metadata, panel.transfer, panel.bits)
+    kept.remove()
+
+
+def check_band_memory(still: Still) -> None:
+    """Raise InputError when a band exceeds the memory limit."""
+    most = max(len(rows) for rows in still.bands) * still.display.panel.width_px
+    # Radiance in float32 three times, as for a picture in memory.
+    needed = BASE_MEMORY_MB + 3.0 * most * 3 * 4 / 1e6
+    what = f"a band of {most // still.display.panel.width_px} rows of {still.display.panel.width_px} pixels"
+    check_memory_mb(needed, still.options.settings.memory_mb, what, "raise --memory-mb")
+
+
+def is_kept(display: Display, samples: int) -> bool:
+    """Tell whether a picture is so large, or takes so long, that its bands are kept."""
+    pixels = display.panel.width_px * display.panel.height_px
+    return pixels > KEPT_PIXELS or pixels * samples > KEPT_SAMPLES

@@ -1,0 +1,174 @@
+"""Pictures rendered by bands: the same pixels, by one process or many, after an interruption or a lost worker."""
+
+import json
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.images import read_picture
+from lippmann.rendering import renderer
+from lippmann.rendering.bands import Band, here, render_bands, still_of, write_still
+from lippmann.rendering.integral import RenderOptions, render_image
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings
+from test_film import DISPLAY, SCENE
+from test_film_cluster import Cluster, until
+
+#: Settings whose pixels depend on random numbers, and on none.
+SETTINGS = (Settings(samples=3, integrator="path", seed=4), Settings(samples=1))
+
+
+@pytest.fixture
+def place(tmp_path):
+    (tmp_path / "three.xml").write_text(SCENE)
+    (tmp_path / "small.toml").write_text(DISPLAY.replace("= 32", "= 300"))
+    return tmp_path
+
+
+@pytest.fixture
+def narrow(monkeypatch, mi):
+    """Bands of 64 rows."""
+    monkeypatch.setitem(renderer.BAND_PIXELS, "llvm", 1)
+
+
+def still(place, settings):
+    display = load_display(place / "small.toml")
+    return still_of(RenderOptions("exact", settings=settings), place / "three.xml", display, Placement(), None, print)
+
+
+def quiet(done, total):
+    """Show no progress."""
+
+
+@pytest.mark.parametrize("settings", SETTINGS)
+def test_bands_are_the_picture(place, narrow, settings):
+    whole, scene = still(place, settings)
+    assert [len(rows) for rows in whole.bands] == [64, 64, 64, 64, 44]
+    told = []
+    kept, rendered = render_bands(place / "a.exr", whole, here(whole, scene), lambda *done: told.append(done))
+    assert (rendered, told) == ([0, 1, 2, 3, 4], [(n, 300) for n in (0, 64, 128, 192, 256, 300)])
+    write_still(place / "a.exr", whole, kept)
+    image = render_image(scene, whole.display, whole.options)
+    image.save(place / "b.exr")
+    ours, theirs = (read_picture(place / name) for name in ("a.exr", "b.exr"))
+    np.testing.assert_array_equal(ours.radiance, theirs.radiance)
+    assert ours.metadata == theirs.metadata
+    assert not (place / "a.exr.bands").exists()
+    # Any band alone, as a worker renders it.
+    np.testing.assert_array_equal(Band(whole, 3).render()[0], image.radiance[192:256])
+
+
+def test_an_interrupted_render_goes_on(place, narrow):
+    whole, scene = still(place, SETTINGS[0])
+
+    def stopped(missing):
+        for band, rendered in here(whole, scene)(missing):
+            if band.number == 2:
+                raise KeyboardInterrupt
+            yield band, rendered
+
+    with pytest.raises(KeyboardInterrupt):
+        render_bands(place / "a.tif", whole, stopped, quiet)
+    folder = place / "a.tif.bands"
+    assert len(list(folder.iterdir())) == 2
+    assert not (place / "a.tif").exists()
+    # One is cut short; and there are bands of another render.
+    first = sorted(folder.iterdir())[0]
+    first.write_bytes(first.read_bytes()[:-5])
+    (folder / f"{'0' * 16}-00003.npy").write_bytes(b"another's")
+    (folder / "notes.txt").write_text("the user's")
+    kept, rendered = render_bands(place / "a.tif", whole, here(whole, scene), quiet)
+    assert rendered == [0, 2, 3, 4]
+    assert len(list(folder.iterdir())) == 6
+    write_still(place / "a.tif", whole, kept)
+    image = render_image(scene, whole.display, whole.options)
+    np.testing.assert_array_equal(read_picture(place / "a.tif").radiance, image.radiance)
+
+
+@pytest.mark.parametrize(
+    "change", [{"seed": 5}, {"samples": 2}, {"integrator": "lights"}, {"max_depth": 2}, {"aperture": "full"}]
+)
+def test_other_settings_are_another_picture(place, mi, change):
+    one, _ = still(place, SETTINGS[0])
+    other, _ = still(place, replace(SETTINGS[0], **change))
+    assert one.identity != other.identity
+    same, _ = still(place, replace(SETTINGS[0], memory_mb=5000.0))
+    assert one.identity == same.identity
+
+
+def test_a_limit_below_one_band_is_refused(place, narrow):
+    whole, scene = still(place, Settings())
+    small = replace(whole, options=replace(whole.options, settings=Settings(memory_mb=100.0)))
+    refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise --memory-mb"
+    with pytest.raises(InputError, match=refusal):
+        render_bands(place / "a.exr", small, here(small, scene), quiet)
+    assert not (place / "a.exr.bands").exists()
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+#: A panel of four bands.
+LARGE = DISPLAY.replace("= 46", "= 2048").replace("= 32", "= 2048")
+RENDER = ("render", "three.xml", "--display", "large.toml", "--samples", "1", "--model", "exact", "--device", "llvm")
+
+
+@pytest.fixture
+def large(place):
+    (place / "large.toml").write_text(LARGE)
+    return place
+
+
+def started(place, *words):
+    command = [sys.executable, "-m", "lippmann", *RENDER, "--json", *words]
+    return subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def told(process):
+    out, error = process.communicate(timeout=120.0)
+    assert process.returncode == 0, error
+    return json.loads(out)
+
+
+def test_a_killed_worker_loses_its_band_only(large, mi, monkeypatch):
+    """Of two workers one is killed; the picture is whole, and equal to one process's."""
+    cluster = Cluster(large)
+    try:
+        first, _ = cluster.worker(), cluster.worker()
+        process = started(large, "-o", "shared.exr", "--scheduler", cluster.address)
+        folder = large / "shared.exr.bands"
+        until(lambda: (folder.is_dir() and any(folder.iterdir())) or process.poll() is not None, "no bands")
+        first.send_signal(signal.SIGKILL)
+        said = told(process)
+    finally:
+        cluster.stop()
+    assert (said["bands"], said["bands_kept"]) == (4, 0)
+    monkeypatch.chdir(large)
+    assert run([*RENDER, "-o", "alone.exr"]) == 0
+    ours, theirs = (read_picture(large / f"{name}.exr") for name in ("alone", "shared"))
+    np.testing.assert_array_equal(ours.radiance, theirs.radiance)
+    assert ours.metadata == theirs.metadata
+
+
+def test_own_workers_and_a_killed_command(large, mi):
+    """A command that starts its workers is killed; the next one goes on, and leaves nothing."""
+    process = started(large, "-o", "a.png", "--workers", "2")
+    folder = large / "a.png.bands"
+    until(lambda: (folder.is_dir() and any(folder.glob("[0-9a-f]*.npy"))) or process.poll() is not None, "no bands")
+    process.kill()
+    process.communicate()
+    said = told(started(large, "-o", "a.png", "--workers", "2"))
+    assert said["bands"] == 4
+    assert said["bands_kept"] >= 1
+    assert sorted(path.name for path in large.glob("*a.png*")) == ["a.png"]
+
+
+def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):
+    monkeypatch.chdir(large)
+    assert run([*RENDER, "-o", "a.png", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "--workers and --scheduler" in capfd.readouterr().err
