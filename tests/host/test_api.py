@@ -383,3 +383,9 @@ def test_importing_the_package_loads_nothing_large():
     code = "import sys, lippmann; print([m for m in ('numpy', 'mitsuba', 'PIL', 'click') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, env=os.environ)
     assert done.stdout.strip() == "[]"
+
+
+def test_nothing_loads_scipy_that_does_not_need_it():
+    """It took as long to load as everything else of a render's command."""
+    code = "import sys, lippmann.cli.render; sys.exit('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

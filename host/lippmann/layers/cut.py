@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from lippmann.display import Display
 from lippmann.engines import trace
@@ -230,6 +229,8 @@ def _picture(
 
 def _continued(seen: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
     """Return a slab's picture that goes on with the nearer slab's surfaces, `hidden_mm` beyond its own ones."""
+    from scipy.ndimage import distance_transform_edt  # at its first use: it takes as long to load as all of render
+
     own = seen.coverage > COVERED
     if not own.any():
         return seen

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from lippmann.layers.stack import COLOURS, Bytes, Floats, alpha_of, bytes_of
 
@@ -74,6 +73,8 @@ def _seen(rgba: Bytes) -> Floats:
 
 def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
     """Return the palette's colour nearest to each colour; opaque ones take opaque ones only."""
+    from scipy.spatial import KDTree  # at its first use: it takes as long to load as all of render
+
     place = KDTree(_seen(palette)).query(_seen(rgba))[1]
     opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
     if len(solid) and opaque.any():
