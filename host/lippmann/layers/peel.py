@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from lippmann import interrupts
 from lippmann.layers.stack import Floats
 from lippmann.optics.sampling import points_in_square
-from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, make_integrator, scene_ray
+from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, first_hit, make_integrator
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
 from lippmann.variant import current_device, mitsuba
@@ -93,7 +93,7 @@ def peel(
         index = dr.arange(mi.UInt32, count * samples)
         texel = dr.opaque(mi.UInt32, first) + index // samples
         lines = _lines(area, eye_mm, size, texel, index % samples, settings)
-        ray, valid, z = _first_hit(scene, lines, front)
+        ray, valid, z = first_hit(scene, lines, front)
         seen = valid & (z >= dr.opaque(mi.Float, back))
         if surroundings:
             seen |= ~valid
@@ -125,7 +125,7 @@ def seen_depths(
     front = min(scene.placement.near_mm, eye_mm[2])
     index = dr.arange(mi.UInt32, size[0] * size[1])
     lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, size[0] * size[1]), settings)
-    _, valid, z = _first_hit(scene, lines, front)
+    _, valid, z = first_hit(scene, lines, front)
     shape = size[1], size[0]
     depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(shape)
     colour = np.sqrt(np.clip(peel(scene, area, eye_mm, (front, -math.inf), size, settings).light, 0.0, 1.0))
@@ -168,15 +168,3 @@ def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Any, sample:
     eye_x, eye_y, eye_z, depth = (dr.opaque(mi.Float, value) for value in (*eye_mm, area.depth_mm))
     ray = dr.normalize(mi.Vector3f(eye_x - x, eye_y - y, eye_z - depth))
     return Lines((x, y, depth), (ray.x, ray.y, ray.z), mi.Bool(True))
-
-
-def _first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, Any]:
-    """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
-    mi = mitsuba()
-    import drjit as dr
-
-    placed = replace(scene, placement=replace(scene.placement, near_mm=front_mm, far_mm=None))
-    ray = scene_ray(placed, lines)
-    si = scene.mitsuba.ray_intersect(ray)
-    front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
-    return ray, si.is_valid(), front - scale * si.t * lines.direction[2]

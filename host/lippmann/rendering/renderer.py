@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann import interrupts
 from lippmann.display import Display
@@ -387,6 +388,36 @@ def peak_memory_mb() -> float:
     """Return the peak memory of this process so far, MB."""
     # Unlike /proc, the resource usage is what a process inherits from its parent.
     return proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, Any]:
+    """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
+    mi = mitsuba()
+    import drjit as dr
+
+    placed = replace(scene, placement=replace(scene.placement, near_mm=front_mm, far_mm=None))
+    ray = scene_ray(placed, lines)
+    si = scene.mitsuba.ray_intersect(ray)
+    front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
+    return ray, si.is_valid(), front - scale * si.t * lines.direction[2]
+
+
+def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
+    """Return the depth z, mm, of the surface that an eye sees at each pixel's centre, (height, width).
+
+    Where there is none it is -infinity.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    near = scene.placement.near_mm
+    front = eye_mm[2] if near is None else min(near, eye_mm[2])
+    number = dr.arange(mi.UInt32, window.width_px * window.height_px)
+    whole = _Part.of([Box(0.0, 0.0, 1.0, 1.0)])
+    lines = _lines(eye_source(eye_mm, window), Settings(), number, dr.zeros(mi.UInt32, 1), whole)
+    _, valid, depth = first_hit(scene, lines, front)
+    found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
+    return found.reshape(window.height_px, window.width_px)
 
 
 def process_seconds() -> float:
