@@ -228,11 +228,14 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
             progress(done, tiles)
 
     started, cpu_before = time.perf_counter(), time.process_time()
-    radiance = np.empty((source.height_px, source.width_px, 3), np.float32)
-    lost = []
-    for number, rows in enumerate(renderer.bands):
-        radiance[rows.start : rows.stop], counts = renderer.render(number, told)
-        lost.append(counts)
+    radiance, counts = renderer.render(0, told)
+    lost = [counts]
+    if len(renderer.bands) > 1:
+        first, radiance = radiance, np.empty((source.height_px, source.width_px, 3), np.float32)
+        radiance[: len(first)] = first
+        for number, rows in enumerate(renderer.bands[1:], 1):
+            radiance[rows.start : rows.stop], counts = renderer.render(number, told)
+            lost.append(counts)
     finished, cpu_after = time.perf_counter(), time.process_time()
     traced = source.width_px * source.height_px * renderer.rays
     return Rendered(
