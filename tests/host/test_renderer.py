@@ -84,6 +84,18 @@ def test_another_eye_placement_or_seed_needs_no_compilation(mi, tmp_path):
     assert work(2.5, 8) == found
 
 
+@pytest.mark.parametrize("samples", [1, 3])
+@pytest.mark.parametrize("integrator", ["lights", "moment"])
+def test_a_picture_without_light_is_black_at_any_size(mi, tmp_path, integrator, samples):
+    """`moment` alone computes nothing: the recording of its program kept the size of the first tile."""
+    scene = load_scene(write_scene(tmp_path / "s.xml", placement="near_mm = 10.0\nfar_mm = -10.0"))
+    view = render_view(
+        scene, (0.0, 0.0, 300.0), Window(8.0, 6.0, 96, 72), Settings(samples, integrator=integrator)
+    ).radiance
+    assert view.shape == (72, 96, 3)
+    np.testing.assert_array_equal(view, 0.0)
+
+
 # --- furnace --------------------------------------------------------------------------------------
 
 

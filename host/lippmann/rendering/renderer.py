@@ -280,7 +280,9 @@ def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..
             sampler = mi.load_dict({"type": "independent"})
             sampler.seed(seed, dr.width(index))
             radiance, _, _ = integrator.sample(scene.mitsuba, sampler, scene_ray(scene, lines), None, active)
-            colour = dr.select(active, mi.Color3f(radiance), 0.0)
+            # Not 0.0: where all is black, the recording would keep one tile's black for a picture of any size.
+            black = mi.Float(index >> 31)
+            colour = dr.select(active, mi.Color3f(radiance), black)
             # Evaluated before the sums, because each sum would trace the rays again.
             dr.eval(colour, lost)
             for k in channels:
