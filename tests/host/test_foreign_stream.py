@@ -24,7 +24,7 @@ from lippmann.diagnose.bounds import load_bounds
 from lippmann.diagnose.coverage import BEYOND_WORDS, POINTS, covered, summary
 from lippmann.diagnose.faults import golden
 from lippmann.diagnose.judge import judge
-from lippmann.diagnose.stream import StreamReader
+from lippmann.diagnose.stream import ANSWERED, ASKED, StreamReader, _whole
 from lippmann.display import load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words
@@ -669,3 +669,35 @@ def test_options_that_do_not_go_together(tmp_path, capsys):
         assert run(arguments) == 2
         assert said in capsys.readouterr().err
     assert not Path(tmp_path / "v").exists()
+
+
+# --- numbers --------------------------------------------------------------------------------------
+
+SPELLINGS = (repr, "{:.17g}".format, "{:.25e}".format, "{:+.17g}".format, lambda x: f"{x:.17f}"[:300])
+
+
+@pytest.mark.parametrize("count", [1, 200])
+@pytest.mark.parametrize("spelling", range(len(SPELLINGS)))
+def test_numbers_are_python_s_in_every_spelling(spelling, count):
+    """JSON's parser reads most of them, numpy's the rest; signs of zeros too."""
+    random = np.random.default_rng([1126, spelling])
+    columns = ASKED + ANSWERED
+    values = np.frombuffer(random.bytes(8 * count * columns), np.float64)
+    values = np.where(np.isfinite(values) & (np.abs(values) > 1e-290), values, -0.0).reshape(count, columns).copy()
+    values[:, 0] = np.arange(count)
+    values[:, ASKED : ASKED + 3] = random.integers(-5, 5, (count, 3))
+    text = [[SPELLINGS[spelling](float(x)) for x in row] for row in values]
+    expected = np.array([[float(word) for word in row] for row in text])
+    for minus in ("-0", "-0.0", "1."):
+        text[-1][-1], expected[-1, -1] = minus, float(minus)
+        found = _whole([f"{' '.join(row)}\n".encode() for row in text])
+        np.testing.assert_array_equal(found, expected[:, 1:])
+        np.testing.assert_array_equal(np.signbit(found), np.signbit(expected[:, 1:]))
+
+
+@pytest.mark.parametrize("wrong", ["1,5", "[1", "null", "nan", "1e400", "0x1", "1_0", '"1"', "", "true"])
+def test_what_is_no_number_is_looked_at(wrong):
+    row = ["0"] * (ASKED + ANSWERED)
+    assert _whole([f"{' '.join(row)}\n".encode()]) is not None
+    row[2] = wrong
+    assert _whole([f"{' '.join(row)}\n".encode()]) is None
