@@ -341,9 +341,10 @@ def test_a_board_that_was_closed(small):
 #: Options of the command line and parameters of the functions that the page lists as differing.
 RENAMED = re.compile(r"^\| (`--[^|]+) \| `([^|]+)` \|$", re.M)
 #: Options that say where a command reads or writes, which a function has as a return value or an argument; --filter is
-#: an argument of `lp.draw`.
+#: an argument of `lp.draw`. Functions return pictures in memory, which are not shared among processes.
 FILES = {
-    "render": {"display", "o", "json", "filter"}, "capture": {"setup", "o", "json", "size", "display_out"},
+    "render": {"display", "o", "json", "filter", "workers", "scheduler"},
+    "capture": {"setup", "o", "json", "size", "display_out"},
     "observe": {"display", "o", "json", "sweep", "frames", "sheet", "force"},
     "view": {"display", "o", "json", "direct", "scene", "serve", "tcp_port", "force"},
 }  # fmt: skip

@@ -11,14 +11,16 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import imageio_ffmpeg
+import lippmann as lp
 import numpy as np
 import pytest
 from lippmann import __version__, interrupts
 from lippmann.cli import COMMANDS, doctor, run
-from lippmann.errors import MissingLibraryError
+from lippmann.errors import InputError, MissingLibraryError
 from lippmann.images import read_picture
 from lippmann.link.port import open_port
 from model_board import ModelBoard
@@ -584,10 +586,20 @@ def test_bad_render_options(place, capfd, mi, options, message):
     assert not (place / "a.exr").exists()
 
 
-def test_a_panel_too_big_for_memory(place, capfd):
+def test_a_panel_too_big_for_memory_or_disk(place, capfd, monkeypatch):
+    """The command keeps a band in memory, and all on disk; the function keeps all in memory."""
     (place / "huge.toml").write_text(TINY.replace("= 64\n", "= 65535\n").replace("= 48\n", "= 65535\n"))
-    line = refused(capfd, "render", "ball.xml", "--display", "huge.toml", "-o", "a.exr", "--memory-mb", "16000")
-    assert re.search(r"huge\.toml: panel\.width_px.*65535 x 65535.*needs \d{6} MB, the limit is 16000 MB", line)
+    words = ("render", "ball.xml", "--display", "huge.toml", "-o", "a.exr", "--near", "9", "--device", "llvm")
+    lines = lippmann(capfd, *words, "--memory-mb", "600")[2].splitlines()
+    refusal = "lippmann: a band of 64 rows of 65535 pixels: needs 651 MB, the limit is 600 MB; raise --memory-mb"
+    assert lines[-1] == refusal
+    monkeypatch.setattr("shutil.disk_usage", lambda place: SimpleNamespace(free=50e9))
+    code, _, error = lippmann(capfd, *words)
+    assert code == 3
+    assert re.search(r"a\.exr\.bands: needs 5\d{4} MB on the disk, 50000 MB are free; free space", error)
+    assert not list(place.glob("a.exr*"))
+    with pytest.raises(InputError, match=r"huge\.toml: panel\.width_px.*65535 x 65535.*needs \d{6} MB"):
+        lp.render("ball.xml", place / "huge.toml", memory_mb=16000, device="llvm")
 
 
 @pytest.mark.parametrize(
@@ -714,7 +726,7 @@ main(sys.argv[1:])
 def test_ctrl_c_leaves_nothing_half_written(place, number, code):
     (place / "a.exr").write_bytes(b"of old")
     process = subprocess.Popen(
-        [sys.executable, "-c", SLOW_RENDER, *render("-o", "a.exr", "--samples", "60000", "--json")],
+        [sys.executable, "-c", SLOW_RENDER, *render("-o", "a.exr", "--samples", "40000", "--json")],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

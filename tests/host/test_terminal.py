@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from lippmann import errors
 from lippmann.cli import run
-from lippmann.film import cluster
 from lippmann.film.video import write_video
+from lippmann.rendering import cluster
 
 NAMED = (
     'name = "evil\\u001b]0;title\\u0007\\u009b31m\\u202etxt\\u007f"\ngap_mm = 3.3\n'

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.display import Display
-from lippmann.errors import input_error
+from lippmann.errors import NoSpaceError, input_error
 from lippmann.files import make_folder, replacing
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import metadata_of
@@ -215,7 +215,9 @@ def render_bands(path: Path, still: Still, work: Work, progress: Progress) -> tu
     """
     panel = still.display.panel
     check_band_memory(still)
-    kept = KeptBands(path.with_name(f"{path.name}.bands"), still)
+    folder = path.with_name(f"{path.name}.bands")
+    _check_disk(folder, still)
+    kept = KeptBands(folder, still)
     missing = kept.missing()
     done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
     progress(done, panel.height_px)
@@ -231,6 +233,16 @@ def write_still(path: Path, still: Still, kept: KeptBands) -> None:
     panel = still.display.panel
     write_picture(path, kept, still.metadata, panel.transfer, panel.bits)
     kept.remove()
+
+
+def _check_disk(folder: Path, still: Still) -> None:
+    """Raise NoSpaceError when a disk has no room for the bands of a still that are not there yet."""
+    there = sum(path.stat().st_size for path in folder.glob(f"{still.identity}-*.npy")) if folder.is_dir() else 0
+    needed = still.display.panel.width_px * still.display.panel.height_px * 3 * 4 - there
+    free = shutil.disk_usage(folder.parent).free
+    if needed > free:
+        what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
+        raise NoSpaceError.at(str(folder), what, "free space or choose another place with -o")
 
 
 def check_band_memory(still: Still) -> None:
