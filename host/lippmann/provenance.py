@@ -7,6 +7,8 @@ import importlib.metadata
 import os
 import platform
 import re
+import shutil
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,6 +21,16 @@ def machine_name() -> str:
     named = re.search(r"^model name\s*:(.*)$", information.read_text() if information.exists() else "", re.MULTILINE)
     model = named[1].strip() if named else platform.processor() or "unknown processor"
     return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
+
+
+def gpu_name() -> str:
+    """Return the names of the GPUs that the driver tells; "" without its program."""
+    program = shutil.which("nvidia-smi")
+    if program is None:
+        return ""
+    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
+    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
+    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
 
 
 def pixel_versions() -> dict[str, str]:

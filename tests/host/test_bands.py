@@ -1,6 +1,8 @@
 """Pictures rendered by bands: the same pixels, by one process or many, after an interruption or a lost worker."""
 
+import io
 import json
+import pickle
 import signal
 import subprocess
 import sys
@@ -17,6 +19,7 @@ from lippmann.rendering.bands import Band, here, render_bands, still_of, write_s
 from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
+from lippmann.sim.tools import repository
 from test_film import DISPLAY, SCENE
 from test_film_cluster import Cluster, until
 
@@ -89,6 +92,48 @@ def test_an_interrupted_render_goes_on(place, narrow):
     write_still(place / "a.tif", whole, kept)
     image = render_image(scene, whole.display, whole.options)
     np.testing.assert_array_equal(read_picture(place / "a.tif").radiance, image.radiance)
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
+def npy(array, **options):
+    stream = io.BytesIO()
+    np.save(stream, array, **options)
+    return stream.getvalue()
+
+
+def npz(array):
+    stream = io.BytesIO()
+    np.savez(stream, array)
+    return stream.getvalue()
+
+
+ROWS = np.zeros((64, 46, 3), np.float32)
+HEADER = npy(ROWS)[:128]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(b"", b"no band", HEADER, npy(ROWS)[:-1], npz(ROWS), npy(ROWS.astype(np.float64)), npy(ROWS[:-1])),
+        *(npy(np.array([{"a": 1}], object), allow_pickle=True), HEADER.replace(b"(64, 46, 3)", b"(-4, 46, 3)")),
+        HEADER.replace(b"(64, 46, 3), }", b"(6400000, 4600000, 3), }"[:14]),
+    ],
+)
+def test_what_is_no_band_is_rendered_again(place, narrow, content):
+    whole, scene = still(place, SETTINGS[1])
+    folder = place / "a.exr.bands"
+    folder.mkdir()
+    (folder / f"{whole.identity}-00000.npy").write_bytes(content)
+    _, rendered = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+    assert rendered == [0, 1, 2, 3, 4]
+
+
+def test_a_worker_takes_the_bands_of_the_command(place, narrow, monkeypatch):
+    """Bands depended on the device of who asked, so that a worker with a GPU rendered other rows."""
+    whole, scene = still(place, SETTINGS[1])
+    monkeypatch.setitem(renderer.BAND_PIXELS, "llvm", 1 << 30)
+    expected = render_image(scene, whole.display, whole.options).radiance
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(Band(whole, 2))).render()[0], expected[128:192])
 
 
 @pytest.mark.parametrize(
@@ -136,8 +181,10 @@ def told(process):
 
 
 def test_a_killed_worker_loses_its_band_only(large, mi, monkeypatch):
-    """Of two workers one is killed; the picture is whole, and equal to one process's."""
-    cluster = Cluster(large)
+    """Of two workers, in another folder, one is killed; the picture is whole, and equal to one process's."""
+    elsewhere = large / "elsewhere"
+    elsewhere.mkdir()
+    cluster = Cluster(elsewhere)
     try:
         first, _ = cluster.worker(), cluster.worker()
         process = started(large, "-o", "shared.exr", "--scheduler", cluster.address)
@@ -172,3 +219,10 @@ def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):
     monkeypatch.chdir(large)
     assert run([*RENDER, "-o", "a.png", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "--workers and --scheduler" in capfd.readouterr().err
+
+
+def test_layers_are_not_shared(large, monkeypatch, capfd):
+    monkeypatch.chdir(large)
+    layers = repository() / "scenes/layers/fish"
+    assert run(["render", str(layers), "--display", "large.toml", "-o", "a.png", "--workers", "2"]) == 2
+    assert "--workers is for scenes; leave it out with layers" in capfd.readouterr().err

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.content.quilt import quilt_path
-from lippmann.content.views import depths_seen, eyes_of, of_scene
+from lippmann.content.views import eyes_of, of_scene
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import psnr_db, read_picture
 from lippmann.observer import Eye, whole_window
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.renderer import Settings, first_depths
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
 from PIL import Image
@@ -123,7 +123,7 @@ def test_depths_by_hand(mi, place, capfd):
     scene = load_scene("balls.xml")
     window = Window(0.2, 4.0, 1, 41)
     for distance in (250.0, 22.0):
-        seen = depths_seen(scene, (0.0, 0.0, distance), window)[..., 0]
+        seen = first_depths(scene, (0.0, 0.0, distance), window)
         assert seen[20, 0] == pytest.approx(0.25, abs=1e-4)
         hits = np.isfinite(seen)
         assert hits.any()

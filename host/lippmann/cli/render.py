@@ -31,7 +31,7 @@ from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.variant import current_device, start_mitsuba
 
 #: Options that only scenes have.
-OF_SCENES = ("aperture", "integrator", "max_depth", "tolerance", "memory_mb", "device")
+OF_SCENES = ("aperture", "integrator", "max_depth", "tolerance", "memory_mb", "workers", "scheduler", "device")
 
 
 @make_command("render")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,9 +12,9 @@ from lippmann.errors import InputError
 from lippmann.images import Radiance
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, observe
-from lippmann.rendering.renderer import Settings, first_depths, render_rays, render_view
+from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.sources import Window, lens_source
+from lippmann.rendering.sources import Window
 from lippmann.viewing import middle_eye, viewing_distance, zones
 
 #: Share of the viewing zone that the eyes take: at its ends crosstalk begins.
@@ -33,13 +32,10 @@ def of_scene(scene: Scene, window: Window, settings: Settings) -> Sight:
     """Return the sight of a scene, without a display; an eye with a pupil sees depths out of focus blurred."""
 
     def seen(eye: Eye) -> Radiance:
-        if eye.pupil_mm == 0.0:
-            return render_view(scene, eye.position_mm, window, settings).radiance
-        placed = scene
-        if scene.placement.near_mm is not None and scene.placement.near_mm > eye.position_mm[2]:
-            placed = replace(scene, placement=replace(scene.placement, near_mm=eye.position_mm[2], far_mm=None))
-        source = lens_source(eye.position_mm, eye.pupil_mm, eye.focus_z_mm, window)
-        return render_rays(placed, source, settings).radiance
+        rendered = render_view(
+            scene, eye.position_mm, window, settings, pupil_mm=eye.pupil_mm, focus_z_mm=eye.focus_z_mm
+        )
+        return rendered.radiance
 
     return seen
 
@@ -79,15 +75,6 @@ def eyes_of(
         return [0.0] if count == 1 else np.linspace(-reach, reach, count).tolist()
 
     return [(x + right, y + up, z) for up in steps(down, reach_y) for right in steps(across, reach_x)]
-
-
-def depths_seen(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> Radiance:
-    """Return the depth z, mm, of the surface that an eye sees at each pixel's centre, (height, width, 3) float32.
-
-    The three channels are equal. Where there is none it is -infinity.
-    """
-    depths = first_depths(scene, eye_mm, window)
-    return np.repeat(depths[:, :, None], 3, axis=2)
 
 
 def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:

@@ -16,7 +16,6 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.search import Floats
@@ -450,6 +449,8 @@ def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, ...]]
 
     One of which the other leaves nothing to explain is left out.
     """
+    from scipy.optimize import least_squares  # at its first use: right rays need no fit
+
     for names in combinations(FITTED, 2):
         old = [value for name in names if (value := _number_of(name, given.display)) is not None]
         if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:

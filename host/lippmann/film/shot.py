@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import functools
-import hashlib
-import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,9 +14,8 @@ from lippmann.display import Display
 from lippmann.errors import InputError
 from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
-from lippmann.provenance import pixel_versions
 from lippmann.rendering.arrange import fitting
-from lippmann.rendering.integral import RenderOptions, render_image
+from lippmann.rendering.integral import RenderOptions, pixels_identity, render_image
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.scene import (
     Move,
@@ -62,18 +59,9 @@ class Shot:
     @property
     def identity(self) -> str:
         """Hash of everything that the pixels depend on, 16 hexadecimal digits; the frame's file carries it."""
-        options = asdict(self.options)
-        del options["settings"]["memory_mb"]
-        parts = {
-            "scene": self.digest,
-            "moves": [(move.shapes, move.matrix.tolist()) for move in self.moves],
-            "placement": asdict(self.placement),
-            "reach": (self.film.near_mm is None, self.film.far_mm is None),
-            "display": self.display.identity,
-            "options": options,
-            "versions": list(pixel_versions().values()),
-        }
-        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+        moves = [(move.shapes, move.matrix.tolist()) for move in self.moves]
+        reach = (self.film.near_mm is None, self.film.far_mm is None)
+        return pixels_identity(self.digest, self.placement, self.display, self.options, moves=moves, reach=reach)
 
 
 def shots_of(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[Shot]:

@@ -5,12 +5,14 @@ The bands that are finished stay in a folder beside the picture until it is whol
 
 from __future__ import annotations
 
-import hashlib
-import json
+import contextlib
+import functools
+import io
+import math
 import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,16 +20,16 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.errors import NoSpaceError, input_error
-from lippmann.files import make_folder, replacing
+from lippmann.files import make_folder, remove_stale, replacing
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import metadata_of
-from lippmann.provenance import pixel_versions
 from lippmann.rendering.arrange import Arrange, arranged
-from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata
+from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import BASE_MEMORY_MB, Progress, Renderer, bands_of, check_memory_mb
 from lippmann.rendering.scene import Scene, digest_of, load_scene
 from lippmann.rendering.sources import display_source
+from lippmann.select.model import TOLERANCE
 
 #: A picture of more pixels than these, or more samples, is rendered by bands that are kept.
 KEPT_PIXELS, KEPT_SAMPLES = 1 << 25, 1 << 27
@@ -49,25 +51,14 @@ class Still:
     #: With a lens model, not "auto".
     options: RenderOptions
 
+    #: The rows of its bands: chosen once, for a worker's device may prefer others.
+    bands: tuple[range, ...]
+
     @cached_property
     def identity(self) -> str:
         """Hash of everything that the pixels depend on, 16 hexadecimal digits."""
-        options = asdict(self.options)
-        del options["settings"]["memory_mb"], options["tolerance"]
-        parts = {
-            "scene": self.digest,
-            "placement": asdict(self.placement),
-            "display": self.display.identity,
-            "options": options,
-            "bands": [rows.start for rows in self.bands],
-            "versions": list(pixel_versions().values()),
-        }
-        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
-
-    @property
-    def bands(self) -> list[range]:
-        """The rows of its bands."""
-        return bands_of(self.display.panel.width_px, self.display.panel.height_px)
+        starts = [rows.start for rows in self.bands]
+        return pixels_identity(self.digest, self.placement, self.display, self.options, bands=starts)
 
     def renderer(self, scene: Scene | None = None) -> Renderer:
         """Return what renders its bands; the scene is loaded when it is not given."""
@@ -78,7 +69,7 @@ class Still:
         source = display_source(
             self.display, options.model, settings.samples, settings.aperture, options.engine, options.fraction_bits
         )
-        return Renderer(scene, source, settings)
+        return Renderer(scene, source, settings, self.bands)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -102,8 +93,11 @@ def still_of(
     if arrange is not None:
         loaded = arranged(loaded, display, arrange)
         note(f"placed by {loaded.placement}")
-    chosen = replace(options, model=chosen_model(loaded, display, options, note))
-    return Still(loaded.path, digest_of(loaded.path), loaded.placement, display, chosen), loaded
+    # No tolerance is left when the model is chosen.
+    chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
+    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px))
+    path = loaded.path.resolve()  # workers have folders of their own
+    return Still(path, digest_of(path), loaded.placement, display, chosen, bands), loaded
 
 
 @dataclass(frozen=True)
@@ -128,14 +122,14 @@ class Band:
         return f"band {self.number}"
 
     def render(self) -> Rendered:
-        """Render it; the scene and the program are kept for the next band of the same still."""
-        if self.still.identity not in _renderers:
-            _renderers.clear()
-            _renderers[self.still.identity] = self.still.renderer()
-        return _renderers[self.still.identity].render(self.number)
+        """Render it, on a worker."""
+        return _renderer(self.still).render(self.number)
 
 
-_renderers: dict[str, Renderer] = {}
+@functools.lru_cache(maxsize=1)
+def _renderer(still: Still) -> Renderer:
+    """Return a still's renderer, whose scene and program are kept for the next band."""
+    return still.renderer()
 
 
 class KeptBands:
@@ -173,20 +167,29 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def remove(self) -> None:
-        """Remove the folder."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        """Remove the bands, and the folder when nothing else is in it."""
+        for number in range(len(self._still.bands)):
+            self._path(number).unlink(missing_ok=True)
+        remove_stale(self._folder)
+        with contextlib.suppress(OSError):
+            self._folder.rmdir()
 
     def _path(self, number: int) -> Path:
         return self._folder / f"{self._still.identity}-{number:05d}.npy"
 
     def _read(self, number: int) -> Radiance | None:
-        rows = self._still.bands[number]
+        """Return a band that is there and whole; what numpy would write is compared, and nothing else is read."""
+        shape = (len(self._still.bands[number]), *self.shape[1:])
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
+        path, begin = self._path(number), header.getvalue()
         try:
-            found: Radiance = np.load(self._path(number), mmap_mode="r")
-        except (OSError, ValueError, EOFError):
+            with path.open("rb") as stream:
+                if stream.read(len(begin)) != begin or path.stat().st_size != len(begin) + 4 * math.prod(shape):
+                    return None
+            return np.memmap(path, np.dtype("<f4"), "r", len(begin), shape)
+        except OSError:
             return None
-        whole = found.shape == (len(rows), *self.shape[1:]) and found.dtype == np.float32
-        return found if whole else None
 
 
 #: Renders bands, in any order.

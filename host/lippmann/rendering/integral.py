@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Literal
@@ -14,6 +16,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.integral_image import IntegralImage
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
+from lippmann.provenance import pixel_versions
+from lippmann.rendering.placement import Placement
 from lippmann.rendering.remarks import remarks
 from lippmann.rendering.renderer import Progress, Settings, render_integral
 from lippmann.rendering.scene import Scene
@@ -84,6 +88,26 @@ def render_image(
     rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits)
     carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
     return IntegralImage(rendered.radiance, display, carried, rendered.measured)
+
+
+def pixels_identity(
+    digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
+) -> str:
+    """Return the hash, 16 hexadecimal digits, of all that a picture's pixels depend on.
+
+    `digest` is the scene's; `others` are what else they depend on, as JSON holds it.
+    """
+    given = asdict(options)
+    del given["settings"]["memory_mb"]
+    parts = {
+        "scene": digest,
+        "placement": asdict(placement),
+        "display": display.identity,
+        "options": given,
+        "versions": list(pixel_versions().values()),
+        **others,
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def image_metadata(

@@ -139,14 +139,16 @@ def bands_of(width_px: int, height_px: int) -> list[range]:
 class Renderer:
     """Renders bands of the image of a source of rays, in any order, by one program."""
 
-    def __init__(self, scene: Scene, source: RaySource, settings: Settings) -> None:
-        """Raise InputError when there is no such integrator."""
+    def __init__(
+        self, scene: Scene, source: RaySource, settings: Settings, bands: Sequence[range] | None = None
+    ) -> None:
+        """Raise InputError when there is no such integrator; `bands` are the rows of each, None: `bands_of`."""
         self._samples, self._seed = settings.samples, settings.seed
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
         self._chunk = max(1, CHUNK_SAMPLES[current_device()] // (settings.samples * TILE_PX * TILE_PX))
         self._program = _program(scene, source, settings)
-        self.bands = bands_of(self._width, self._height)
+        self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
         self.rays = settings.samples * len(_passes(source.layout))
 
@@ -458,10 +460,12 @@ def render_view(
     window: Window,
     settings: Settings,
     progress: Progress | None = None,
+    pupil_mm: float = 0.0,
+    focus_z_mm: float = 0.0,
 ) -> Rendered:
-    """Render the scene as an eye sees it through a window, without a display (see `render_rays`)."""
+    """Render the scene as an eye sees it through a window, without a display (see `render_rays`, `eye_source`)."""
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
         # Parts of the scene behind the eye are invisible.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
-    return render_rays(scene, eye_source(eye_mm, window), settings, progress)
+    return render_rays(scene, eye_source(eye_mm, window, pupil_mm, focus_z_mm), settings, progress)

@@ -115,27 +115,13 @@ class Window:
         return (u / self.width_px - 0.5) * self.width_mm, (0.5 - v / self.height_px) * self.height_mm
 
 
-def eye_source(eye_mm: tuple[float, float, float], window: Window) -> RaySource:
-    """Return the rays from an eye (mm) through a window, without a display."""
+def eye_source(
+    eye_mm: tuple[float, float, float], window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0
+) -> RaySource:
+    """Return the rays from an eye (mm) through a window, without a display.
 
-    def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
-        mi = mitsuba()
-        import drjit as dr
-
-        x, y = (mi.Float(c) for c in window.point(u, v))
-        # Opaque, so that another eye needs no compilation.
-        eye = [dr.opaque(mi.Float, c) for c in eye_mm]
-        ray = dr.normalize(mi.Vector3f(eye[0] - x, eye[1] - y, eye[2]))
-        return Lines((x, y, mi.Float(0.0)), (ray.x, ray.y, ray.z), mi.Bool(True))
-
-    return RaySource(window.width_px, window.height_px, lines)
-
-
-def lens_source(eye_mm: tuple[float, float, float], pupil_mm: float, focus_z_mm: float, window: Window) -> RaySource:
-    """Return the rays from an eye (mm) with a pupil, in focus at a depth, through a window, without a display.
-
-    A ray passes a random point of the pupil, and the point at the depth in focus that the pupil's centre sees through
-    the pixel.
+    With a pupil, a ray passes a random point of it, and the point at the depth in focus that the pupil's centre sees
+    through the pixel.
     """
 
     def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
@@ -145,10 +131,13 @@ def lens_source(eye_mm: tuple[float, float, float], pupil_mm: float, focus_z_mm:
         x, y = (mi.Float(c) for c in window.point(u, v))
         # Opaque, so that another eye needs no compilation.
         ex, ey, ez, radius, focus = (dr.opaque(mi.Float, c) for c in (*eye_mm, 0.5 * pupil_mm, focus_z_mm))
-        disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(*square))
-        reach = (ez - focus) / ez
-        point = ex + (x - ex) * reach, ey + (y - ey) * reach, focus
-        ray = dr.normalize(mi.Vector3f(ex + radius * disk.x - point[0], ey + radius * disk.y - point[1], ez - point[2]))
-        return Lines(point, (ray.x, ray.y, ray.z), mi.Bool(True))
+        z = mi.Float(0.0)
+        if pupil_mm > 0.0:
+            reach = (ez - focus) / ez
+            x, y, z = ex + (x - ex) * reach, ey + (y - ey) * reach, focus
+            disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(*square))
+            ex, ey = ex + radius * disk.x, ey + radius * disk.y
+        ray = dr.normalize(mi.Vector3f(ex - x, ey - y, ez - z))
+        return Lines((x, y, z), (ray.x, ray.y, ray.z), mi.Bool(True))
 
     return RaySource(window.width_px, window.height_px, lines)

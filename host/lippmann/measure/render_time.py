@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 from lippmann.display import Display, load_display
 from lippmann.measure.figures import in_turn
 from lippmann.measure.renderer import ROUNDS, separately, timed
+from lippmann.provenance import gpu_name
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.variant import current_device, mitsuba
@@ -79,16 +78,6 @@ def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, floa
         **{f"{stage}_seconds": value for stage, value in seconds.items()},
         "pixels_per_second": pixels / seconds["camera"],
     }
-
-
-def gpu_name() -> str:
-    """Return the names of the GPUs that the driver tells; "" without its program."""
-    program = shutil.which("nvidia-smi")
-    if program is None:
-        return ""
-    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
-    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
-    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
