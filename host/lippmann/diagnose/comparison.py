@@ -117,26 +117,28 @@ class Comparison:
         return Compared(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-def compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats) -> Comparison:
+def compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats, every: bool = True) -> Comparison:
     """Compare arrays with golden's, within bounds.
 
-    Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off.
+    Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off. Not
+    `every`: these are traced only for rays beyond the bounds. The others are right whatever they tell, so the same
+    rays are wrong.
     """
     given = foreign.given
     rays, n = golden(given), len(given.pixels)
-    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
-    edge = np.zeros(n, bool)
-    for moved in _displaced(given, panel_mm, aim_mm):
-        other = golden(moved)
-        across = np.any([(other[name] != rays[name]).any(axis=1) for name in WHOLE], axis=0)
-        edge |= across
-        for name, far in most.items():
-            far[:] = np.maximum(far, np.where(across, 0.0, np.linalg.norm(other[name] - rays[name], axis=1)))
-    limits = dict.fromkeys(WHOLE, np.zeros(n))
-    moves = np.maximum(panel_mm, aim_mm).max(axis=1)
-    limits |= {name: limit + most.get(name, moves) for name, limit in bounds.limits(given, rays).items()}
+    limits = dict.fromkeys(WHOLE, np.zeros(n)) | bounds.limits(given, rays)
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
-    seen = Comparison(given, foreign.fields, rays, limits, edge, alone)
+    seen = Comparison(given, foreign.fields, rays, limits, np.zeros(n, bool), alone)
+    chosen = np.arange(n) if every else np.flatnonzero(seen.wrong)
+    if not len(chosen):
+        return seen
+    more, across = _roundings_do(seen.some(chosen), panel_mm[chosen], aim_mm[chosen])
+    for name, extra in more.items():
+        limits[name] = limits[name].copy()
+        limits[name][chosen] += extra
+    edge = seen.edge.copy()
+    edge[chosen] = across
+    seen = replace(seen, limits=limits, edge=edge)
     on_edge = np.flatnonzero(edge)
     wrong = {name: np.zeros(n, bool) for name in foreign.fields}
     for first in range(0, len(on_edge), AT_ONCE):
@@ -144,6 +146,22 @@ def compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats) 
         for name, found in _wrong_on_edge(seen.some(some), panel_mm[some], aim_mm[some]).items():
             wrong[name][some] = found
     return replace(seen, wrong_on_edge=wrong)
+
+
+def _roundings_do(seen: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
+    """Return how far displacements move each array's rays, and which rays change status or lenslet, (N,) each."""
+    n = len(seen.edge)
+    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
+    edge = np.zeros(n, bool)
+    for moved in _displaced(seen.given, panel_mm, aim_mm):
+        other = golden(moved)
+        across = np.any([(other[name] != seen.golden[name]).any(axis=1) for name in WHOLE], axis=0)
+        edge |= across
+        for name, far in most.items():
+            moves = np.linalg.norm(other[name] - seen.golden[name], axis=1)
+            far[:] = np.maximum(far, np.where(across, 0.0, moves))
+    moves = np.maximum(panel_mm, aim_mm).max(axis=1)
+    return {name: most.get(name, moves) for name in seen.limits if name not in WHOLE}, edge
 
 
 def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[Out]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.conditioning.cases import Out
 from lippmann.conditioning.search import Bools, Floats, cell_steps
@@ -86,11 +87,17 @@ def _border(given: Out, points: Floats) -> tuple[Bools, Bools]:
     lattice = Lattice.of(array)
     x, y = points.T
     step = ULPS * np.spacing(np.abs(given.pixels).max() * max(given.display.panel.pitches_mm) + array.coarsest_mm)
-    around = []
-    for dx, dy in ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 1), (0, -1), (1, 0), (-1, 0)):
-        i, j, _, _ = lattice.locate(NumpyBackend(), x + dx * step, y + dy * step)
-        around.append(i + 1j * j)
-    cells = 1 + (np.diff(np.sort(np.stack(around), axis=0), axis=0) != 0).sum(axis=0)
+
+    def cells_at(some: npt.NDArray[np.intp], sides: Iterable[tuple[int, int]]) -> npt.NDArray[np.complex128]:
+        found = [lattice.locate(NumpyBackend(), x[some] + dx * step, y[some] + dy * step)[:2] for dx, dy in sides]
+        return np.stack([i + 1j * j for i, j in found])
+
+    # A cell that holds three points holds the triangle between them, too: these have the eight within.
+    outer = cells_at(np.arange(len(x)), ((-3, -2), (3, -2), (0, 4)))
+    near = np.flatnonzero((outer != outer[0]).any(axis=0))
+    cells = np.ones(len(x), int)
+    around = cells_at(near, ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 1), (0, -1), (1, 0), (-1, 0)))
+    cells[near] += (np.diff(np.sort(around, axis=0), axis=0) != 0).sum(axis=0)
     return np.asarray(cells >= 2), np.asarray(cells >= 3)
 
 

@@ -54,7 +54,8 @@ SIDES = ("left", "lower")
 class Verdict:
     """The judgement of foreign rays.
 
-    `rays` in the file; `on_edge` change status or lenslet within a rounding, and may be golden's on either side;
+    `rays` in the file; `on_edge` are beyond the bounds, but change status or lenslet within a rounding, so that they
+    may be golden's on either side;
     `wrong` are wrong in some array. `stage` is the first step that is wrong (None: all is right), `fault` the
     explanation (None: none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of
     a ray. `covered` are the rays that meet each point of `coverage.POINTS`.
@@ -124,17 +125,18 @@ def judge(
             _map_words(maps, foreign, foreign.words[0])
         return replace(verdict, covered=covered(foreign.given, golden(foreign.given)))
     with np.errstate(all="ignore"):  # values of any size are compared
-        seen = compare(foreign, bounds, *roundings(foreign.given))
+        seen = compare(foreign, bounds, *roundings(foreign.given), every=False)
         if maps is not None:
             _map_numbers(maps, seen)
-        return replace(_judge_numbers(foreign, seen, two_faults), covered=covered(foreign.given, seen.golden))
+        return replace(_judge_numbers(foreign, bounds, seen, two_faults), covered=covered(foreign.given, seen.golden))
 
 
-def _judge_numbers(foreign: Foreign, seen: Comparison, two_faults: bool) -> Verdict:
+def _judge_numbers(foreign: Foreign, bounds: Bounds, seen: Comparison, two_faults: bool) -> Verdict:
     compared = tuple(seen.compared(name) for name in foreign.fields)
     wrong = seen.wrong
     if wrong.any():
-        return _verdict(seen.edge, wrong, _diagnosed(seen, two_faults), compared)
+        every = compare(foreign, bounds, *roundings(foreign.given))
+        return _verdict(seen.edge, wrong, _diagnosed(every, two_faults), compared)
     if "lenslet" in foreign.fields:
         other = (foreign.fields["lenslet"] != seen.golden["lenslet"]).any(axis=1)
         sides = tied_sides(foreign.given)

@@ -41,6 +41,8 @@ from lippmann.optics.rays import Model, Status
 ASKED, ANSWERED, LOST = 5, 9, 1
 #: Longest line, bytes; most rays of a set.
 MOST_LINE, MOST_RAYS = 4096, 200_000
+#: Lines that are read together.
+PART = 2048
 #: Most lines of a set's display file.
 MOST_NOTES = 1000
 #: Names of sets.
@@ -170,7 +172,8 @@ class StreamReader:
         """Keep as many lines as the set has rays, at once; look at each when one is too long or a note."""
         now.first = self.number + 1
         some = list(islice(lines, now.expected))
-        if max(map(len, some), default=0) <= MOST_LINE and b"#" not in b"".join(some):
+        noted = any(b"#" in b"".join(part) for _, part in _parts(some))
+        if max(map(len, some), default=0) <= MOST_LINE and not noted:
             now.lines, self.number = some, self.number + len(some)
             return
         for raw in some:
@@ -293,11 +296,14 @@ def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
 
 
 _NUMBERS = msgspec.json.Decoder(list[float])
+#: All characters but blanks and ends of lines; these as commas.
+_OTHERS = bytes(set(range(256)) - set(b" \n"))
+_COMMAS = bytes.maketrans(b" \n", b",,")
 
 
 def _by_json(text: bytes) -> npt.NDArray[np.float64] | None:
     """Return the numbers between single blanks; None: numpy, which takes more than twice as long, is to read them."""
-    listed = text.rstrip().replace(b" ", b",").replace(b"\n", b",")
+    listed = text.rstrip().translate(_COMMAS)
     if b"-0," in listed or listed.endswith(b"-0"):  # a whole number without a sign here
         return None
     try:
@@ -316,11 +322,11 @@ def _by_numpy(text: bytes) -> npt.NDArray[np.float64] | None:
             return None
 
 
-def _whole(lines: list[bytes]) -> npt.NDArray[np.float64] | None:
-    """Return the numbers of lines that are all whole, each behind its ray's number; None: each is to be looked at."""
+def _rows(lines: list[bytes]) -> npt.NDArray[np.float64] | None:
+    """Return the numbers (N, 14) of N lines that have so many each; None where one has not."""
     columns, text = ASKED + ANSWERED, b"".join(lines)
     # Of lines with so many blanks none has more numbers, so each has as many when all together have.
-    single = b"\t" not in text and all(line.count(b" ") == columns - 1 for line in lines)
+    single = text.translate(None, _OTHERS) == (b" " * (columns - 1) + b"\n") * len(lines) and b"\t" not in text
     table = _by_json(text) if single else None
     if table is None:
         table = _by_numpy(text)
@@ -328,7 +334,22 @@ def _whole(lines: list[bytes]) -> npt.NDArray[np.float64] | None:
         return None
     if not single and any(len(line.split()) != columns for line in lines):
         return None
-    table = table.reshape(len(lines), columns)
+    return table.reshape(len(lines), columns)
+
+
+def _whole(lines: list[bytes]) -> npt.NDArray[np.float64] | None:
+    """Return the numbers of lines that are all whole, each behind its ray's number; None: each is to be looked at."""
+    table = np.empty((len(lines), ASKED + ANSWERED))
+    for first, some in _parts(lines):
+        rows = _rows(some)
+        if rows is None:
+            return None
+        table[first : first + len(some)] = rows
     whole = table[:, ASKED : ASKED + 3]
     good = (table[:, 0] == np.arange(len(lines))).all() and np.isfinite(table).all()
     return table[:, 1:] if good and (np.abs(whole) <= MOST_WHOLE).all() and (whole == np.round(whole)).all() else None
+
+
+def _parts(lines: list[bytes]) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield lines in parts that stay in a processor's cache, each behind the number of its first."""
+    return ((first, lines[first : first + PART]) for first in range(0, len(lines), PART))
