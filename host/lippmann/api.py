@@ -13,6 +13,7 @@ import webbrowser
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -35,18 +36,21 @@ from lippmann.layers.stack import LayerStack
 from lippmann.observer import Eye, View, whole_window
 from lippmann.observer import observe as observe_window
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.arrange import Arrange, arranged
+from lippmann.rendering.arrange import arranged
 from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.remarks import overridden
 from lippmann.rendering.renderer import Progress, Settings, check_memory
-from lippmann.rendering.scene import Part, Scene, check_scene_file
+from lippmann.rendering.scene import Arrange, Part, Scene, check_scene_file, scene_of
 from lippmann.rendering.scene import load_scene as load_scene_file
 from lippmann.rendering.sources import Aperture, Window
 from lippmann.select.model import TOLERANCE
 from lippmann.variant import VARIANTS, own_variant
 from lippmann.viewer.direct import render_directs
 from lippmann.viewer.page import Direct, page_html
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 #: Width of a view, pixels.
 VIEW_PX = 600
@@ -55,6 +59,8 @@ NOTED_PERCENT = 1.0
 PAGE_SUFFIXES = (".html", ".htm")
 
 Note = Callable[[str], None]
+#: A scene: its path, what `load_scene` returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
+SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 
 def _silent(text: str) -> None:
@@ -62,15 +68,15 @@ def _silent(text: str) -> None:
 
 
 def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
-    """Read a Mitsuba scene once, for several calls of `render`, `capture` or `view`.
+    """Read a scene once, for several calls of `render`, `capture` or `view`.
 
     Parameters
     ----------
     path
-        Mitsuba XML.
+        Mitsuba XML, or another tool's file (`lippmann.scene_files.formats`).
     placement
         Where the scene stands relative to the display. None: as in the file beside the scene; without such a file a
-        scene unit is 1 mm.
+        scene unit is 1 mm, and another tool's scene is placed by the display.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
 
@@ -83,25 +89,45 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
         return load_scene_file(path, placement)
 
 
+def _device_of(variant: str) -> str:
+    """Return the device of a variant of Mitsuba."""
+    for name, own in VARIANTS.items():
+        if own == variant:
+            return name
+    raise InputError(f"the scene is of Mitsuba's variant {variant}; load it after set_variant('{VARIANTS['llvm']}')")
+
+
 @contextlib.contextmanager
-def _loaded(scene: str | Path | Scene, placement: Placement | None, device: str) -> Iterator[Scene]:
+def _loaded(scene: SceneSource, placement: Placement | None, device: str) -> Iterator[Scene]:
     """Set Mitsuba's variant, and yield the scene; a path is loaded first."""
     if not isinstance(placement, Placement | None):
         raise InputError(f"placement {str(placement)[:80]!r} is none; give lippmann.Placement(...) or None")
-    if not isinstance(scene, Scene):
+    if isinstance(scene, str | Path):
         check_scene_file(scene)
         with own_variant(device):
             yield load_scene_file(scene, placement)
         return
-    own = next(name for name, variant in VARIANTS.items() if variant == scene.mitsuba.variant_name())
+    if not isinstance(scene, Scene):
+        # A mitsuba.Scene has its variant, by which it was loaded.
+        named = getattr(type(scene), "variant_name", None)
+        with own_variant(device) if named is None else own_variant(_device_of(named(scene))):
+            yield scene_of(scene, placement)
+        return
+    own = _device_of(scene.mitsuba.variant_name())
     if device not in ("auto", own):
         raise InputError(f"the scene was loaded for device '{own}', not '{device}'; load it again")
     with own_variant(own):
         yield scene if placement is None else scene.placed(placement)
 
 
+def _arranged(scene: Scene, display: Display, arrange: Arrange | None) -> Scene:
+    """Return a scene as a display places it."""
+    arrange = scene.usual if arrange is None else arrange
+    return scene if arrange is None else arranged(scene, display, arrange)
+
+
 def render(
-    scene: str | Path | Scene,
+    scene: SceneSource,
     display: str | Path | Display,
     samples: int = 4,
     model: ModelOption = "auto",
@@ -125,7 +151,7 @@ def render(
     Parameters
     ----------
     scene
-        Mitsuba XML, or what `load_scene` returned.
+        A path as for `load_scene`, what it returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
     display
         A display file, or what `load_display` returned.
     samples, aperture, integrator, max_depth, seed, memory_mb
@@ -159,7 +185,7 @@ def render(
 
 def render_with(
     options: RenderOptions,
-    scene: str | Path | Scene,
+    scene: SceneSource,
     display: str | Path | Display,
     placement: Placement | None = None,
     arrange: Arrange | None = None,
@@ -175,14 +201,14 @@ def render_with(
         where = f"display '{built.name}'" if isinstance(display, Display) else display
         raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None
     with _loaded(scene, placement, device) as loaded:
-        placed = loaded if arrange is None else arranged(loaded, built, arrange)
-        if arrange is not None and note is not None:
+        placed = _arranged(loaded, built, arrange)
+        if placed is not loaded and note is not None:
             note(f"placed by {placed.placement}")
         return render_image(placed, built, options, progress, note)
 
 
 def cut_layers(
-    scene: str | Path | Scene,
+    scene: SceneSource,
     display: str | Path | Display,
     counts: Sequence[int] = (4,),
     slot: tuple[int, int] = SLOT,
@@ -225,7 +251,7 @@ def cut_layers(
     """
     built, settings = display_at(display), Settings(samples=16) if settings is None else settings
     with _loaded(scene, placement, device) as loaded:
-        placed = loaded if arrange is None else arranged(loaded, built, arrange)
+        placed = _arranged(loaded, built, arrange)
         parts: tuple[Scene, Scene | None] = (placed, None)
         if apart is not None:
             rest = load_scene_file(placed.path, placed.placement, part=Part(apart, kept=False))
@@ -234,7 +260,7 @@ def cut_layers(
 
 
 def fit_layers(
-    scene: str | Path | Scene,
+    scene: SceneSource,
     display: str | Path | Display,
     tolerance_db: float = TOLERANCE_DB,
     slots: Sequence[tuple[int, int]] = SLOTS,
@@ -271,7 +297,7 @@ def fit_layers(
     """
     built = display_at(display)
     with _loaded(scene, placement, device) as loaded:
-        placed = loaded if arrange is None else arranged(loaded, built, arrange)
+        placed = _arranged(loaded, built, arrange)
         return choose_layers(placed, built, tolerance_db, slots, block_rams, multipliers, settings, progress)
 
 
@@ -341,7 +367,7 @@ def draw(
 
 
 def capture(
-    scene: str | Path | Scene,
+    scene: SceneSource,
     setup: str | Path | Setup,
     samples: int = 4,
     *,
@@ -390,7 +416,7 @@ def capture(
     panel = built.display.panel
     check_memory(panel.width_px, panel.height_px, settings)
     placement = None
-    if not isinstance(scene, Scene):
+    if isinstance(scene, str | Path):
         path = None if isinstance(setup, Setup) else setup
         placement = placement_before(built, check_scene_file(scene), path)
     with _loaded(scene, placement, device) as loaded:
@@ -469,7 +495,7 @@ def observe(
 def view(
     image: IntegralImage,
     path: str | Path | None = None,
-    scene: str | Path | Scene | None = None,
+    scene: SceneSource | None = None,
     *,
     title: str = "Integral image",
     placement: Placement | None = None,
@@ -517,7 +543,7 @@ def view(
 
 def view_page(
     image: IntegralImage,
-    scene: str | Path | Scene | None = None,
+    scene: SceneSource | None = None,
     directs: Sequence[Direct] = (),
     *,
     title: str = "Integral image",
@@ -531,6 +557,6 @@ def view_page(
     check_image(image)
     if scene is not None:
         with _loaded(scene, placement, device) as loaded:
-            placed = loaded if arrange is None else arranged(loaded, image.display, arrange)
+            placed = _arranged(loaded, image.display, arrange)
             directs = [*directs, *render_directs(placed, image.display, seed, progress)]
     return page_html(image.display, image.radiance, title, directs).encode("utf-8")

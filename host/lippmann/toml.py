@@ -36,7 +36,7 @@ Schema = dict[str, Any]
 KINDS = {
     "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
     "scene": "film", "world": "film", "layers": "layer film", "panel": "display", "gap_mm": "display",
-    "picture": "pictures",
+    "picture": "pictures", "depth_picture": "depth picture",
 }  # fmt: skip
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"

@@ -287,7 +287,7 @@ def test_true_processes(place):
         (["bench", "re"], {"render"}),
         (["render", "--sam"], {"--samples"}),
         (["render", "--model", "p"], {"pinhole", "paraxial"}),
-        (["inspect", "--schema", "d"], {"display"}),
+        (["inspect", "--schema", "d"], {"display", "depth_picture"}),
     ],
 )
 def test_bash_completes(words, expected):
@@ -522,7 +522,7 @@ def test_what_is_no_scene(place, capfd, mi):
         (".", "is a folder; give a Mitsuba scene"),
         ("folder.xml", "is a folder; give a Mitsuba scene"),
         ("folded.xml", "no such scene; give"),
-        ("tiny.toml", r"is not a Mitsuba scene; give an \.xml"),
+        ("tiny.toml", r"is no scene; give a Mitsuba scene \(\.xml\), a mesh"),
         ("shape.xml", "contains no scene; make <scene>"),
     ):
         line = refused(capfd, "render", name, "--display", "tiny.toml", "-o", "a.exr")

@@ -7,12 +7,12 @@ import re
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.content.quilt import quilt_path
 from lippmann.content.views import eyes_of, of_scene
 from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import psnr_db, read_picture
 from lippmann.observer import Eye, whole_window
+from lippmann.quilt import quilt_path
 from lippmann.rendering.renderer import Settings, first_depths
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window

@@ -194,6 +194,12 @@ SHIPPED = {
 }  # fmt: skip
 #: Of kinds of which no file ships.
 TEXTS = {
+    "depth_picture": """[depth_picture]
+colour = "room.png"
+depth = "room-depth.png"
+unit_mm = 1.0
+fov_deg = 60
+""",
     "pictures": """background = [0, 0.5, 1]
 [[picture]]
 file = "hill.png"

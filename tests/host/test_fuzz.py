@@ -6,6 +6,7 @@ file is kept under build/fuzz. Those that failed once are in tests/host/fuzz, an
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -148,6 +149,14 @@ def scene_file(path):
     load_scene(path)
 
 
+def splats_file(path):
+    scene_file(path)
+
+
+def views_folder(path):
+    scene_file(path.parent)
+
+
 def foreign_rays(path):
     from lippmann.diagnose.foreign import read_foreign
 
@@ -192,6 +201,9 @@ READERS = {
     (image_file, "i.exr"), (image_file, "i.tif"), (scene_file, "scene.xml"), (foreign_rays, "rays.npz"),
     (foreign_rays, "rays.csv"), (foreign_rays, "rays.mem"), (bitstream_file, "b.bit"), (photograph, "p.png"),
     (photograph, "p.jpg"), (photograph, "p.tif"), (patterns_file, "patterns.toml"), (calibration_file, "c.npz"),
+    (scene_file, "m.glb"), (scene_file, "m.gltf"), (scene_file, "m.obj"), (scene_file, "m.ply"), (scene_file, "m.stl"),
+    (splats_file, "splats.ply"), (scene_file, "q_qs2x2a1.png"), (views_folder, "views/views.json"),
+    (scene_file, "pair.toml"),
 }  # fmt: skip
 CASES = {f"{reader.__name__}, {Path(name).suffix[1:]}": (reader, name) for reader, name in READERS}
 
@@ -230,6 +242,7 @@ def make_seeds(place):
         lp.IntegralImage(light, small, {}, {}).save(f"i.{suffix}")
     things = '<shape type="sphere" id="a"><bsdf type="diffuse"/></shape><emitter type="constant"/>'
     Path("scene.xml").write_text(f'<scene version="3.0.0">{things}</scene>')
+    make_scene_files(rng)
     common = ["--display", "vga-square.toml", "--seed", "1"]
     assert run(["trace", *common, "--pixels", "20", "-o", "rays.npz"]) == 0
     assert run(["vectors", *common, "--case", "cell-edges", "--fraction-bits", "16", "-o", "words"]) == 0
@@ -248,6 +261,38 @@ def make_seeds(place):
     parameter = Parameter("gap", 3.0, 0.1, "mm", 3.1, True)
     found = Calibration(lp.load_display("c.toml"), vga, (parameter,), (), (camera,), {}, 0.1, 0.1, 0.0, np.ones((2, 8)))
     found.save(Path("c.toml"))
+
+
+def make_scene_files(rng):
+    """Make a good file of each kind of other tools' scenes."""
+    import trimesh
+    from PIL import Image
+    from test_scene_files import splats
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    ball = trimesh.creation.icosphere(1)
+    image = Image.fromarray(rng.integers(0, 256, (8, 8, 3), np.uint8))
+    visual = TextureVisuals(uv=rng.random((len(ball.vertices), 2)), material=PBRMaterial(baseColorTexture=image))
+    painted = trimesh.Trimesh(ball.vertices, ball.faces, visual=visual, process=False)
+    trimesh.Scene(painted).export("m.glb")
+    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(painted)).items():
+        Path("m.gltf" if name == "model.gltf" else name).write_bytes(data)
+    for suffix in ("obj", "ply", "stl"):
+        ball.export(f"m.{suffix}")
+    splats(Path("splats.ply"), rng.random((9, 3)), rng.random((9, 3)))
+    Image.fromarray(rng.integers(0, 256, (20, 20, 3), np.uint8)).save("q_qs2x2a1.png")
+    Path("views").mkdir()
+    eyes = [[x, y, 600] for y in (-5, 5) for x in (-5, 5)]
+    for number in range(4):
+        Image.fromarray(rng.integers(0, 256, (6, 8, 3), np.uint8)).save(f"views/{number}.png")
+    listed = [{"file": f"{number}.png", "eye_mm": eye} for number, eye in enumerate(eyes)]
+    Path("views/views.json").write_text(json.dumps({"window_mm": [8, 6], "views": listed}))
+    Image.fromarray(rng.integers(0, 256, (9, 12, 3), np.uint8)).save("colour.png")
+    Image.fromarray(rng.integers(900, 1100, (9, 12), np.uint16)).save("depth.png")
+    Path("pair.toml").write_text(
+        '[depth_picture]\ncolour = "colour.png"\ndepth = "depth.png"\nunit_mm = 1.0\nfov_deg = 40\n'
+    )
 
 
 def child(case, place, kept, seed, inputs):

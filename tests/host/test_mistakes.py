@@ -152,7 +152,7 @@ COMMANDS = [
     (OBSERVE.replace("image.exr", "image.png"), "image.png: no such image", "did you mean image.exr?"),
     (OBSERVE.replace("image.exr", "new.exr"), "new.exr: no such image", "render it first"),
     (OBSERVE.replace("image.exr", "other.exr"), "other.exr: was made for display 'paper-square'", "--force"),
-    ("render tiny.toml --display ball.xml -o a.exr", "tiny.toml: is not a Mitsuba scene", "give an .xml file"),
+    ("render tiny.toml --display ball.xml -o a.exr", "tiny.toml: is no scene", "give a Mitsuba scene (.xml)"),
     ("inspect ball.xml", "ball.xml", "give a display file (.toml)"),
     (RENDER.replace("a.exr", "a.jpg"), "a.jpg", "choose from .exr"),
     (RENDER.replace("a.exr", "out/a.exr"), "out/a.exr", "make it first"),

@@ -16,7 +16,6 @@ from lippmann.cli.observe import MAX_VIEW_PX
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import counted, emit, progress_bar
-from lippmann.content.quilt import quilt_path, tiled
 from lippmann.content.views import Sight, eyes_of, focus_depths, of_image, of_scene
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
@@ -24,6 +23,7 @@ from lippmann.files import make_folder, replacing
 from lippmann.images import SUFFIXES, check_output, write_picture
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, whole_window
+from lippmann.quilt import quilt_path, tiled
 from lippmann.rendering.arrange import arranged
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, Settings, check_memory_mb, first_depths
 from lippmann.rendering.scene import Scene, check_scene_file, load_scene
@@ -68,8 +68,9 @@ def _seen(
     path = check_scene_file(source)
     start_mitsuba(device)
     scene = load_scene(path, moved.placement(path))
-    if moved.arrange is not None:
-        scene = arranged(scene, display, moved.arrange)
+    arrange = moved.arrange(path)
+    if arrange is not None:
+        scene = arranged(scene, display, arrange)
     return _Seen(display, window, of_scene(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 
@@ -110,7 +111,10 @@ def quilt(
     )
     with progress_bar("views") as progress:
         picture = tiled(map(seen.sight, counted(eyes, progress)), columns, rows)
-    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name})
+    # What the name does not tell; read by `lippmann.scene_files.views`.
+    ends = {"first_mm": eyes[0].position_mm, "last_mm": eyes[-1].position_mm}
+    told = json.dumps({"window_mm": [window.width_mm, window.height_mm], **ends})
+    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name, "eyes": told})
     result = {
         "output": str(path), "columns": columns, "rows": rows, "aspect": window.width_px / window.height_px,
         "width_px": picture.shape[1], "height_px": picture.shape[0], "view_width_px": window.width_px,

@@ -68,11 +68,11 @@ def command(
     }  # fmt: skip
     lines = [str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)]
     if scene is not None:
-        settings, placement = Settings(samples=16, seed=seed), moved.placement(check_scene_file(scene))
+        settings, checked = Settings(samples=16, seed=seed), check_scene_file(scene)
         with progress_bar("fit") as progress:
             choice = api.fit_layers(
-                scene, display, tolerance_db, slot, block_rams, multipliers, settings, placement=placement,
-                arrange=moved.arrange, device=device, progress=progress,
+                scene, display, tolerance_db, slot, block_rams, multipliers, settings,
+                placement=moved.placement(checked), arrange=moved.arrange(checked), device=device, progress=progress,
             )  # fmt: skip
         result |= {
             "tolerance_db": tolerance_db, "layers": choice.chosen, "best": choice.best, "limit": choice.limit,

@@ -41,6 +41,7 @@ FILES = {
     "placement": ("lippmann.rendering.placement", "PlacementFile"),
     "layers": ("lippmann.layers.folder", "LayersFile"),
     "pictures": ("lippmann.layers.pictures", "PicturesFile"),
+    "depth_picture": ("lippmann.scene_files.depth_picture", "DepthPictureFile"),
 }
 
 

@@ -72,14 +72,15 @@ def command(
         cuts = [(cut, [])]
     else:
         settings = Settings(samples, integrator=integrator, max_depth=max_depth, seed=seed)
-        placement = moved.placement(check_scene_file(scene_path))
+        checked = check_scene_file(scene_path)
+        placement, arrange = moved.placement(checked), moved.arrange(checked)
         count = COUNT if count is None else count
         least = 1 if apart is None else 2
         counts = [k for k in MEASURED if table is not None and least <= k < count] + [count]
         with progress_bar("layers") as progress:
             cuts = api.cut_layers(
                 scene_path, display, counts, slot, settings, apart=apart, filter=None if table is None else filter,
-                placement=placement, arrange=moved.arrange, device=device, progress=progress,
+                placement=placement, arrange=arrange, device=device, progress=progress,
             )  # fmt: skip
         cut = cuts[-1][0]
         names = tuple("apart" if k == cut.apart else f"layer_{k}" for k in range(len(cut.stack.layers)))

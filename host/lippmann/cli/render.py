@@ -49,7 +49,9 @@ def command(
     ),
     device: str = DEVICE,
 ) -> None:
-    """Render the integral image of a Mitsuba scene, or of a folder of layers, for a display.
+    """Render the integral image of a scene, or of a folder of layers, for a display.
+
+    SCENE is Mitsuba's .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a picture and its depths.
 
     Layers take --engine golden (their default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
 
@@ -66,7 +68,8 @@ def command(
     else:
         if _given("filter"):
             raise InputError("--filter is for layers; leave it out with a scene")
-        placement, arrange = moved.placement(check_scene_file(scene_path)), moved.arrange
+        checked = check_scene_file(scene_path)
+        placement, arrange = moved.placement(checked), moved.arrange(checked)
         shared = workers is not None or scheduler is not None
         with progress_bar("render") as progress:
             display = load_display(display_path)

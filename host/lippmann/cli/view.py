@@ -69,9 +69,9 @@ def command(
     image = IntegralImage.load(image_path, display, force)
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
     with nullcontext() if scene is None else progress_bar("direct views") as progress:
-        placement = None if scene is None else moved.placement(scene)
+        placement, arrange = (None, None) if scene is None else (moved.placement(scene), moved.arrange(scene))
         page = api.view_page(
-            image, scene, directs, title=title or Path(image_path).stem, placement=placement, arrange=moved.arrange,
+            image, scene, directs, title=title or Path(image_path).stem, placement=placement, arrange=arrange,
             seed=seed, device=device, progress=progress,
         )  # fmt: skip
     count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -11,12 +11,9 @@ from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
 from lippmann.rendering.placement import Matrix, Placement
-from lippmann.rendering.scene import Scene, box_of, depths_of, in_front_of
+from lippmann.rendering.scene import Arrange, Scene, box_of, depths_of, in_front_of
 from lippmann.variant import mitsuba
 from lippmann.viewing import viewing_distance
-
-#: "fit": the scene is scaled and moved into the depth range; "camera": placed as the camera in its file sees it.
-Arrange = Literal["fit", "camera"]
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
@@ -28,6 +25,8 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
         raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
     if arrange == "camera":
         return scene.placed(_by_camera(scene, display))
+    if arrange == "window":
+        return scene.placed(_as_window(scene, display))
     rotated = Placement(rotation_deg=scene.placement.rotation_deg)
     low, high = box_of(scene.mitsuba, rotated)
     if not np.isfinite(high - low).all() or not (high > low).any():
@@ -50,6 +49,16 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
     offset = -0.5 * scale * (low + high)
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
+
+
+def _as_window(scene: Scene, display: Display) -> Placement:
+    """Return the placement of a flat scene that fills the panel, and is seen through it over the whole depth range."""
+    low, high = box_of(scene.mitsuba, Placement())
+    panel, (far, near) = display.panel, display_properties(display).depth_range_mm
+    width, height = (float(side) for side in (high - low)[:2])
+    scale = min(panel.width_mm / width, panel.height_mm / height)
+    x, y, z = (float(place) for place in -0.5 * scale * (low + high))
+    return Placement(scale, offset_mm=(x, y, z), near_mm=near, far_mm=far)
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:

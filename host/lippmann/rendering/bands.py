@@ -23,11 +23,11 @@ from lippmann.errors import NoSpaceError, input_error
 from lippmann.files import make_folder, remove_stale, replacing
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import metadata_of
-from lippmann.rendering.arrange import Arrange, arranged
+from lippmann.rendering.arrange import arranged
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import BASE_MEMORY_MB, Progress, Renderer, bands_of, check_memory_mb
-from lippmann.rendering.scene import Scene, digest_of, load_scene
+from lippmann.rendering.scene import Arrange, Scene, digest_of, load_scene
 from lippmann.rendering.sources import display_source
 from lippmann.select.model import TOLERANCE
 

@@ -3,7 +3,8 @@
 It computes what the founding paper's ray tracer computes: at each hit the light of *all* emitters, each with a shadow
 ray, reflected by the smooth part of the surface's BSDF; then it follows mirror reflection and refraction up to
 `max_depth`. Point, spot and directional lights are summed exactly; area lights and environments get one random sample
-each. Light between diffuse surfaces is left out; Mitsuba's own `path` includes it.
+each. Light between diffuse surfaces is left out; Mitsuba's own `path` includes it. A scene of splats (3D Gaussians) is
+shown by their own colours.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from __future__ import annotations
 from typing import Any
 
 from lippmann.variant import mitsuba
+
+#: Splats that a ray may pass; after that, or when they leave a hundredth of the light, what is behind is left out.
+MOST_SPLATS = 256
 
 
 def register_lights() -> None:
@@ -32,6 +36,12 @@ def register_lights() -> None:
             return [mi.Spectrum(0.0) for _ in directions]
         return [bsdf.eval(everything, si, wo, active) for wo in directions]
 
+    def splatted(scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any, list[Any]]:
+        """Return what Mitsuba's integrator of splats returns, which are lit by themselves."""
+        field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MOST_SPLATS})
+        radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
+        return radiance, mi.Bool(active), []
+
     base: Any = mi.SamplingIntegrator
 
     class Lights(base):  # type: ignore[misc]
@@ -43,6 +53,8 @@ def register_lights() -> None:
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
+            if any(shape.is_ellipsoids() for shape in scene.shapes()):
+                return splatted(scene, sampler, ray, active)
             emitters = list(scene.emitters())
             # Point, spot and directional lights are invisible: rays never meet them.
             visible_emitters = not all(is_delta(emitter) for emitter in emitters)

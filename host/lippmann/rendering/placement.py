@@ -55,7 +55,9 @@ class Placement:
 
     def __str__(self) -> str:
         """The options of a command that place a scene so."""
-        rotate, offset = (",".join(f"{x:.6g}" for x in triple) for triple in (self.rotation_deg, self.offset_mm))
+        rotate, offset = (
+            ",".join(f"{round(x, 9) + 0.0:.6g}" for x in triple) for triple in (self.rotation_deg, self.offset_mm)
+        )
         return f"--scale {self.scale:.6g} --rotate {rotate} --offset {offset}"
 
     @property

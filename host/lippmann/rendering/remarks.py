@@ -38,7 +38,8 @@ def overridden(scene: Scene, settings: Settings) -> Iterator[str]:
             unused.append(f"the media of {media} shapes (--integrator volpath renders them)")
         if unused:
             yield f"note: {settings.integrator} ignores {' and '.join(unused)}"
-    if not scene.mitsuba.emitters():
+    yield from scene.notes
+    if not scene.mitsuba.emitters() and not any(shape.is_ellipsoids() for shape in scene.mitsuba.shapes()):
         yield "note: the scene has no light, so the picture is black; add an <emitter> to the file"
 
 

@@ -10,17 +10,26 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from lippmann import toml
 from lippmann.errors import InputError, input_error, likely_file, path_of
 from lippmann.limits import check_xml
 from lippmann.rendering.placement import Matrix, Placement, load_placement
+from lippmann.rendering.window import register_window
+from lippmann.scene_files.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of, usual_rotation
 from lippmann.variant import mitsuba
 
+#: "fit": the scene is scaled and moved into the depth range; "camera": placed as the camera in its file sees it;
+#: "window": its middle is the panel's, in front of the eyes, as large as the panel.
+Arrange = Literal["fit", "camera", "window"]
 #: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
 SURROUNDS = 3.0
+
+#: Percentiles of the splats, and how far beyond them a scene reaches, in parts of what is between; a splat's extent.
+STRAY_PERCENT, STRAY_REACH, SIGMAS = (0.5, 99.5), 0.25, 3.0
 
 #: Ids that an error message lists.
 LISTED_IDS = 8
@@ -54,6 +63,10 @@ class Scene:
     placement: Placement
     integrator: str | None = None
     has_camera: bool = False
+    #: How a display places it that nothing else does (`usual_arrange`).
+    usual: Arrange | None = None
+    #: What the reader of its file tells the user, a line each.
+    notes: tuple[str, ...] = ()
 
     @property
     def width_mm(self) -> float:
@@ -71,25 +84,41 @@ class Scene:
 
     def placed(self, placement: Placement) -> Scene:
         """Return the scene with another placement."""
-        return replace(self, placement=_with_depths(self.mitsuba, placement, self.path))
+        return replace(self, placement=_with_depths(self.mitsuba, placement, self.path), usual=None)
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside NAME.xml; without that file, scene units are millimetres."""
+    """Return the placement in NAME.toml beside a scene; without that file, scene units are millimetres, and y is up."""
     beside = path.with_suffix(".toml")
-    return load_placement(beside) if beside.exists() else Placement()
+    if beside.exists() and (beside != path or _is_placed(path)):
+        return load_placement(beside)
+    return Placement(rotation_deg=usual_rotation(path))
+
+
+def usual_arrange(path: Path) -> Arrange | None:
+    """Return how a scene is placed of which nothing tells it: another tool's, without a placement beside it."""
+    beside = path.with_suffix(".toml")
+    if beside.exists() and (beside != path or _is_placed(path)):
+        return None
+    kind = kind_of(path)
+    if kind in ("quilt", "views"):
+        return "window"
+    return {"mesh": "fit", "splats": "fit", "depth picture": "camera"}.get(str(kind))  # type: ignore[return-value]
+
+
+def _is_placed(path: Path) -> bool:
+    """Tell whether a TOML file that is itself a scene has a placement."""
+    return "placement" in toml.load(path, "depth picture")
 
 
 def check_scene_file(path: str | Path) -> Path:
-    """Return the path of a scene file; raise InputError when it is missing or not .xml."""
+    """Return the path of a scene file; raise InputError when it is missing or of no known format."""
     path = path_of(path, "a scene")
-    if path.is_dir():
-        remedy = "give a Mitsuba scene (.xml), or a folder with layers.toml or pictures.toml where layers are taken"
-        raise input_error(str(path), "is a folder", remedy)
-    if not path.is_file():
-        raise input_error(str(path), "no such scene", likely_file(path, (".xml",)) or "give a Mitsuba scene (.xml)")
-    if path.suffix.lower() != ".xml":
-        raise input_error(str(path), "is not a Mitsuba scene", "give an .xml file")
+    if not path.exists():
+        raise input_error(str(path), "no such scene", likely_file(path, SUFFIXES) or "give a Mitsuba scene (.xml)")
+    if kind_of(path) is None:
+        layers = "; for layers, a folder with layers.toml or pictures.toml" if path.is_dir() else ""
+        raise input_error(str(path), "is a folder" if path.is_dir() else "is no scene", f"{FORMATS}{layers}")
     return path
 
 
@@ -109,23 +138,28 @@ def _check_files(path: Path) -> None:
 
 
 @contextmanager
-def parsed(path: Path) -> Iterator[tuple[Any, Any]]:
+def parsed(
+    path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
+) -> Iterator[tuple[Any, Any]]:
     """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
 
-    In the block Mitsuba finds files beside the scene file, as with its own loader.
+    In the block Mitsuba finds files beside the scene file, as with its own loader. Another tool's file is converted;
+    `scene_from_display` (3, 3) is then the rotation of its lights, and `notes` takes what is to be told (`as_mitsuba`).
 
     Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a
     file that cannot be read.
     """
     mi = mitsuba()
+    register_window()
     before = mi.file_resolver()
-    resolver = mi.FileResolver(before)
-    resolver.prepend(mi.filesystem.path(str(path.parent)))
-    mi.set_file_resolver(resolver)
     try:
-        configuration = mi.parser.ParserConfig(mi.variant())
-        _check_files(path)
-        yield configuration, mi.parser.parse_file(configuration, str(path))
+        with as_mitsuba(path, np.eye(3) if scene_from_display is None else scene_from_display, notes) as file:
+            resolver = mi.FileResolver(before)
+            resolver.prepend(mi.filesystem.path(str(file.parent)))
+            mi.set_file_resolver(resolver)
+            configuration = mi.parser.ParserConfig(mi.variant())
+            _check_files(file)
+            yield configuration, mi.parser.parse_file(configuration, str(file))
     except InputError:
         raise
     except OSError as error:
@@ -152,9 +186,12 @@ def load_scene(
     """
     mi = mitsuba()
     path = check_scene_file(path)
+    usual = usual_arrange(path) if placement is None else None
+    notes: list[str] = []
     if placement is None:
         placement = placement_beside(path)
-    with parsed(path) as (configuration, state):
+    turn = placement.scene_from_display[:3, :3] * placement.scale
+    with parsed(path, turn, notes) as (configuration, state):
         kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
         shapes, integrators, cameras = ([node.props for node in state.nodes if node.type == kind] for kind in kinds)
         # The parser's next step moves its nodes.
@@ -172,7 +209,25 @@ def load_scene(
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
-    return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras))
+    return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras), usual, tuple(notes))
+
+
+def scene_of(made: Any, placement: Placement | None = None) -> Scene:
+    """Return the scene of a `mitsuba.Scene`, or of the dictionary of one, which Mitsuba's load_dict takes.
+
+    Raises InputError for a dictionary that Mitsuba refuses, or that makes no scene.
+    """
+    mi = mitsuba()
+    if isinstance(made, dict):
+        try:
+            made = mi.load_dict(made)
+        except Exception as error:  # Mitsuba's errors have no common base
+            raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}") from None
+    if not isinstance(made, mi.Scene):
+        what = f"{type(made).__name__} is no scene"
+        raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
+    placement = Placement() if placement is None else placement
+    return Scene(Path("scene"), made, _with_depths(made, placement, Path("scene")), None, bool(made.sensors()))
 
 
 def _keep(part: Part, state: Any, path: Path) -> None:
@@ -225,13 +280,28 @@ def _sum_of(path: Path) -> bytes:
 
 def _boxes(scene: Any) -> list[tuple[Matrix, Matrix]]:
     """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
-    boxes = []
+    boxes, found = [], []
     for shape in scene.shapes():
         # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
         if shape.is_mesh() and not shape.bbox().valid():
             shape.recompute_bbox()
+        if shape.is_ellipsoids():
+            found.append(_middle_of_splats(shape))
+            continue
         boxes.append(shape.bbox())
-    return [(np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()) for box in boxes]
+    return found + [(np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()) for box in boxes]
+
+
+def _middle_of_splats(shape: Any) -> tuple[Matrix, Matrix]:
+    """Return the box of most of the splats: a capture has stray ones, far around what was photographed."""
+    box = shape.bbox()
+    lowest, highest = (np.array(corner, np.float64).ravel() for corner in (box.min, box.max))
+    data = np.array(mitsuba().traverse(shape)["data"], np.float64).reshape(-1, 10)
+    centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
+    low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)
+    high = np.percentile(centres + reach, STRAY_PERCENT[1], axis=0)
+    beyond = STRAY_REACH * (high - low)
+    return np.maximum(low - beyond, lowest), np.minimum(high + beyond, highest)
 
 
 def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:

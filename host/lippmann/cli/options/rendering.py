@@ -11,11 +11,10 @@ from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
 from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Engine
-from lippmann.rendering.arrange import Arrange
 from lippmann.rendering.integral import ModelOption, RenderOptions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import placement_beside
+from lippmann.rendering.scene import Arrange, placement_beside, usual_arrange
 from lippmann.rendering.sources import Aperture
 from lippmann.select.model import TOLERANCE
 
@@ -66,11 +65,10 @@ class Moved:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None and value is not False}
 
-    @property
-    def arrange(self) -> Arrange | None:
-        """How the display places the scene, if at all; refuses options that would be overruled."""
+    def arrange(self, scene_path: Path) -> Arrange | None:
+        """Return how the display places the scene, if at all; refuse options that would be overruled."""
         if not (self.fit or self.from_camera):
-            return None
+            return None if self.given.keys() - {"rotate"} else usual_arrange(scene_path)
         first, allowed = ("fit", {"fit", "rotate"}) if self.fit else ("from-camera", {"from_camera"})
         for name in self.given.keys() - allowed:
             raise InputError(f"--{name.replace('_', '-')} and --{first} both place the scene; leave one out")

@@ -1,0 +1,1 @@
+"""Scenes in the files of other tools, written as Mitsuba's XML."""

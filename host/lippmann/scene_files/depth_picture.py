@@ -1,0 +1,140 @@
+"""A picture and its depths (RGB-D) as a Mitsuba scene: a surface through all pixels that shows the picture.
+
+A TOML file names both. The surface is closed: between a near thing and what is behind it, it is stretched.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann import toml
+from lippmann.errors import input_error
+from lippmann.limits import read_limited
+from lippmann.scene_files.views import picture
+from lippmann.scene_files.xml import new_scene, plugin, value, write
+from lippmann.toml import documented, key
+from lippmann.variant import mitsuba
+
+#: Most pixels of the depths, and largest file.
+MOST_PIXELS, MOST_BYTES = 1 << 23, 1 << 28
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class DepthPicture:
+    """The table `[depth_picture]`. The camera looks along -z; its middle is the picture's."""
+
+    colour: Annotated[Path, key("the picture's file")]
+    depth: Annotated[
+        Path,
+        key("the depths' file (.png, .tif, .exr): how far a pixel is, along the camera's axis; 0 where unknown"),
+    ]
+    unit_mm: Annotated[float, key("mm of a depth of 1: 1 for millimetres, 1000 for metres", above=0.0)]
+    fov_deg: Annotated[float, key("the picture's width as the camera sees it", above=0.0, high=170.0)]
+
+
+@dataclass(frozen=True)
+class DepthPictureFile:
+    """The file of a picture with depths; it may place them, too (`[placement]`)."""
+
+    other_tables: ClassVar = True
+    depth_picture: DepthPicture
+
+
+def is_depth_picture(path: Path) -> bool:
+    """Tell whether a file is one of a picture with depths."""
+    return path.suffix.lower() == ".toml" and b"[depth_picture]" in read_limited(path, MOST_BYTES, "give another file")
+
+
+def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
+    """Write the scene into an empty folder; return its path. Holes that were filled are told in `notes`.
+
+    Raises InputError for files that are broken or missing, of two sizes, or without any depth.
+    """
+    form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
+    colours = picture(path.parent / form.colour)[0]
+    depth = _depths(path.parent / form.depth) * form.unit_mm
+    if depth.shape != colours.shape[:2]:
+        sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, colours.shape)]
+        raise input_error(str(path), f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give two of one size")
+    known = np.isfinite(depth) & (depth > 0.0)
+    if not known.any():
+        raise input_error(str(path), "no pixel has a depth above 0", "check depth and unit_mm")
+    if not known.all():
+        holes = depth.size - int(known.sum())
+        notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
+        depth = _filled(depth, known)
+    focal = 0.5 * depth.shape[1] / math.tan(math.radians(0.5 * form.fov_deg))
+    _write_surface(folder / "surface.ply", depth, focal)
+    np.savez(
+        folder / "views.npz", views=colours[None, None], x_mm=[0.0], y_mm=[0.0], distance_mm=1.0, size_mm=[1.0, 1.0]
+    )
+    scene = new_scene()
+    camera = plugin(scene, "sensor", "perspective")
+    value(camera, "float", "fov", form.fov_deg)
+    value(camera, "string", "fov_axis", "x")
+    # Mitsuba's cameras look along z: turned about y.
+    turn = plugin(camera, "transform", "to_world")
+    del turn.attrib["type"]
+    turn.set("name", "to_world")
+    rotation = value(turn, "rotate", "", 1.0)
+    rotation.attrib = {"y": "1", "angle": "180"}
+    shape = plugin(scene, "shape", "ply", id="surface")
+    value(shape, "string", "filename", "surface.ply")
+    value(plugin(shape, "bsdf", "diffuse"), "rgb", "reflectance", 0.0)
+    value(plugin(shape, "emitter", "window"), "string", "filename", "views.npz")
+    return write(scene, folder / "scene.xml")
+
+
+def _depths(path: Path) -> npt.NDArray[np.float64]:
+    """Return the numbers of a picture of depths (height, width), as they are in the file."""
+    import cv2
+
+    if path.suffix.lower() == ".exr":
+        return np.asarray(picture(path, np.float32)[0][..., 0], np.float64)
+    if not path.is_file():
+        raise input_error(str(path), "no such picture of depths", "correct depth in the file that names it")
+    data = np.frombuffer(read_limited(path, MOST_BYTES, "give a smaller one"), np.uint8)
+    try:
+        found: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        found = None
+    if found is None:
+        raise input_error(str(path), "cannot be read as a picture", "give .png, .tif or .exr")
+    if found.size > MOST_PIXELS * 4:
+        raise input_error(str(path), f"has more than {MOST_PIXELS} pixels", "give a smaller one")
+    return np.asarray(found[..., 0] if found.ndim == 3 else found, np.float64)
+
+
+def _filled(depth: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """Return depths where each unknown one is that of the nearest known pixel."""
+    from scipy import ndimage
+
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(depth[tuple(nearest)])
+
+
+def _write_surface(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:
+    """Write the surface through all pixels' points as PLY; its faces look at the camera."""
+    mi = mitsuba()
+    height, width = depth.shape
+    row, column = np.mgrid[:height, :width]
+    x, y = column + 0.5 - 0.5 * width, 0.5 * height - row - 0.5
+    points = np.stack([x / focal_px * depth, y / focal_px * depth, -depth], axis=-1)
+    uv = np.stack([(column + 0.5) / width, 1.0 - (row + 0.5) / height], axis=-1)
+    number = (row * width + column).astype(np.uint32)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate([np.stack(some, axis=-1).reshape(-1, 3) for some in ((a, b, d), (b, c, d))])
+    built = mi.Mesh("surface", depth.size, len(faces), has_vertex_normals=False, has_vertex_texcoords=True)
+    parameters = mi.traverse(built)
+    parameters["vertex_positions"] = mi.Float(points.astype(np.float32).ravel())
+    parameters["vertex_texcoords"] = mi.Float(uv.astype(np.float32).ravel())
+    parameters["faces"] = mi.UInt32(faces.ravel())
+    parameters.update()
+    built.write_ply(str(path))

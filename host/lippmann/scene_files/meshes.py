@@ -1,0 +1,298 @@
+"""Meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) as a Mitsuba scene.
+
+The files have no lights that trimesh reads: `xml.LIGHTS` are added. Materials become Mitsuba's `principled` where they
+are glTF's, and `diffuse` else; colours of textures and of vertices (but glTF's) are sRGB, numbers of materials linear.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from lippmann.errors import input_error
+from lippmann.images import decode, encode
+from lippmann.limits import read_limited
+from lippmann.optics.rays import Floats
+from lippmann.scene_files.xml import add_lights, bitmap, new_scene, plugin, unique, value, write
+from lippmann.variant import mitsuba
+
+#: The files' suffixes.
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+#: Largest file, and most corners of a file's faces, vertices of each instance counted.
+MOST_BYTES, MOST_CORNERS = 1 << 30, 100_000_000
+#: Albedo of a surface of which the file tells nothing.
+PLAIN = (0.6, 0.6, 0.6)
+#: glTF's numbers of a material that does not tell them.
+METALLIC, ROUGHNESS = 1.0, 1.0
+REMEDY = "export it again, or as .glb"
+
+
+def write_scene(path: Path, folder: Path, scene_from_display: Floats) -> Path:
+    """Write the scene of a file, with its meshes and textures, into an empty folder; return the scene's path.
+
+    `scene_from_display` (3, 3) turns the lights. Raises InputError for a file that is too large, broken, without faces,
+    or lacks a texture.
+    """
+    scene = new_scene()
+    add_lights(scene, scene_from_display)
+    made = _Folder(folder)
+    found = list(_instances(path))
+    for (_, mesh, matrix), name in zip(found, unique(name for name, _, _ in found), strict=True):
+        _add_shape(scene, name, mesh, matrix, made, path)
+    return write(scene, folder / "scene.xml")
+
+
+# ---- reading ----
+
+
+def _instances(path: Path) -> Iterator[tuple[str, Any, Floats]]:
+    """Yield each mesh of a file as it stands in the scene: its name, trimesh's mesh, and a matrix (4, 4)."""
+    loaded = _load(path)
+    corners = 0
+    for node in loaded.graph.nodes_geometry:
+        matrix, name = loaded.graph[node]
+        mesh = loaded.geometry[name]
+        if not hasattr(mesh, "faces") or not len(mesh.faces):
+            continue
+        corners += 3 * len(mesh.faces)
+        if corners > MOST_CORNERS:
+            raise input_error(str(path), f"has more than {MOST_CORNERS // 3} faces", "reduce it in a mesh editor")
+        if not (np.isfinite(mesh.vertices).all() and np.isfinite(matrix).all()):
+            raise input_error(str(path), f"mesh '{name}' has places that are not finite", REMEDY)
+        yield str(node), mesh, matrix
+    if not corners:
+        raise input_error(str(path), "has no faces", "give a file with a surface")
+
+
+def _load(path: Path) -> Any:
+    """Return trimesh's scene of a file."""
+    import trimesh
+
+    kind = path.suffix.lower()
+    data = read_limited(path, MOST_BYTES, "reduce it in a mesh editor")
+    _check_counts(path, kind, data)
+    with _told_of_images() as missing:
+        try:
+            loaded = trimesh.load_scene(path, process=False)
+        except MemoryError:
+            raise
+        except Exception as error:  # trimesh's readers raise what they stumble over
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise input_error(str(path), f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
+    if missing:
+        raise input_error(str(path), f"lacks a texture ({missing[0]})", "put it where the file says")
+    return loaded
+
+
+@contextmanager
+def _told_of_images() -> Iterator[list[str]]:
+    """Give a list of what trimesh says of textures that it cannot read, which it leaves out without an error."""
+    told: list[str] = []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if "image" in record.getMessage():
+                error = record.exc_info[1] if record.exc_info else None
+                told.append(" ".join(str(error or record.getMessage()).split())[:200])
+
+    logger, handler = logging.getLogger("trimesh"), Handler()
+    before = logger.level, logger.propagate
+    logger.addHandler(handler)
+    logger.setLevel(logging.DEBUG)
+    logger.propagate = False
+    try:
+        yield told
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(before[0])
+        logger.propagate = before[1]
+
+
+def _check_counts(path: Path, kind: str, data: bytes) -> None:
+    """Refuse a glTF whose accessors have more elements than any file needs: some have no bytes in the file."""
+    if kind not in (".glb", ".gltf"):
+        return
+    try:
+        head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
+        counts = [accessor.get("count", 0) for accessor in json.loads(head).get("accessors", [])]
+        most = max((int(count) for count in counts), default=0)
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError, struct.error):
+        raise input_error(str(path), f"is no {kind[1:]}", REMEDY) from None
+    if sum(counts) > MOST_CORNERS or most < 0:
+        raise input_error(str(path), f"has more than {MOST_CORNERS} numbered vertices", "reduce it in a mesh editor")
+
+
+# ---- shapes ----
+
+
+class _Folder:
+    """Where a scene's files are written; each picture once."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder
+        self._pictures: dict[tuple[int, str, Any], str] = {}
+        self._kept: list[Any] = []
+
+    def picture(self, picture: Any, part: str, source: Path, factor: Floats | None = None) -> str:
+        """Write a part of a picture of Pillow's as a PNG; return its name.
+
+        `part` is "colour", "alpha" or a channel's letter. Colours are multiplied by a linear factor (3,).
+        """
+        from PIL import Image
+
+        scaled = None if factor is None or (factor == 1.0).all() else tuple(factor.tolist())
+        key = id(picture), part, scaled
+        if key not in self._pictures:
+            try:
+                pixels = np.array(picture.convert("RGBA"))
+            except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+                raise input_error(str(source), f"has a texture that cannot be read ({error})", REMEDY) from None
+            if scaled is not None:
+                pixels[..., :3] = _as_bytes(encode(decode(pixels[..., :3] / 255.0, "srgb") * np.array(scaled), "srgb"))
+            chosen = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
+            name = f"texture-{len(self._pictures)}.png"
+            Image.fromarray(chosen).save(self.path / name)
+            self._pictures[key] = name
+            self._kept.append(picture)  # so that no other picture gets its id
+        return self._pictures[key]
+
+
+def _as_bytes(unit: Any) -> Any:
+    return np.round(255.0 * np.asarray(unit)).astype(np.uint8)
+
+
+def _add_shape(scene: Element, name: str, mesh: Any, matrix: Floats, made: _Folder, source: Path) -> None:
+    uv = getattr(mesh.visual, "uv", None)
+    colours = _vertex_colours(mesh, source.suffix.lower() in (".glb", ".gltf"))
+    file = f"mesh-{len(list(made.path.glob('mesh-*.ply')))}.ply"
+    _write_mesh(made.path / file, mesh, matrix, uv, colours)
+    shape = plugin(scene, "shape", "ply", id=name)
+    value(shape, "string", "filename", file)
+    if not _has_normals(mesh):
+        value(shape, "boolean", "face_normals", True)
+    _add_material(shape, getattr(mesh.visual, "material", None), made, source, uv is not None, colours is not None)
+
+
+def _has_normals(mesh: Any) -> bool:
+    """Tell whether the file has normals; asked for them else, trimesh would make some up."""
+    return "vertex_normals" in mesh._cache
+
+
+def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
+    """Return the vertices' linear colours (N, 3); None without. Faces' colours are given to their vertices."""
+    visual = mesh.visual
+    if visual.kind in ("vertex", "face"):
+        given = visual.vertex_colors
+    else:
+        given = mesh.vertex_attributes.get("color")
+        if given is None or len(given) != len(mesh.vertices):
+            return None
+    plain = np.asarray(given)[:, :3]
+    unit = plain / 255.0 if plain.dtype.kind in "iu" else plain.astype(np.float64)
+    return unit if linear else np.asarray(decode(unit, "srgb"), np.float64)
+
+
+def _write_mesh(path: Path, mesh: Any, matrix: Floats, uv: Any, colours: Floats | None) -> None:
+    """Write a mesh, placed by a matrix, as Mitsuba's PLY."""
+    mi = mitsuba()
+    points = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    normals = mesh.vertex_normals @ np.linalg.pinv(matrix[:3, :3]) if _has_normals(mesh) else None
+    faces = np.asarray(mesh.faces, np.uint32)
+    if np.linalg.det(matrix[:3, :3]) < 0.0:
+        faces = faces[:, ::-1]
+    built = mi.Mesh(
+        "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
+    )
+    parameters = mi.traverse(built)
+    parameters["vertex_positions"] = _flat(points)
+    parameters["faces"] = mi.UInt32(np.array(faces).ravel())
+    if normals is not None:
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        parameters["vertex_normals"] = _flat(normals / np.where(length > 0.0, length, 1.0))
+    if uv is not None:
+        # The first row of Mitsuba's pictures is at v = 0, that of trimesh's at 1.
+        parameters["vertex_texcoords"] = _flat(np.asarray(uv) * (1.0, -1.0) + (0.0, 1.0))
+    parameters.update()
+    if colours is not None:
+        built.add_attribute("vertex_color", 3, _flat(colours))
+    built.write_ply(str(path))
+
+
+def _flat(values: Any) -> Any:
+    """Return numbers in Mitsuba's type; trimesh's are of a type of its own."""
+    return mitsuba().Float(np.array(values, np.float32).ravel())
+
+
+# ---- materials ----
+
+
+def _add_material(shape: Element, material: Any, made: _Folder, source: Path, uv: bool, coloured: bool) -> None:
+    """Add trimesh's material to a shape: a BSDF, and light that it emits."""
+    if coloured:
+        outer = plugin(shape, "bsdf", "twosided")
+        diffuse = plugin(outer, "bsdf", "diffuse")
+        texture = plugin(diffuse, "texture", "mesh_attribute", name="reflectance")
+        value(texture, "string", "name", "vertex_color")
+    elif type(material).__name__ == "PBRMaterial":
+        _add_pbr(shape, material, made, source, uv)
+    else:
+        outer = plugin(shape, "bsdf", "twosided")
+        _add_simple(outer, material, made, source, uv)
+
+
+def _add_simple(outer: Element, material: Any, made: _Folder, source: Path, uv: bool) -> None:
+    diffuse = plugin(outer, "bsdf", "diffuse")
+    image, own = getattr(material, "image", None), getattr(material, "kwargs", {}).get("kd")
+    if image is not None and uv:
+        bitmap(diffuse, "reflectance", made.picture(image, "colour", source))
+    else:
+        value(diffuse, "rgb", "reflectance", PLAIN if own is None else np.clip(np.ravel(own)[:3], 0.0, 1.0))
+
+
+def _add_pbr(shape: Element, material: Any, made: _Folder, source: Path, uv: bool) -> None:
+    def picture(name: str) -> Any:
+        return getattr(material, name, None) if uv else None
+
+    base = material.baseColorFactor
+    factor = np.ones(4) if base is None else np.ravel(base) / (255.0 if np.asarray(base).dtype.kind in "iu" else 1.0)
+    factor = np.concatenate([factor, np.ones(4)])[:4]
+    parent = shape
+    if material.alphaMode in ("BLEND", "MASK") and (picture("baseColorTexture") is not None or factor[3] < 1.0):
+        parent = plugin(parent, "bsdf", "mask")
+        if picture("baseColorTexture") is not None:
+            bitmap(parent, "opacity", made.picture(material.baseColorTexture, "alpha", source), raw=True)
+        else:
+            value(parent, "float", "opacity", float(factor[3]))
+    parent = plugin(parent, "bsdf", "twosided")
+    if picture("normalTexture") is not None:
+        parent = plugin(parent, "bsdf", "normalmap")
+        bitmap(parent, "normalmap", made.picture(material.normalTexture, "colour", source), raw=True)
+    principled = plugin(parent, "bsdf", "principled")
+    if picture("baseColorTexture") is not None:
+        bitmap(principled, "base_color", made.picture(material.baseColorTexture, "colour", source, factor[:3]))
+    else:
+        value(principled, "rgb", "base_color", factor[:3])
+    both = picture("metallicRoughnessTexture")
+    for name, letter, given, usual in (
+        ("metallic", "B", material.metallicFactor, METALLIC),
+        ("roughness", "G", material.roughnessFactor, ROUGHNESS),
+    ):
+        if both is not None:
+            bitmap(principled, name, made.picture(both, letter, source), raw=True)
+        else:
+            value(principled, "float", name, float(usual if given is None else given))
+    glow = np.zeros(3) if material.emissiveFactor is None else np.ravel(material.emissiveFactor)[:3]
+    if glow.any():
+        emitter = plugin(shape, "emitter", "area")
+        if picture("emissiveTexture") is not None:
+            bitmap(emitter, "radiance", made.picture(material.emissiveTexture, "colour", source, glow))
+        else:
+            value(emitter, "rgb", "radiance", glow)

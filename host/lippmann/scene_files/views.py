@@ -1,0 +1,193 @@
+"""Quilts and folders of views as a Mitsuba scene: a rectangle that shows each eye another picture (emitter `window`).
+
+All views are pictures of one window, from eyes in a row or a grid before it, as a light-field display shows them: what
+lies in the window's plane is at one place in all of them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import InputError, input_error
+from lippmann.images import LINEAR_SUFFIXES, decode, read_picture
+from lippmann.limits import read_limited
+from lippmann.quilt import TILING
+from lippmann.scene_files.xml import new_scene, plugin, value, write
+
+#: The file of a folder that tells where its views' eyes are.
+EYES = "views.json"
+#: Pictures that a quilt or view may be in.
+PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
+#: What a quilt of another tool does not tell, of Looking Glass' cameras: the cone of their eyes and the height of the
+#: window as an eye sees it, degrees.
+CONE_DEG, FIELD_DEG = 40.0, 14.0
+#: How far an eye may stand from its place in the grid, steps of the grid.
+ASIDE = 0.1
+MOST_VIEWS, MOST_PIXELS = 10_000, 200_000_000
+MOST_BYTES = 1 << 24
+#: Largest half float.
+LARGEST = 65504.0
+FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-30, 0, 600]}, ...]}'
+
+
+@dataclass(frozen=True)
+class Views:
+    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid before its middle."""
+
+    pictures: npt.NDArray[np.float16]
+    x_mm: Sequence[float]
+    y_mm: Sequence[float]
+    distance_mm: float
+    size_mm: tuple[float, float]
+
+    def write_scene(self, folder: Path) -> Path:
+        """Write the scene into an empty folder; return its path."""
+        np.savez(
+            folder / "views.npz", views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
+            size_mm=self.size_mm,
+        )  # fmt: skip
+        scene = new_scene()
+        shape = plugin(scene, "shape", "rectangle", id="window")
+        placed = plugin(shape, "transform", "to_world")
+        del placed.attrib["type"]
+        placed.set("name", "to_world")
+        scale = value(placed, "scale", "", 1.0)
+        scale.attrib = dict(zip("xyz", (repr(0.5 * self.size_mm[0]), repr(0.5 * self.size_mm[1]), "1"), strict=True))
+        black = plugin(shape, "bsdf", "diffuse")
+        value(black, "rgb", "reflectance", 0.0)
+        value(plugin(shape, "emitter", "window"), "string", "filename", "views.npz")
+        return write(scene, folder / "scene.xml")
+
+
+def is_quilt(path: Path) -> bool:
+    """Tell whether a file is a quilt by its name, such as fish_qs8x6a1.33.png."""
+    return path.suffix.lower() in PICTURES and TILING.search(path.stem) is not None
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether a folder has views."""
+    return path.is_dir() and (path / EYES).is_file()
+
+
+def read_quilt(path: Path) -> Views:
+    """Read a quilt. Where its file does not tell the eyes, they are those of Looking Glass' cameras.
+
+    Raises InputError for a picture that cannot be read, or whose size has no such tiling.
+    """
+    told = TILING.search(path.stem)
+    assert told is not None
+    columns, rows, aspect = int(told[1]), int(told[2]), float(told[3])
+    whole, metadata = picture(path)
+    height, width = whole.shape[0] // rows, whole.shape[1] // columns
+    if not (height and width and aspect > 0.0):
+        what = f"has {whole.shape[1]} x {whole.shape[0]} pixels, too few for {columns} x {rows} views"
+        raise input_error(str(path), what, "correct the tiling in its name")
+    tiles = whole[: rows * height, : columns * width].reshape(rows, height, columns, width, 3)
+    # The first view is at the bottom left.
+    views = tiles[::-1].transpose(0, 2, 1, 3, 4).reshape(1, rows * columns, height, width, 3)
+    size = (aspect, 1.0)
+    distance = 0.5 / math.tan(math.radians(0.5 * FIELD_DEG))
+    reach = math.tan(math.radians(0.5 * CONE_DEG)) * distance
+    x = np.linspace(-reach, reach, rows * columns).tolist() if rows * columns > 1 else [0.0]
+    y = 0.0
+    if "eyes" in metadata:
+        try:
+            eyes = json.loads(metadata["eyes"])
+            size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
+            (left, y, distance), right = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
+            x = np.linspace(left, right, rows * columns).tolist() if rows * columns > 1 else [left]
+        except (ValueError, TypeError, KeyError, IndexError):
+            raise input_error(str(path), "its note of the eyes is broken", "export it again") from None
+    return Views(np.ascontiguousarray(views), x, [y], distance, size)
+
+
+def read_folder(folder: Path) -> Views:
+    """Read a folder of views and their eyes, `EYES`.
+
+    Raises InputError for a file that is broken or missing, views that differ in size, and eyes off a row or grid.
+    """
+    path = folder / EYES
+    try:
+        told = json.loads(read_limited(path, MOST_BYTES, "write it again"))
+        size = (float(told["window_mm"][0]), float(told["window_mm"][1]))
+        views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in told["views"]]
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
+        raise input_error(str(path), f"does not tell the views ({type(error).__name__}: {error})", FORM) from None
+    eyes = np.array([eye for _, eye in views if len(eye) == 3])
+    if not 0 < len(eyes) == len(views) <= MOST_VIEWS or not np.isfinite(eyes).all() or not min(size) > 0.0:
+        raise input_error(str(path), f"has no views, more than {MOST_VIEWS}, or eyes that are no three numbers", FORM)
+    if not eyes[:, 2].min() > 0.0 or np.ptp(eyes[:, 2]) > 1e-3 * eyes[0, 2]:
+        what = "has eyes at several distances, or behind the window"
+        raise input_error(str(path), what, "give all eyes one z above 0")
+    (x, columns), (y, rows) = _steps(path, eyes[:, 0]), _steps(path, eyes[:, 1])
+    if len(x) * len(y) != len(views) or len(set(zip(rows.tolist(), columns.tolist(), strict=True))) != len(views):
+        what = f"has {len(views)} eyes, which are not a grid of {len(x)} x {len(y)}"
+        raise input_error(str(path), what, "give a view for each place of a row or grid")
+    pictures: npt.NDArray[np.float16] | None = None
+    for (name, _), row, column in zip(views, rows, columns, strict=True):
+        one, _ = picture(folder / name)
+        if pictures is None:
+            _check_size(path, len(views) * one.shape[0] * one.shape[1])
+            pictures = np.zeros((len(y), len(x), *one.shape), np.float16)
+        if one.shape != pictures.shape[2:]:
+            what = f"has {one.shape[1]} x {one.shape[0]} pixels, the first view {pictures.shape[3]} x "
+            raise input_error(str(folder / name), f"{what}{pictures.shape[2]}", "give views of one size")
+        pictures[row, column] = one
+    assert pictures is not None
+    return Views(pictures, x, y, float(eyes[0, 2]), size)
+
+
+def _steps(path: Path, places: npt.NDArray[np.float64]) -> tuple[list[float], npt.NDArray[np.intp]]:
+    """Return the places of a grid's lines, in rising order, and the number of the line of each eye."""
+    rising = np.sort(places)
+    gaps = np.diff(rising)
+    widest = float(gaps.max(initial=0.0))
+    # All in one line, but for roundings; else lines are apart by more than half the widest gap.
+    wide = gaps > max(0.5 * widest, 1e-6 * max(1.0, float(np.abs(places).max())))
+    groups = np.split(rising, np.flatnonzero(wide) + 1)
+    lines = np.array([group.mean() for group in groups])
+    number = np.abs(places[:, None] - lines).argmin(axis=1)
+    step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
+    if np.abs(places - lines[number]).max() > ASIDE * step:
+        raise input_error(str(path), "has eyes that are off a row or grid", "give eyes in equal rows")
+    return lines.tolist(), number
+
+
+def _check_size(path: Path, pixels: int) -> None:
+    if pixels > MOST_PIXELS:
+        what = f"the views have {pixels / 1e6:.0f} million pixels; {MOST_PIXELS // 1_000_000} are allowed"
+        raise input_error(str(path), what, "give fewer or smaller views")
+
+
+def picture(path: Path, kind: Any = np.float16) -> tuple[npt.NDArray[Any], dict[str, str]]:
+    """Return a picture's linear light (height, width, 3), and its metadata."""
+    if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
+        read = read_picture(path, accept=None)
+        radiance, metadata = read.radiance, read.metadata
+    else:
+        radiance, metadata = _by_pillow(path), {}
+    _check_size(path, radiance.shape[0] * radiance.shape[1])
+    return np.clip(radiance, 0.0, LARGEST).astype(kind), metadata
+
+
+def _by_pillow(path: Path) -> Any:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as opened:
+            _check_size(path, opened.width * opened.height)
+            return decode(np.asarray(opened.convert("RGB")) / 255.0, "srgb")
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise input_error(str(path), "no such picture", "put it there, or leave it out of the list") from None
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise input_error(str(path), f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None

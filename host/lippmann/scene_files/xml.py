@@ -1,0 +1,83 @@
+"""The elements of a Mitsuba scene, as XML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+
+import numpy as np
+
+from lippmann.optics.rays import Floats
+
+
+def plugin(parent: Element, tag: str, kind: str, **attributes: str) -> Element:
+    """Add a plugin, such as `shape` of the kind `ply`."""
+    return SubElement(parent, tag, {"type": kind, **attributes})
+
+
+def value(parent: Element, tag: str, name: str, given: Any) -> Element:
+    """Add a parameter: a number, a truth value, a text, or the components of a colour or vector."""
+    if isinstance(given, bool):
+        text = str(given).lower()
+    elif isinstance(given, str):
+        text = given
+    else:
+        text = " ".join(f"{number:.9g}" for number in np.ravel(given).tolist())
+    if tag in ("vector", "point"):
+        return SubElement(parent, tag, {"name": name, **dict(zip("xyz", text.split(), strict=True))})
+    return SubElement(parent, tag, {"name": name, "value": text})
+
+
+#: Directions towards the lights, in the display's frame, and the share that each gives a surface that faces the viewer:
+#: one beside the viewer's head, so that nothing that is seen is black; the key, above left; and a weak one below right.
+LIGHTS = (((0.0, 0.0, 1.0), 0.35), ((-0.5, 0.7, 1.0), 0.5), ((0.8, -0.3, 0.5), 0.15))
+
+
+def add_lights(scene: Element, scene_from_display: Floats) -> None:
+    """Add `LIGHTS`, far away. A diffuse surface that faces the viewer, unshaded, has its albedo as radiance.
+
+    `scene_from_display` is the rotation (3, 3): the lights stay with the display when the scene is turned.
+    """
+    for direction, share in LIGHTS:
+        towards = np.array(direction) / np.linalg.norm(direction)
+        light = plugin(scene, "emitter", "directional")
+        value(light, "vector", "direction", -scene_from_display @ towards)
+        # Lambert: radiance = albedo / pi * irradiance * cosine.
+        value(light, "rgb", "irradiance", [np.pi * share / towards[2]] * 3)
+
+
+def write(scene: Element, path: Path) -> Path:
+    """Write a scene; return its path."""
+    indent(scene)
+    ElementTree(scene).write(path, encoding="utf-8")
+    return path
+
+
+def new_scene() -> Element:
+    """Return a scene without anything. No ray may slip through between two triangles: what it sees would be black."""
+    scene = Element("scene", {"version": "3.0.0"})
+    value(scene, "boolean", "embree_use_robust_intersections", True)
+    return scene
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """Return names without their repetitions, and with plain characters: of two `leaf` the second is `leaf-2`."""
+    found: dict[str, None] = {}
+    for name in names:
+        plain = "".join(c if c.isalnum() or c in "_-." else "_" for c in name) or "shape"
+        number, one = 1, plain
+        while one in found:
+            number += 1
+            one = f"{plain}-{number}"
+        found[one] = None
+    return list(found)
+
+
+def bitmap(parent: Element, name: str, file: str, raw: bool = False) -> Element:
+    """Add a texture from an image file; `raw`: its numbers are no colours."""
+    texture = plugin(parent, "texture", "bitmap", name=name)
+    value(texture, "string", "filename", file)
+    value(texture, "boolean", "raw", raw)
+    return texture

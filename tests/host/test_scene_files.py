@@ -1,0 +1,572 @@
+"""Scenes in other tools' files, made by their own libraries or byte by byte here: in the right place and colour."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from lippmann import api
+from lippmann.cli import run
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.images import decode, psnr_db, read_picture, write_picture
+from lippmann.rendering.arrange import arranged
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.sources import Window
+from PIL import Image
+from test_film import DISPLAY
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+#: A picture of four fields in sRGB: top left, top right, bottom left, bottom right.
+FIELDS = np.array([[[200, 40, 40], [40, 200, 40]], [[40, 40, 200], [200, 200, 40]]], np.uint8)
+CORNERS = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]], np.float32)
+FACES = [[0, 1, 2], [0, 2, 3]]
+#: The corners' places in the picture, from its bottom left.
+UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+LIGHT = decode(FIELDS / 255.0, "srgb")
+
+
+def picture():
+    return Image.fromarray(FIELDS.repeat(32, axis=0).repeat(32, axis=1))
+
+
+def png_of(image, path):
+    image.save(path)
+    return path.read_bytes()
+
+
+def glb(path, material, images=(), extra=(), counts=None):
+    """Write the square as GLB, byte by byte, by glTF's specification; v of its texture coordinates goes down."""
+    binary = CORNERS.tobytes() + (UV * [1, -1] + [0, 1]).astype("<f4").tobytes() + np.array(FACES, "<u2").tobytes()
+    views = [(0, 48), (48, 32), (80, 12)]
+    for data in images:
+        views.append((len(binary), len(data)))
+        binary += data + b"\0" * (-len(data) % 4)
+    told = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "square"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [material],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+            *extra,
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in views],
+        "buffers": [{"byteLength": len(binary)}],
+        "textures": [{"source": k} for k in range(len(images))],
+        "images": [{"bufferView": 3 + k, "mimeType": "image/png"} for k in range(len(images))],
+    }
+    text = json.dumps(told).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return path
+
+
+def dielectric(**more):
+    return {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0, **more}}
+
+
+def seen(path, side=2.0, width=64, eye=(0.0, 0.0, 600.0), placement=None, samples=1):
+    """What a far eye sees of a scene in a square window around the origin."""
+    scene = load_scene(path, Placement() if placement is None else placement)
+    return render_view(scene, eye, Window(side, side, width, width), Settings(samples=samples)).radiance
+
+
+def fields(radiance):
+    """The light in the middle of each of the four fields."""
+    side = len(radiance) // 4
+    return radiance[side :: 2 * side, side :: 2 * side][:2, :2]
+
+
+# ---- meshes ----
+
+
+def test_a_glb_has_its_texture_the_right_way_up(tmp_path, mi):
+    """Rough glass-like paint: its albedo, and of the lights in front less than glTF's 4 % of a mirror more."""
+    path = glb(tmp_path / "a.glb", dielectric(baseColorTexture={"index": 0}), [png_of(picture(), tmp_path / "a.png")])
+    found = fields(seen(path)) - LIGHT
+    assert found.min() > -0.02, found
+    assert found.max() < 0.04, found
+
+
+def test_factors_of_a_glb_multiply_linear_light(tmp_path, mi):
+    image = [png_of(picture(), tmp_path / "a.png")]
+    pale = fields(seen(glb(tmp_path / "a.glb", dielectric(baseColorTexture={"index": 0}), image)))
+    factor = dielectric(baseColorTexture={"index": 0}, baseColorFactor=[0.5, 0.25, 1.0, 1.0])
+    found = fields(seen(glb(tmp_path / "b.glb", factor, image)))
+    assert found[0, 0] - pale[0, 0] == pytest.approx(LIGHT[0, 0] * [-0.5, -0.75, 0.0], abs=0.02)
+
+
+def test_a_glb_that_glows_needs_no_light(tmp_path, mi):
+    """Black paint, whose gloss alone is added."""
+    black = dielectric(baseColorFactor=[0.0, 0.0, 0.0, 1.0])
+    dark = fields(seen(glb(tmp_path / "a.glb", black)))
+    glow = black | {"emissiveFactor": [0.2, 0.4, 0.8]}
+    added = fields(seen(glb(tmp_path / "b.glb", glow))) - dark
+    assert added == pytest.approx(np.full((2, 2, 3), [0.2, 0.4, 0.8]), abs=1e-3)
+
+
+def test_a_glb_may_have_holes(tmp_path, mi):
+    """Alpha 0 in the top left field: nothing is seen there."""
+    alpha = np.dstack([FIELDS, np.array([[0, 255], [255, 255]], np.uint8)])
+    image = Image.fromarray(alpha.repeat(32, axis=0).repeat(32, axis=1))
+    path = glb(
+        tmp_path / "a.glb", dielectric(baseColorTexture={"index": 0}) | {"alphaMode": "MASK"},
+        [png_of(image, tmp_path / "a.png")],
+    )  # fmt: skip
+    found = fields(seen(path))
+    assert found[0, 0].max() == 0.0
+    assert found[0, 1] == pytest.approx(LIGHT[0, 1], abs=0.04)
+
+
+def test_a_normal_map_turns_surfaces_towards_the_key_light(tmp_path, mi):
+    """glTF's green is up: towards the key light, which is above; the same map upside down is darker."""
+    base = png_of(Image.new("RGB", (8, 8), (128, 128, 128)), tmp_path / "a.png")
+    found = {}
+    for name, green in (("up", 190), ("flat", 128), ("down", 66)):
+        bumps = png_of(Image.new("RGB", (8, 8), (128, green, 238)), tmp_path / f"{name}.png")
+        material = dielectric(baseColorTexture={"index": 0}) | {"normalTexture": {"index": 1}}
+        found[name] = float(seen(glb(tmp_path / f"{name}.glb", material, [base, bumps])).mean())
+    assert found["up"] > 1.2 * found["down"], found
+    assert found["flat"] > 1.2 * found["down"], found
+
+
+def test_an_obj_with_a_material_shows_its_albedo(tmp_path, mi):
+    """A diffuse surface that faces the viewer has its albedo as radiance, to a thousandth."""
+    visual = TextureVisuals(uv=UV, material=SimpleMaterial(image=picture()))
+    trimesh.Scene(trimesh.Trimesh(CORNERS, FACES, visual=visual, process=False)).export(tmp_path / "a.obj")
+    assert fields(seen(tmp_path / "a.obj")) == pytest.approx(LIGHT, abs=1e-3)
+
+
+def test_an_obj_without_a_texture_has_its_kd(tmp_path, mi):
+    (tmp_path / "a.mtl").write_text("newmtl paint\nKd 0.3 0.6 0.1\n")
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1 2 3\nf 1 3 4\n")
+    assert fields(seen(tmp_path / "a.obj")) == pytest.approx(np.full((2, 2, 3), [0.3, 0.6, 0.1]), abs=1e-3)
+
+
+def test_colours_of_vertices_are_srgb(tmp_path, mi):
+    colours = [[*FIELDS[0, 0], 255]] * 4
+    trimesh.Trimesh(CORNERS, FACES, vertex_colors=colours, process=False).export(tmp_path / "a.ply")
+    assert fields(seen(tmp_path / "a.ply")) == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
+
+
+def test_an_stl_stands_upright(tmp_path, mi, capfd, monkeypatch):
+    """Its z is up: a tower along z is high in the picture."""
+    trimesh.creation.box((1.0, 1.0, 4.0)).export(tmp_path / "tower.stl")
+    (tmp_path / "d.toml").write_text(DISPLAY)
+    scene = api.load_scene(tmp_path / "tower.stl")
+    assert scene.usual == "fit"
+    low, high = np.array(scene.depth_range_mm), scene.width_mm
+    assert high == pytest.approx(4.0)
+    assert low == pytest.approx([-0.5, 0.5], abs=0.01)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.0, 180.0, 0.0), (0.0, 90.0, 0.0), (-90.0, 0.0, 30.0)])
+def test_lights_stay_before_a_turned_mesh(tmp_path, mi, turn):
+    """A cube shows another face, lit as the first was."""
+    trimesh.creation.box((2.0, 2.0, 2.0)).export(tmp_path / "cube.glb")
+    found = seen(tmp_path / "cube.glb", 0.5, placement=Placement(rotation_deg=turn))
+    assert found == pytest.approx(seen(tmp_path / "cube.glb", 0.5), abs=1e-3)
+    assert found.min() > 0.05
+
+
+def test_nodes_move_meshes_and_mirrored_ones_are_not_inside_out(tmp_path, mi):
+    scene = trimesh.Scene()
+    square = trimesh.Trimesh(0.4 * CORNERS, FACES, vertex_colors=[[255, 255, 255, 255]] * 4, process=False)
+    scene.add_geometry(square, transform=np.diag([-1.0, 1.0, 1.0, 1.0]) + np.array([[0, 0, 0, 0.5], *[[0] * 4] * 3]))
+    scene.export(tmp_path / "a.glb")
+    found = seen(tmp_path / "a.glb", width=40)[20, :, 0]
+    assert (found[23:37] > 0.5).all()
+    assert not found[:20].any()
+
+
+# ---- splats ----
+
+HARMONICS = 45
+
+
+def splats(path, centres, rgb, scale=0.1, opacity=6.0, rest=None):
+    """A file as the splats' trainers write it; rgb in sRGB."""
+    names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
+    names += [f"f_rest_{k}" for k in range(HARMONICS)] + ["opacity", "scale_0", "scale_1", "scale_2"]
+    names += ["rot_0", "rot_1", "rot_2", "rot_3"]
+    table = np.zeros((len(centres), len(names)), "<f4")
+    table[:, :3] = centres
+    table[:, 6:9] = (np.array(rgb) - 0.5) / 0.28209479177387814
+    if rest is not None:
+        table[:, 9 : 9 + HARMONICS] = rest
+    table[:, names.index("opacity")] = opacity
+    table[:, -7:-4] = np.log(scale)
+    table[:, -4] = 1.0
+    head = "".join(f"property float {name}\n" for name in names)
+    told = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n{head}end_header\n"
+    path.write_bytes(told.encode() + table.tobytes())
+    return path
+
+
+def test_splats_are_where_and_as_mitsubas_camera_sees_them(tmp_path, mi):
+    """The file given to Mitsuba as it is, its own camera and integrator."""
+    random = np.random.default_rng(3)
+    rest = random.normal(0.0, 0.1, (40, HARMONICS))
+    path = splats(tmp_path / "a.ply", random.normal(0, 0.5, (40, 3)), random.random((40, 3)), rest=rest)
+    for eye in ([0.0, 0.0, 8.0], [3.0, 1.0, 7.0]):
+        window = 4.0 / eye[2] * (eye[2] - 0.0)
+        camera = {
+            "type": "perspective", "near_clip": 0.01,
+            "to_world": mi.ScalarTransform4d().look_at([0, 0, eye[2]], [0, 0, 0], [0, 1, 0]),
+            "fov": float(np.degrees(2 * np.arctan(0.5 * window / eye[2]))),
+            "film": {"type": "hdrfilm", "width": 64, "height": 64, "rfilter": {"type": "box"}},
+        }  # fmt: skip
+        theirs = mi.load_dict({
+            "type": "scene", "integrator": {"type": "volprim_rf_basic", "max_depth": 256}, "camera": camera,
+            "splats": {"type": "ellipsoids", "filename": str(path), "to_world": mi.ScalarTransform4d()},
+        })  # fmt: skip
+        if eye[0] == 0.0:
+            wanted = np.array(mi.render(theirs, spp=64))[..., :3]
+            found = seen(path, window, eye=tuple(eye), placement=Placement(near_mm=6.0, far_mm=-6.0), samples=64)
+            assert psnr_db(found, wanted) > 40.0
+        else:
+            turned = seen(path, window, eye=tuple(eye), placement=Placement(near_mm=6.0, far_mm=-6.0), samples=16)
+            assert psnr_db(turned, wanted) < 35.0
+
+
+def test_splats_have_no_light_of_ours_and_y_down(tmp_path, mi):
+    path = splats(tmp_path / "a.ply", [[0.0, 1.0, 0.0]], [[0.5, 0.7, 0.9]], scale=0.3, opacity=12.0)
+    scene = api.load_scene(path)
+    low, high = scene.mitsuba.bbox().min.y, scene.mitsuba.bbox().max.y
+    assert 0.0 < low < 1.0 < high
+    assert scene.placement.rotation_deg == (180.0, 0.0, 0.0)
+    found = render_view(scene, (0.0, 0.0, 600.0), Window(4.1, 4.1, 41, 41), Settings()).radiance
+    assert found[30, 20] == pytest.approx(decode(np.array([0.5, 0.7, 0.9]), "srgb"), rel=0.02)
+    assert not found[:15].any()
+
+
+def test_stray_splats_do_not_shrink_the_scene(tmp_path, mi):
+    random = np.random.default_rng(4)
+    centres = random.normal(0.0, 0.3, (400, 3))
+    centres[0] = [500.0, 0.0, 0.0]
+    scene = api.load_scene(splats(tmp_path / "a.ply", centres, [[1.0, 1.0, 1.0]] * 400))
+    assert scene.width_mm < 5.0
+
+
+# ---- quilts and views ----
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch, mi):
+    (tmp_path / "balls.xml").write_text(
+        '<scene version="3.0.0">'
+        + "".join(
+            f'<shape type="sphere"><point name="center" x="{x}" y="{y}" z="{z}" /><float name="radius" value="1.5" />'
+            f'<emitter type="area"><rgb name="radiance" value="{rgb}" /></emitter></shape>'
+            for x, y, z, rgb in ((-2, 1, 8, "1,0.2,0.1"), (2, 1, 0, "0.1,1,0.2"), (0, -1.5, -10, "0.2,0.1,1"))
+        )
+        + '<shape type="rectangle"><transform name="to_world"><scale value="40"/><translate z="-14"/></transform>'
+        '<emitter type="area"><rgb name="radiance" value="0.3,0.25,0.2" /></emitter></shape></scene>'
+    )
+    (tmp_path / "d.toml").write_text(DISPLAY)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def told(capfd, *words, code=0):
+    assert run([*map(str, words)]) == code
+    out, error = capfd.readouterr()
+    return json.loads(out) if code == 0 else error
+
+
+SHORT = ("--display", "d.toml", "--device", "llvm", "--json")
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_a_view_that_coincides_with_an_eye_is_that_view(place, capfd, rows):
+    """The scene's views; their folder as a scene; its views from the same eyes."""
+    told(
+        capfd,
+        "export",
+        "views",
+        "balls.xml",
+        "-o",
+        "a",
+        "--across",
+        4,
+        "--down",
+        rows,
+        "--width",
+        96,
+        "--linear",
+        *SHORT,
+    )
+    views = told(capfd, "export", "views", "a", "-o", "b", "--across", 4, "--down", rows, "--width", 96, "--samples", 1,
+                 "--linear", *SHORT)["views"]  # fmt: skip
+    for view in views:
+        a, b = (read_picture(place / folder / view["file"]).radiance for folder in "ab")
+        assert psnr_db(a, b) >= 50.0, view
+
+
+def test_between_two_eyes_both_views_are_mixed(place, capfd):
+    """A far wall, alone, would be the same; each ball is seen twice, half as bright before the wall."""
+    told(capfd, "export", "views", "balls.xml", "-o", "a", "--across", 2, "--width", 96, "--linear", *SHORT)
+    both = [read_picture(place / f"a/view_000{k}.exr").radiance for k in range(2)]
+    told(capfd, "export", "views", "a", "-o", "b", "--across", 3, "--width", 96, "--samples", 1, "--linear", *SHORT)
+    middle = read_picture(place / "b/view_0001.exr").radiance
+    assert psnr_db(middle, 0.5 * (both[0] + both[1])) >= 50.0
+    assert psnr_db(both[0], both[1]) < 30.0
+
+
+def test_a_quilt_is_shown_by_its_name_alone(place, capfd):
+    """The quilt of the scene, and the scene, as an eye aside sees them on the display: alike; in another order not."""
+    tiling = ("--width", 200, "--columns", 6, "--rows", 8)
+    quilt = told(capfd, "export", "quilt", "balls.xml", "-o", "q.png", *tiling, *SHORT)["output"]
+    whole = read_picture(quilt)
+    height, width, _ = whole.radiance.shape
+    tiles = whole.radiance.reshape(8, height // 8, 6, width // 6, 3)
+    turned = "turned" + quilt[1:]
+    write_picture(turned, tiles[::-1, :, ::-1].reshape(height, width, 3), whole.metadata)
+    eyes = {}
+    for name, source in (("scene", "balls.xml"), ("quilt", quilt), ("turned", turned)):
+        told(capfd, "render", source, "-o", f"{name}.exr", *SHORT)
+        told(capfd, "observe", f"{name}.exr", "--eye", "15,0,600", "-o", f"{name}-eye.exr", "--width", 150, *SHORT)
+        eyes[name] = read_picture(f"{name}-eye.exr").radiance
+    alike, other = (psnr_db(eyes["scene"], eyes[name]) for name in ("quilt", "turned"))
+    assert alike > 24.0, alike
+    assert other < alike - 2.0, (alike, other)
+
+
+def test_a_quilt_of_another_tool_has_a_cone_of_forty_degrees(tmp_path, mi):
+    """Looking Glass' cameras; tiles that each have one colour are seen from their part of it."""
+    tiles = np.zeros((2, 10, 3, 10, 3), np.uint8)
+    for number in range(6):
+        tiles[1 - number // 3, :, number % 3] = 40 * number + 20
+    Image.fromarray(tiles.reshape(20, 30, 3)).save(tmp_path / "a_qs3x2a1.png")
+    for number, angle in enumerate(np.linspace(-20.0, 20.0, 6)):
+        across = np.tan(np.radians(20.0)) * (2.0 * number / 5 - 1.0)
+        assert abs(np.degrees(np.arctan(across)) - angle) < 2.0
+        found = seen(tmp_path / "a_qs3x2a1.png", 0.5, 65, (600.0 * across, 0.0, 600.0))[32, 32]
+        assert found == pytest.approx(decode(np.full(3, (40 * number + 20) / 255.0), "srgb"), rel=1e-2)
+
+
+# ---- a picture and its depths ----
+
+
+def depth_pair(place, mi, hole=False):
+    """A picture and depths of the balls by Mitsuba's own camera; depths in tenths of a millimetre, 16 bits."""
+    scene = mi.load_file(str(place / "balls.xml"))
+    camera = {
+        "type": "perspective", "fov": 12.0,
+        "to_world": mi.ScalarTransform4d().look_at([0, 0, 60], [0, 0, 0], [0, 1, 0]),
+        "film": {"type": "hdrfilm", "width": 160, "height": 120, "rfilter": {"type": "box"}},
+    }  # fmt: skip
+    picture = np.array(
+        mi.render(scene, sensor=mi.load_dict(camera), integrator=mi.load_dict({"type": "direct"}), spp=16)
+    )
+    Image.fromarray(np.uint8(255 * np.clip(np.array(mi.Bitmap(picture).convert(
+        mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, True)) / 255.0, 0, 1))).save(place / "colour.png")  # fmt: skip
+    y, x = np.mgrid[:120, :160] + 0.5
+    focal = 80.0 / np.tan(np.radians(6.0))
+    across = np.stack([(x - 80) / focal, (60 - y) / focal, -np.ones_like(x)]).reshape(3, -1)
+    far = np.linalg.norm(across, axis=0)
+    ray = mi.Ray3f(mi.Point3f(0, 0, 60), mi.Vector3f(*(across / far).astype(np.float32)))
+    depth = (np.array(scene.ray_intersect(ray).t) / far).reshape(120, 160)
+    steps = np.round(10 * depth).astype(np.uint16)
+    if hole:
+        steps[30:33, 40:50] = 0
+    Image.fromarray(steps).save(place / "depth.png")
+    (place / "pair.toml").write_text(
+        '[depth_picture]\ncolour = "colour.png"\ndepth = "depth.png"\nunit_mm = 0.1\nfov_deg = 12\n'
+    )
+    return depth
+
+
+def test_a_picture_with_depths_is_the_scene_for_its_camera(place, mi):
+    """From the camera's place the picture; the surface at each pixel as far as the scene's."""
+    depth_pair(place, mi)
+    scene = load_scene(place / "pair.toml")
+    assert scene.usual == "camera"
+    assert not scene.notes
+    side = 2 * 60.0 * np.tan(np.radians(6.0))
+    found = render_view(
+        scene.placed(Placement(offset_mm=(0.0, 0.0, 60.0))),
+        (0.0, 0.0, 60.0),
+        Window(side, 0.75 * side, 160, 120),
+        Settings(),
+    ).radiance
+    wanted = read_picture(place / "colour.png").radiance
+    assert psnr_db(found[1:-1, 1:-1], wanted[1:-1, 1:-1]) > 35.0
+
+
+def test_a_picture_with_depths_beside_the_scene(place, mi, capfd):
+    """Eyes aside see what the scene shows them, but where the camera saw nothing."""
+    depth_pair(place, mi)
+    eye, window = (2.0, 1.0, 60.0), Window(8.0, 6.0, 160, 120)
+    surface = load_scene(place / "pair.toml", Placement(offset_mm=(0.0, 0.0, 60.0)))
+    views = [
+        render_view(scene, eye, window, Settings(samples=4)).radiance
+        for scene in (surface, load_scene(place / "balls.xml", Placement()))
+    ]
+    assert psnr_db(*views) > 25.0
+    told(capfd, "render", "pair.toml", "-o", "pair.png", *SHORT)
+
+
+def test_holes_of_depths_are_counted_and_filled(place, mi, capfd):
+    depth_pair(place, mi, hole=True)
+    assert run(["render", "pair.toml", "-o", "pair.exr", "--display", "d.toml", "--device", "llvm"]) == 0
+    assert "30 of 19200 pixels have no depth" in capfd.readouterr().err
+    scene = load_scene(place / "pair.toml", Placement(offset_mm=(0.0, 0.0, 60.0)))
+    found = render_view(scene, (0.0, 0.0, 60.0), Window(12.0, 9.0, 160, 120), Settings()).radiance
+    assert found[10:-10, 10:-10].max(axis=2).min() > 0.05
+
+
+# ---- one command for all, and Python's scenes ----
+
+
+def test_every_kind_renders_without_an_option(place, mi, capfd):
+    depth_pair(place, mi)
+    material = PBRMaterial(baseColorTexture=picture(), metallicFactor=0.0, roughnessFactor=1.0)
+    square = trimesh.Trimesh(CORNERS, FACES, visual=TextureVisuals(uv=UV, material=material), process=False)
+    trimesh.Scene(square).export(place / "a.glb")
+    (place / "gltf").mkdir()
+    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(square)).items():
+        (place / "gltf" / name).write_bytes(data)
+    for kind in ("obj", "ply", "stl"):
+        trimesh.creation.icosphere(2).export(place / f"ball.{kind}")
+    splats(place / "s.ply", [[0, 0, 0]], [[1, 1, 1]])
+    told(capfd, "export", "views", "balls.xml", "-o", "v", "--across", 3, "--width", 64, *SHORT)
+    quilt = told(capfd, "export", "quilt", "balls.xml", "-o", "q.png", "--width", 64, *SHORT)["output"]
+    for name in ("a.glb", "gltf/model.gltf", "ball.obj", "ball.ply", "ball.stl", "s.ply", "v", quilt, "pair.toml"):
+        told(capfd, "render", name, "-o", "out.exr", "--samples", 1, *SHORT)
+        light = read_picture(place / "out.exr").radiance
+        assert light.max() > 0.2, name
+        assert light.mean() > 0.002, name
+
+
+def test_a_dictionary_and_a_mitsuba_scene_are_scenes(place, mi):
+    given = {"type": "scene", "ball": {"type": "sphere", "e": {"type": "area", "radiance": 0.5}}}
+    images = [api.render(scene, "d.toml", samples=1, model="pinhole") for scene in (given, mi.load_dict(given))]
+    assert images[0].radiance.max() == pytest.approx(0.5)
+    assert (images[0].radiance == images[1].radiance).all()
+    with pytest.raises(InputError, match="dictionary"):
+        api.render({"type": "scene", "ball": {"type": "spere"}}, "d.toml")
+    with pytest.raises(InputError, match="int is no scene"):
+        api.render(5, "d.toml")
+
+
+def test_a_window_fills_the_panel(place, mi):
+    quilt = np.zeros((40, 120, 3), np.uint8) + 200
+    Image.fromarray(quilt).save("w_qs2x1a1.5.png")
+    built = load_display("d.toml")
+    scene = arranged(load_scene("w_qs2x1a1.5.png"), built, "window")
+    panel = built.panel
+    assert scene.width_mm == pytest.approx(min(panel.width_mm, 1.5 * panel.height_mm))
+    assert scene.placement.near_mm > 0.0 > scene.placement.far_mm
+
+
+# ---- bad input ----
+
+
+def refused(path, words):
+    with pytest.raises(InputError) as caught:
+        load_scene(path)
+    for word in words if isinstance(words, tuple) else (words,):
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_broken_meshes_are_refused_in_a_line(tmp_path, mi):
+    good = glb(tmp_path / "a.glb", dielectric()).read_bytes()
+    for cut in (0, 3, 12, 30, 200, len(good) - 40):
+        (tmp_path / "b.glb").write_bytes(good[:cut])
+        refused(tmp_path / "b.glb", "b.glb")
+    (tmp_path / "b.stl").write_bytes(b"\0" * 80 + struct.pack("<I", 1 << 30) + b"\0" * 50)
+    refused(tmp_path / "b.stl", "b.stl")
+    (tmp_path / "b.obj").write_text("f 1 2 3\nv 0 0\n")
+    refused(tmp_path / "b.obj", "b.obj")
+    (tmp_path / "c.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    refused(tmp_path / "c.obj", "c.obj")
+    (tmp_path / "d.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n")
+    refused(tmp_path / "d.obj", "finite")
+
+
+def test_numbered_vertices_without_bytes_are_not_expanded(tmp_path, mi):
+    huge = {"componentType": 5126, "count": 2_000_000_000, "type": "VEC4"}
+    refused(glb(tmp_path / "a.glb", dielectric(), extra=[huge]), "numbered vertices")
+    refused(glb(tmp_path / "b.glb", dielectric(), extra=[huge | {"count": -5}]), "b.glb")
+
+
+def test_missing_and_broken_textures_are_named(tmp_path, mi):
+    (tmp_path / "a.mtl").write_text("newmtl paint\nmap_Kd bark.png\n")
+    corners = "".join(f"v {x} {y} {z}\nvt {u} {v}\n" for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True))
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+    refused(tmp_path / "a.obj", ("bark.png", "texture"))
+    (tmp_path / "bark.png").write_bytes(b"no picture")
+    refused(tmp_path / "a.obj", "texture")
+    refused(glb(tmp_path / "b.glb", dielectric(baseColorTexture={"index": 0}), [b"no picture"]), "texture")
+    whole = png_of(picture(), tmp_path / "whole.png")
+    refused(glb(tmp_path / "c.glb", dielectric(baseColorTexture={"index": 0}), [whole[:-60]]), "texture")
+
+
+def test_points_without_faces_or_colours_are_told(tmp_path, mi):
+    trimesh.PointCloud(CORNERS).export(tmp_path / "points.ply")
+    refused(tmp_path / "points.ply", "faces")
+    data = splats(tmp_path / "s.ply", [[0, 0, 0]], [[1, 1, 1]]).read_bytes()
+    (tmp_path / "s.ply").write_bytes(data.replace(b"f_dc_1", b"g_dc_1"))
+    refused(tmp_path / "s.ply", ("without colours", "f_dc_1"))
+    (tmp_path / "s.ply").write_bytes(data[:-3])
+    refused(tmp_path / "s.ply", "s.ply")
+    splats(tmp_path / "s.ply", [[0, np.nan, 0]], [[1, 1, 1]])
+    refused(tmp_path / "s.ply", "finite")
+
+
+def test_bad_views_are_told(place, capfd, mi):
+    told(capfd, "export", "views", "balls.xml", "-o", "v", "--across", 3, "--width", 64, "--samples", 1, *SHORT)
+    eyes = json.loads((place / "v/views.json").read_text())
+
+    def with_change(change):
+        changed = json.loads(json.dumps(eyes))
+        change(changed)
+        (place / "v/views.json").write_text(json.dumps(changed))
+
+    with_change(lambda told: told["views"][0].update(eye_mm=[0, 0]))
+    refused(place / "v", "three numbers")
+    with_change(lambda told: told["views"][1].update(eye_mm=[-60, 20, 600]))
+    refused(place / "v", "grid")
+    with_change(lambda told: told["views"][1].update(eye_mm=[0, 0, -600]))
+    refused(place / "v", "distances")
+    with_change(lambda told: told["views"][1].update(file="other.png"))
+    refused(place / "v", "other.png")
+    with_change(lambda told: told.pop("window_mm"))
+    refused(place / "v", "window_mm")
+    with_change(lambda told: None)
+    Image.new("RGB", (32, 48)).save(place / "v/view_0002.png")
+    refused(place / "v", ("view_0002.png", "32 x 48"))
+    (place / "v/views.json").unlink()
+    refused(place / "v", ("is a folder", "views.json"))
+
+
+def test_bad_quilts_are_told(tmp_path, mi):
+    Image.new("RGB", (4, 4)).save(tmp_path / "a_qs8x6a1.png")
+    refused(tmp_path / "a_qs8x6a1.png", "tiling")
+    Image.new("RGB", (4, 4)).save(tmp_path / "plain.png")
+    refused(tmp_path / "plain.png", ("no scene", "quilt"))
+
+
+def test_bad_depths_are_told(place, mi):
+    depth_pair(place, mi)
+    Image.new("I;16", (10, 10)).save(place / "depth.png")
+    refused(place / "pair.toml", ("10 x 10", "160 x 120"))
+    Image.new("I;16", (160, 120)).save(place / "depth.png")
+    refused(place / "pair.toml", "no pixel has a depth")
+    (place / "depth.png").write_bytes(b"no picture")
+    refused(place / "pair.toml", "cannot be read")
+    (place / "depth.png").unlink()
+    refused(place / "pair.toml", "no such picture")
