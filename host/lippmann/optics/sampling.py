@@ -17,8 +17,8 @@ from lippmann.variant import mitsuba
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 
 
-def points_in_square(pixel: Any, sample: Any, seed: int, stream: int) -> tuple[Any, Any]:
-    """Return points in the unit square for pixel and sample numbers (UInt32); streams are independent."""
+def points_in_square(pixel: Any, sample: Any, seed: Any, stream: int) -> tuple[Any, Any]:
+    """Return points in the unit square for pixel and sample numbers (UInt32), and a seed; streams are independent."""
     mi = mitsuba()
     import drjit as dr
 
@@ -27,7 +27,8 @@ def points_in_square(pixel: Any, sample: Any, seed: int, stream: int) -> tuple[A
 
     def coordinate(axis: int) -> Any:
         # Opaque, so that another seed needs no compilation.
-        key = dr.opaque(mi.UInt32, ((2 * stream + axis) * 0x9E3779B9 + seed) & 0xFFFFFFFF)
+        own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
+        key = own + mi.UInt32((2 * stream + axis) * 0x9E3779B9 & 0xFFFFFFFF)
         shift = mi.sample_tea_float32(pixel, key)
         x = shift + mi.Float(sample) * R2_STEPS[axis]
         return dr.minimum(x - dr.floor(x), below_one)

@@ -29,6 +29,7 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
 from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.lights import register_lights
+from lippmann.rendering.placement import Placement
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
@@ -148,9 +149,14 @@ class Renderer:
         self._across = -(-self._width // TILE_PX)
         self._chunk = max(1, CHUNK_SAMPLES[current_device()] // (settings.samples * TILE_PX * TILE_PX))
         self._program = _program(scene, source, settings)
+        self._pose = _Pose.of(scene.placement)
         self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
         self.rays = settings.samples * len(_passes(source.layout))
+
+    def move(self, placement: Placement, seed: int) -> None:
+        """Let the next bands be those of the scene in another place, and of another seed, by the same program."""
+        self._pose, self._seed = _Pose.of(placement), seed
 
     def prepare(self) -> float:
         """Compile the program by rendering one tile; return the seconds that it took."""
@@ -202,8 +208,9 @@ class Renderer:
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seed = dr.opaque(mi.UInt32, (self._seed * 0x9E3779B1 + chunk) & 0xFFFFFFFF)
+        own_seed = dr.opaque(mi.UInt32, self._seed)
         dr.make_opaque(index)
-        colours, lost = self._program(index, first, seed)
+        colours, lost = self._program(index, first, (seed, own_seed), self._pose)
         pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
         place = pixel - dr.opaque(mi.UInt32, rows.start * self._width)
         for plane, colour in zip(planes, colours, strict=True):
@@ -260,7 +267,8 @@ def _passes(layout: Layout | None) -> list[tuple[tuple[int, ...], list[Box]]]:
 def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..., tuple[list[Any], list[Any]]]:
     """Return the function that renders a chunk: its pixels' three colours, and the numbers of lost samples.
 
-    Its arguments are the numbers of the chunk's samples (UInt32), its first tile, and a seed.
+    Its arguments are the numbers of the chunk's samples (UInt32), its first tile, the seeds of the chunk and of the
+    image, and the scene's `_Pose`.
     """
     mi = mitsuba()
     import drjit as dr
@@ -270,18 +278,20 @@ def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..
     passes = _passes(source.layout)
     parts = [_Part.of(boxes) for _, boxes in passes]
 
-    def trace(index: Any, first: Any, seed: Any, parts: list[_Part]) -> tuple[list[Any], list[Any]]:
+    def trace(
+        index: Any, first: Any, seeds: tuple[Any, Any], pose: _Pose, parts: list[_Part]
+    ) -> tuple[list[Any], list[Any]]:
         place = index // samples
         pixel, inside = _pixel_of(first, place, source.width_px, source.height_px)
         colours: list[Any] = []
         losses: list[Any] = []
         for (channels, _), part in zip(passes, parts, strict=True):
-            lines = _lines(source, settings, pixel, index - place * samples, part)
+            lines = _lines(source, settings.samples, seeds[1], pixel, index - place * samples, part)
             active = lines.active & inside
             lost = [mask & inside for mask in lines.lost]
             sampler = mi.load_dict({"type": "independent"})
-            sampler.seed(seed, dr.width(index))
-            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, scene_ray(scene, lines), None, active)
+            sampler.seed(seeds[0], dr.width(index))
+            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, pose.ray(lines), None, active)
             # Not 0.0: where all is black, the recording would keep one tile's black for a picture of any size.
             black = mi.Float(index >> 31)
             colour = dr.select(active, mi.Color3f(radiance), black)
@@ -295,7 +305,7 @@ def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..
         return colours, losses
 
     program = Recorded(trace, scene) if source.recordable else trace
-    return lambda index, first, seed: program(index, first, seed, parts)
+    return lambda index, first, seeds, pose: program(index, first, seeds, pose, parts)
 
 
 def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
@@ -332,15 +342,15 @@ class _Part:
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
 
 
-def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, part: _Part) -> Lines:
+def _lines(source: RaySource, samples: int, seed: Any, pixel: Any, sample: Any, part: _Part) -> Lines:
     """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32)."""
     mi = mitsuba()
     import drjit as dr
 
     b = DrJitBackend(current_device())
     x, y = mi.Float(0.5), mi.Float(0.5)
-    if settings.samples > 1:
-        x, y = points_in_square(pixel, sample, settings.seed, stream=0)
+    if samples > 1:
+        x, y = points_in_square(pixel, sample, seed, stream=0)
     row = pixel // source.width_px
     column = pixel - row * source.width_px
     box = Box(*part.box)
@@ -350,28 +360,44 @@ def _lines(source: RaySource, settings: Settings, pixel: Any, sample: Any, part:
     u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
     if not part.full_height:
         y = 0.5 + box.v + box.height * (y - 0.5)
-    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, settings.seed, stream=1))
+    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seed, stream=1))
 
 
-def scene_ray(scene: Scene, lines: Lines) -> Any:
-    """Return the scene's ray along a line of sight, from in front of the scene towards the display."""
-    mi = mitsuba()
-    import drjit as dr
+@dataclass
+class _Pose:
+    """Where a scene stands, as Dr.Jit values: arguments of a program, so that a moved scene needs no other one."""
 
-    point, direction = lines.point, lines.direction
-    # Opaque, so that a moved scene or another eye needs no compilation.
-    near = dr.opaque(mi.Float, scene.placement.near_mm)
-    t = (near - point[2]) / direction[2]
-    start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
-    back = mi.Vector3f(*(-c for c in direction))
-    matrix = scene.placement.scene_from_display
-    if not np.array_equal(matrix, np.eye(4)):
-        m = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]]
-        start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m))
-        back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m)))
-    ray = mi.RayDifferential3f(start, back)
-    ray.wavelengths = []
-    return ray
+    near_mm: Any
+    #: The first three rows of `Placement.scene_from_display`; None where that is the identity.
+    rows: list[list[Any]] | None
+
+    @classmethod
+    def of(cls, placement: Placement) -> _Pose:
+        """Return the pose of a placement."""
+        mi = mitsuba()
+        import drjit as dr
+
+        matrix = placement.scene_from_display
+        moved = not np.array_equal(matrix, np.eye(4))
+        rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
+        return cls(dr.opaque(mi.Float, placement.near_mm), rows)
+
+    def ray(self, lines: Lines) -> Any:
+        """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
+        mi = mitsuba()
+        import drjit as dr
+
+        point, direction, near = lines.point, lines.direction, self.near_mm
+        t = (near - point[2]) / direction[2]
+        start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
+        back = mi.Vector3f(*(-c for c in direction))
+        if self.rows is not None:
+            m = self.rows
+            start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m))
+            back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m)))
+        ray = mi.RayDifferential3f(start, back)
+        ray.wavelengths = []
+        return ray
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
@@ -402,8 +428,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, An
     mi = mitsuba()
     import drjit as dr
 
-    placed = replace(scene, placement=replace(scene.placement, near_mm=front_mm, far_mm=None))
-    ray = scene_ray(placed, lines)
+    ray = _Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
     return ray, si.is_valid(), front - scale * si.t * lines.direction[2]
@@ -421,7 +446,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
     whole = _Part.of([Box(0.0, 0.0, 1.0, 1.0)])
-    lines = _lines(eye_source(eye_mm, window), Settings(), number, dr.zeros(mi.UInt32, 1), whole)
+    lines = _lines(eye_source(eye_mm, window), 1, 0, number, dr.zeros(mi.UInt32, 1), whole)
     _, valid, depth = first_hit(scene, lines, front)
     found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
     return found.reshape(window.height_px, window.width_px)
