@@ -27,8 +27,13 @@ WINDOW_SHARE = 0.9
 
 def monitors() -> list[tuple[int, int]]:
     """Return the width and height of each monitor, px; raise DeviceError when there is no desktop."""
-    with _desktop("its sizes") as pygame:
-        return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
+    with desktop("its sizes") as pygame:
+        return sizes_of(pygame)
+
+
+def sizes_of(pygame: Any) -> list[tuple[int, int]]:
+    """Return the width and height of each monitor of a desktop, px."""
+    return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
 
 
 def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
@@ -60,7 +65,7 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
             f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {width} x {height}; "
             "set the monitor to its panel's own resolution, without scaling"
         )
-    with _desktop("a full screen") as pygame:
+    with desktop("a full screen") as pygame:
         screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
         if screen.get_size() != (width, height):
             raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
@@ -81,7 +86,7 @@ def show_window(image: Pixels, title: str, seconds: float | None = None) -> None
     """
     width, height = monitors()[0]
     scale = min(1.0, WINDOW_SHARE * width / image.shape[1], WINDOW_SHARE * height / image.shape[0])
-    with _desktop("a window") as pygame:
+    with desktop("a window") as pygame:
         picture = pygame.surfarray.make_surface(image.swapaxes(0, 1))
         size = max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))
         screen = pygame.display.set_mode(size)
@@ -104,7 +109,7 @@ def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> No
 
 
 @contextmanager
-def _desktop(wanted: str) -> Iterator[Any]:
+def desktop(wanted: str) -> Iterator[Any]:
     """Give pygame with its display initialised; an error of SDL becomes that of a desktop that refuses `wanted`."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     # Keep the window when another one gets the keyboard.

@@ -16,7 +16,7 @@ from lippmann.files import is_full
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
     "inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view",
-    "pattern", "calibrate", "export", "board", "stream", "play", "display", "demo", "bench", "report", "doctor",
+    "pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "bench", "report", "doctor",
 )  # fmt: skip
 
 

@@ -1,0 +1,111 @@
+"""`lippmann live`: a scene on a display, moved by mouse and keys."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import asdict
+
+import click
+import numpy as np
+
+from lippmann.board.board import Board
+from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
+from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
+from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
+from lippmann.cli.output import emit, log
+from lippmann.display import load_display
+from lippmann.errors import InputError
+from lippmann.live.hand import Hand
+from lippmann.live.picture import LivePicture
+from lippmann.live.run import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
+from lippmann.live.screens import screens
+from lippmann.live.sender import Sender
+from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.arrange import arranged
+from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
+from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
+from lippmann.rendering.scene import check_scene_file, load_scene
+from lippmann.variant import start_mitsuba
+
+#: Width of the eye's view, pixels.
+VIEW_PX = 480
+
+
+@make_command("live")
+def command(
+    scene_path: str = argument("SCENE"),
+    display_path: str = DISPLAY,
+    monitor: int | None = option("Fill this monitor: the panel.  [default: a window]", None, click.IntRange(0)),
+    port: str | None = PORT,
+    baud: int | None = BAUD,
+    force: bool = option("Accept a board that drives another display.", False),
+    eye: Point | None = option("Open a second window with the view of this eye, mm.", None, Vector(3)),
+    turn: float = option("Turn the scene by itself, degrees a second.", 0.0, Finite()),
+    turn_seconds: float | None = option("Turn it for this long.  [default: to the end]", None, Finite(0.0)),
+    seconds: float | None = option("End after this long, and when the picture is fine.", None, Finite(0.0)),
+    samples: int = option("Samples of each pixel at which a resting picture is done.", MOST_SAMPLES, click.IntRange(1)),
+    model: ModelOption = option("Lens model; auto chooses the cheapest for the scene's first place.", "auto"),
+    integrator: str = INTEGRATOR,
+    max_depth: int = MAX_DEPTH,
+    moved: Moved = MOVED,
+    seed: int = SEED,
+    device: str = DEVICE,
+) -> None:
+    """Show a scene on a display, and move it by hand.
+
+    Drag to turn it, drag with the right button to shift it, scroll to scale it; arrow keys turn, with Shift they shift,
+    PageUp brings it nearer, + and - scale, r puts it back, q or Escape ends. While it rests its picture becomes finer.
+
+    Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
+    """
+    path, display = check_scene_file(scene_path), load_display(display_path)
+    panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
+    check_memory(panel.width_px, panel.height_px, settings)
+    if monitor is not None and port is not None:
+        raise InputError("--monitor and --port both name a panel; leave one out")
+    if turn and turn_seconds is None and seconds is not None:
+        turn_seconds = seconds
+    start_mitsuba(device)
+    scene, arrange = load_scene(path, moved.placement(path)), moved.arrange(path)
+    if arrange is not None:
+        scene = arranged(scene, display, arrange)
+        log(f"placed by {scene.placement}")
+    chosen = chosen_model(scene, display, RenderOptions(model=model, settings=settings), log)
+    picture = LivePicture(scene, display, chosen, settings)
+    window = whole_window(display, VIEW_PX)
+    view = None if eye is None else EyeView(Eye(eye), window)
+    if view is not None:  # compiled before a window waits for it
+        observe(np.zeros((panel.height_px, panel.width_px, 3), np.float32), display, view.eye, window, VIEW_SAMPLES[0])
+    hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
+    with contextlib.ExitStack() as stack:
+        sender = None
+        if port is not None:
+            board = stack.enter_context(Board.open(*chosen_port(port, baud)))
+            if not force:
+                check_board(board, display, display_path, ", or show it with --force")
+            board.check_no_pattern()
+            sender = Sender(board)
+        shown = stack.enter_context(screens())
+        opened = time.perf_counter()
+        shown.open(PANEL, (panel.width_px, panel.height_px), monitor)
+        if view is not None:
+            shown.open(VIEW, (window.width_px, window.height_px))
+        played = run_live(
+            picture, hand, shown, display, view=view, sender=sender, turn_deg=turn, moving_s=turn_seconds,
+            seconds=seconds, most=samples, opened=opened,
+        )  # fmt: skip
+        if sender is not None:
+            sender.finish()
+    told = {name: number for name, number in asdict(played).items() if name != "times"}
+    board_told = None if sender is None else {
+        "port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes
+    }  # fmt: skip
+    result = {
+        "scene": scene_path, "display": display.name, "model": chosen, **told, "board": board_told,
+        "placement": str(hand.placement()), "peak_memory_mb": peak_memory_mb(),
+    }  # fmt: skip
+    moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
+    emit(result, f"first picture after {played.first_s:.2f} s; {moving}{played.samples} samples at the end; "
+                 f"stood at {hand.placement()}")  # fmt: skip

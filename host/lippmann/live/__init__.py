@@ -1,0 +1,1 @@
+"""A scene on a display, moved by hand while one looks."""

@@ -1,0 +1,320 @@
+"""`lippmann live` on SDL's dummy desktop: pictures against the renderer's, motions by hand, and the board's frames."""
+
+import json
+import threading
+import time
+
+import numpy as np
+import pytest
+from lippmann.board.board import Board
+from lippmann.cli import run
+from lippmann.display import load_display
+from lippmann.errors import DeviceError, InputError
+from lippmann.images import encoded_values, psnr_db
+from lippmann.live.hand import Hand
+from lippmann.live.picture import LivePicture
+from lippmann.live.run import run_live
+from lippmann.live.screens import screens
+from lippmann.live.sender import Sender
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import load_scene
+from model_board import ModelBoard
+from test_film import DISPLAY
+
+SCENE = """<scene version="3.0.0">
+<shape type="sphere"><point name="center" x="1" y="0" z="2"/><float name="radius" value="2"/>
+<bsdf type="diffuse"><rgb name="reflectance" value="0.8, 0.5, 0.2"/></bsdf></shape>
+<shape type="cube"><transform name="to_world"><scale value="1.2"/><translate x="-2" y="-1" z="-3"/></transform></shape>
+<emitter type="point"><point name="position" x="20" y="30" z="60"/><rgb name="intensity" value="9000"/></emitter>
+</scene>"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch, mi):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    (tmp_path / "s.xml").write_text(SCENE)
+    (tmp_path / "d.toml").write_text(DISPLAY)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def made(place):
+    display, scene = load_display("d.toml"), load_scene("s.xml")
+    picture = LivePicture(scene, display, "pinhole", Settings(seed=3))
+    panel = display.panel
+    return display, scene, picture, Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
+
+
+# ---- pictures ----
+
+
+@pytest.mark.parametrize("moves", [0, 1, 2])
+def test_pictures_are_the_renderers(made, moves):
+    """A quick one is a render of one sample, the first finer one of four, bit for bit, wherever the scene stands."""
+    display, scene, picture, hand = made
+    assert picture.block == 1
+    for _ in range(moves):
+        hand.turn(25.0, -10.0)
+        hand.zoom(1.0)
+        hand.shift(3.0, -2.0, 1.0)
+    quick = picture.quick(hand.placement())
+    assert picture.samples == 0
+    finer = picture.finer(lambda: False)
+    assert picture.samples == 4
+    placed = scene if not moves else scene.placed(hand.placement())
+    # The same front, so that rays start at the same points; boxes differ in their last place.
+    near = picture._placement
+    placed = placed.placed(near)
+    for found, samples in ((quick, 1), (finer, 4)):
+        wanted = render_integral(placed, display, "pinhole", Settings(samples=samples, seed=3)).radiance
+        assert (found == wanted).all()
+
+
+def test_a_resting_picture_becomes_finer(made):
+    """Against 400 samples: each step of passes is nearer."""
+    display, scene, picture, _ = made
+    picture.quick(scene.placement)
+    exact = render_integral(scene, display, "pinhole", Settings(samples=400, seed=77)).radiance
+    found = [psnr_db(picture.finer(lambda: False), exact) for _ in range(16)]
+    assert picture.samples == 64
+    assert found[15] > found[0] + 4.0, found
+
+
+def test_an_interrupted_pass_is_done_again(made):
+    _, scene, picture, _ = made
+    picture.quick(scene.placement)
+    first = picture.finer(lambda: False)
+    assert picture.finer(lambda: True) is None
+    assert picture.samples == 4
+    picture.quick(scene.placement)
+    assert (picture.finer(lambda: False) == first).all()
+
+
+def test_large_panels_get_a_ray_for_a_block_of_pixels(place, monkeypatch):
+    """The block's middle, as the renderer's source has it."""
+    monkeypatch.setattr("lippmann.live.picture.QUICK_S", 1e-9)
+    display, scene = load_display("d.toml"), load_scene("s.xml")
+    picture = LivePicture(scene, display, "pinhole", Settings())
+    assert picture.block == 8
+    found = picture.quick(scene.placement)
+    height, width = display.panel.height_px, display.panel.width_px
+    assert found.shape == (height, width, 3)
+    whole = height - height % 8, width - width % 8
+    blocks = found[: whole[0], : whole[1]].reshape(whole[0] // 8, 8, whole[1] // 8, 8, 3)
+    assert (blocks == blocks[:, :1, :, :1]).all()
+    assert found.max() > 0.05
+    picture.finer(lambda: False)
+    assert picture.samples == 4
+
+
+# ---- the hand ----
+
+
+def moved(hand, point):
+    return hand.placement().display_from_scene[:3] @ [*point, 1.0]
+
+
+@pytest.mark.parametrize("base", [Placement(), Placement(scale=2.0, rotation_deg=(0, 0, 90), offset_mm=(5, 0, 0))])
+def test_motions_are_about_the_middle(base):
+    """A point before, to the right of, and above the middle, 1 mm away, by hand."""
+    pivot = np.array([3.0, -2.0, 1.0])
+    inverse = base.scene_from_display[:3]
+    at = [inverse @ [*(pivot + step), 1.0] for step in np.eye(3)]
+    middle = inverse @ [*pivot, 1.0]
+    hand = Hand(base, pivot, 0.1)
+    hand.turn(90.0)  # what was in front goes right, what was right goes behind
+    for point, wanted in zip(at, ([0, 0, -1], [0, 1, 0], [1, 0, 0]), strict=True):
+        assert moved(hand, point) - pivot == pytest.approx(wanted, abs=1e-9)
+    hand.reset()
+    hand.turn(0.0, 45.0)  # what was in front goes down
+    assert moved(hand, at[2]) - pivot == pytest.approx([0, -np.sqrt(0.5), np.sqrt(0.5)], abs=1e-9)
+    hand.reset()
+    hand.zoom(2.0)
+    assert moved(hand, at[0]) - pivot == pytest.approx([1.05**2, 0, 0])
+    hand.shift(10.0, 20.0, 30.0)
+    assert moved(hand, middle) - pivot == pytest.approx([1.0, 2.0, 3.0])
+    hand.reset()
+    assert hand.placement() is base
+
+
+def test_turns_stop_at_the_poles_and_scales_at_their_limits():
+    hand = Hand(Placement(), np.zeros(3), 0.1)
+    hand.turn(0.0, 500.0)
+    assert hand.pitch_deg == 89.0
+    for _ in range(100):
+        hand.zoom(20.0)
+    assert hand.scale <= 1e9
+    hand.placement()
+
+
+def post(pygame, kind, **values):
+    pygame.event.post(pygame.event.Event(kind, **values))
+
+
+def test_mouse_and_keys(place):
+    import pygame
+
+    hand = Hand(Placement(), np.zeros(3), 0.1)
+    with screens() as shown:
+        shown.open("panel", (64, 48))
+        assert shown.obey(hand)
+        post(pygame, pygame.MOUSEMOTION, rel=(10, 5), buttons=(1, 0, 0), pos=(0, 0))
+        post(pygame, pygame.MOUSEMOTION, rel=(90, 5), buttons=(0, 0, 0), pos=(0, 0))
+        post(pygame, pygame.MOUSEMOTION, rel=(10, 20), buttons=(0, 0, 1), pos=(0, 0))
+        post(pygame, pygame.MOUSEWHEEL, x=0, y=2)
+        assert shown.waiting()
+        assert shown.obey(hand)
+        assert not shown.waiting()
+        assert (hand.yaw_deg, hand.pitch_deg) == pytest.approx((4.0, 2.0))
+        assert hand.shift_mm == pytest.approx([1.0, -2.0, 0.0])
+        assert hand.scale == pytest.approx(1.05**2)
+        post(pygame, pygame.KEYDOWN, key=pygame.K_LEFT, mod=0)
+        post(pygame, pygame.KEYDOWN, key=pygame.K_UP, mod=pygame.KMOD_LSHIFT)
+        post(pygame, pygame.KEYDOWN, key=pygame.K_PAGEUP, mod=0)
+        post(pygame, pygame.KEYDOWN, key=pygame.K_MINUS, mod=0)
+        assert shown.obey(hand)
+        assert hand.yaw_deg == pytest.approx(-1.0)
+        assert hand.shift_mm == pytest.approx([1.0, -1.0, 1.0])
+        assert hand.scale == pytest.approx(1.05)
+        post(pygame, pygame.KEYDOWN, key=pygame.K_r, mod=0)
+        assert shown.obey(hand)
+        assert hand.placement() is hand.base
+        for key in (pygame.K_q, pygame.K_ESCAPE):
+            post(pygame, pygame.KEYDOWN, key=key, mod=0)
+            assert not shown.obey(hand)
+        post(pygame, pygame.QUIT)
+        assert not shown.obey(hand)
+
+
+# ---- the loop ----
+
+
+def test_the_window_shows_the_panels_pixels(made):
+    display, scene, picture, hand = made
+    panel = display.panel
+    with screens() as shown:
+        shown.open("panel", (panel.width_px, panel.height_px))
+        played = run_live(picture, hand, shown, display, seconds=0.0, most=8)
+        found = shown.pixels("panel")
+    assert played.samples == 8
+    picture.quick(scene.placement)
+    picture.finer(lambda: False)
+    wanted = encoded_values(picture.finer(lambda: False), panel.transfer, 8)
+    assert (found == wanted).all()
+
+
+def test_the_command_turns_a_scene_by_itself(place, capfd):
+    assert run([
+        "live", "s.xml", "--display", "d.toml", "--turn", "60", "--turn-seconds", "1", "--seconds", "1",
+        "--samples", "8", "--eye", "0,0,600", "--device", "llvm", "--json",
+    ]) == 0  # fmt: skip
+    out, error = capfd.readouterr()
+    told = json.loads(out)
+    assert told["frames"] > 3
+    assert told["samples"] == 8
+    assert told["first_s"] < 5.0
+    assert told["block"] == 1
+    assert "rotate" in told["placement"]
+    assert "Traceback" not in error
+
+
+def test_a_key_ends_the_command(place, capfd):
+    import pygame
+
+    def press():
+        until = time.monotonic() + 60.0
+        while time.monotonic() < until:
+            time.sleep(0.2)
+            if pygame.display.get_init():
+                post(pygame, pygame.KEYDOWN, key=pygame.K_q, mod=0)
+
+    threading.Thread(target=press, daemon=True).start()
+    assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm"]) == 0
+    assert "samples at the end" in capfd.readouterr().out
+
+
+# ---- the board ----
+
+
+def test_the_board_shows_whole_frames_and_the_last_one(made):
+    """Frames that come while one is sent are left out, but for the newest; every frame shown is one that was given."""
+    display, _, picture, hand = made
+    panel = display.panel
+    with ModelBoard(panel.width_px, panel.height_px) as model, Board.open(model.url, 12_000_000, 0.5) as board:
+        sender, given = Sender(board), []
+        send = sender.send
+        sender.send = lambda pixels: (given.append(pixels.copy()), send(pixels))
+        with screens() as shown:
+            shown.open("panel", (panel.width_px, panel.height_px))
+            run_live(picture, hand, shown, display, sender=sender, turn_deg=90.0, moving_s=1.0, seconds=1.0, most=8)
+        sender.finish()
+        assert 0 < sender.frames <= len(given)
+        frames = {pixels.tobytes() for pixels in given}
+        assert model.shown
+        assert all(np.asarray(frame, np.uint8).tobytes() in frames for frame in model.shown)
+        assert np.asarray(model.shown[-1], np.uint8).tobytes() == given[-1].tobytes()
+
+
+def test_a_board_that_fails_ends_the_picture(made):
+    display, *_ = made
+    panel = display.panel
+    pixels = np.zeros((panel.height_px, panel.width_px, 3), np.uint8)
+    with ModelBoard(panel.width_px, panel.height_px) as model:
+        board = Board.open(model.url, 12_000_000, 0.3)
+    with board:
+        sender = Sender(board)
+        sender.send(pixels)
+        with pytest.raises(DeviceError):
+            sender.finish()
+
+
+# ---- bad input ----
+
+
+def test_mistakes(place, capfd):
+    common = ["live", "s.xml", "--display", "d.toml", "--device", "llvm"]
+    for words, code, part in (
+        (["--monitor", "7"], 2, "no monitor 7"),
+        (["--monitor", "0"], 2, "pixels; there are 0:"),
+        (["--monitor", "0", "--port", "socket://127.0.0.1:1"], 2, "leave one out"),
+        (["--port", "socket://127.0.0.1:1"], 1, "127.0.0.1:1"),
+    ):
+        assert run([*common, *words]) == code
+        error = capfd.readouterr().err
+        assert part in error.splitlines()[-1], error
+
+
+def test_without_a_desktop(place, monkeypatch, capfd):
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm"]) == 1
+    assert "no desktop" in capfd.readouterr().err
+
+
+@pytest.mark.full
+def test_memory_is_flat_over_a_thousand_frames(made):
+    display, _, picture, hand = made
+    panel = display.panel
+
+    def resident_mb():
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * 4096 / 1e6
+
+    with screens() as shown:
+        shown.open("panel", (panel.width_px, panel.height_px))
+        sizes = []
+        for _ in range(12):
+            for _ in range(100):
+                hand.turn(1.0)
+                pixels = encoded_values(picture.quick(hand.placement()), panel.transfer, 8).astype(np.uint8)
+                shown.show("panel", pixels, "turning")
+            sizes.append(resident_mb())
+    assert sizes[-1] - sizes[1] < 0.02 * sizes[1], sizes
+
+
+def test_a_monitor_that_went_away_is_told(place):
+    with screens() as shown, pytest.raises(InputError, match="no monitor 3"):
+        shown.open("panel", (64, 48), 3)
