@@ -8,7 +8,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-gpu test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-calibration report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-gpu test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-content report-calibration report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -120,6 +120,9 @@ report-depth: $(READY) ## depths and views of the founding paper's set-ups, into
 
 report-layers: $(READY) ## drawn layers and the streamed frame against the full render, into docs/reports
 	$(BIN)/lippmann bench layers --report docs/reports > /dev/null
+
+report-content: $(READY) ## the gallery of other tools' content, and its views against the scene, into docs/reports
+	$(BIN)/lippmann bench content --report docs/reports > /dev/null
 
 report-calibration: $(READY) ## random displays calibrated by simulated photographs, into docs/reports
 	OPENBLAS_NUM_THREADS=1 $(BIN)/lippmann bench calibration --displays 50 --solids 6 --bowed 3 --large \

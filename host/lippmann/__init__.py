@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from lippmann import old_names
 
 if TYPE_CHECKING:
-    from lippmann.api import capture, draw, load_layers, load_scene, observe, render, view
+    from lippmann.api import capture, draw, load_layers, load_scene, observe, render, sweep, view, widget
     from lippmann.board.board import Board
     from lippmann.capturing.setup import load_setup
     from lippmann.display import Display, load_display, parse_display
@@ -41,13 +41,15 @@ __all__ = [
     "observe",
     "parse_display",
     "render",
+    "sweep",
     "trace",
     "trace_to_panel",
     "view",
+    "widget",
 ]
 
 _HOMES = {
-    "lippmann.api": ("capture", "draw", "load_layers", "load_scene", "observe", "render", "view"),
+    "lippmann.api": ("capture", "draw", "load_layers", "load_scene", "observe", "render", "sweep", "view", "widget"),
     "lippmann.board.board": ("Board",),
     "lippmann.capturing.setup": ("load_setup",),
     "lippmann.display": ("Display", "load_display", "parse_display"),

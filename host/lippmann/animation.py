@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 from lippmann.files import replacing
 from lippmann.images import Radiance, check_output, encoded_values
@@ -28,21 +28,30 @@ def write_animation(
 
     Raises InputError when the file cannot be written.
     """
+    path = check_output(path, ANIMATION_SUFFIXES)
+    kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
+    with replacing(path) as partial, partial.open("wb") as stream:
+        _write(stream, views, kind, there_and_back, frame_ms)
+
+
+def animation_png(stream: BinaryIO, views: Iterable[Radiance]) -> None:
+    """Write an endless animated PNG of views to and fro into a stream."""
+    _write(stream, views, "PNG", True, FRAME_MS)
+
+
+def _write(stream: BinaryIO, views: Iterable[Radiance], kind: str, there_and_back: bool, frame_ms: float) -> None:
     from PIL import Image
 
-    path = check_output(path, ANIMATION_SUFFIXES)
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
-    kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
-    with replacing(path) as partial:
-        if kind == "GIF":
-            # One palette and no dither: parts at rest take no space and do not flicker.
-            palette = _common_palette(frames)
-            frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-        if there_and_back:
-            frames += frames[-2:0:-1]
-        frames[0].save(
-            partial, format=kind, save_all=True, append_images=frames[1:], duration=frame_ms, loop=0, optimize=True
-        )
+    if kind == "GIF":
+        # One palette and no dither: parts at rest take no space and do not flicker.
+        palette = _common_palette(frames)
+        frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    if there_and_back:
+        frames += frames[-2:0:-1]
+    frames[0].save(
+        stream, format=kind, save_all=True, append_images=frames[1:], duration=frame_ms, loop=0, optimize=True
+    )
 
 
 def animation_mb(frames: int, width_px: int, height_px: int) -> float:

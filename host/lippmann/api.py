@@ -33,6 +33,7 @@ from lippmann.layers.drawing import Filter, draw_layers
 from lippmann.layers.folder import check_for_display
 from lippmann.layers.folder import load_layers as load_layers_folder
 from lippmann.layers.stack import LayerStack
+from lippmann.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.observer import Eye, View, whole_window
 from lippmann.observer import observe as observe_window
 from lippmann.optics.rays import Engine, Model
@@ -539,6 +540,65 @@ def view(
     if path is None:
         webbrowser.open(target.as_uri())
     return target
+
+
+def widget(
+    image: IntegralImage,
+    scene: SceneSource | None = None,
+    *,
+    height_px: int = HEIGHT_PX,
+    title: str = "Integral image",
+    placement: Placement | None = None,
+    arrange: Arrange | None = None,
+    seed: int = 0,
+    device: str = "auto",
+) -> Widget:
+    """Return the page that `view` writes, as a notebook shows it below its cell.
+
+    Parameters
+    ----------
+    image, scene, title, placement, arrange, seed, device
+        See `view`.
+    height_px
+        Height of the page in the notebook.
+
+    Raises
+    ------
+    InputError
+        For a bad scene.
+    """
+    page = view_page(image, scene, title=title, placement=placement, arrange=arrange, seed=seed, device=device)
+    return Widget(page.decode("utf-8"), whole_number("height_px", height_px, 1, MAX_SIDE_PX))
+
+
+def sweep(
+    image: IntegralImage,
+    start: tuple[float, float, float],
+    end: tuple[float, float, float],
+    count: int = 21,
+    **options: Any,
+) -> Sweep:
+    """Return what an eye sees that moves from one place to another, in equal steps.
+
+    Parameters
+    ----------
+    image
+        The integral image.
+    start, end
+        Positions of the eye, mm.
+    count
+        Number of views.
+    options
+        Further parameters of `observe`.
+
+    Raises
+    ------
+    InputError
+        As `observe`.
+    """
+    count = whole_number("count", count, 2, 1000)
+    places = np.linspace(start, end, count).tolist()
+    return Sweep([observe(image, (x, y, z), **options) for x, y, z in places])
 
 
 def view_page(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -94,8 +95,24 @@ def show_window(image: Pixels, title: str, seconds: float | None = None) -> None
         _put_up(pygame, screen, pygame.transform.smoothscale(picture, size) if scale < 1.0 else picture, seconds)
 
 
-def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> None:
-    """Draw a picture; wait for Escape, q or the close button, or some seconds."""
+def show_frames(frames: Sequence[Pixels], title: str, frame_s: float, seconds: float | None = None) -> None:
+    """Show frames of one size one after the other, over and over, as `show_window` shows an image."""
+    width, height = monitors()[0]
+    scale = min(1.0, WINDOW_SHARE * width / frames[0].shape[1], WINDOW_SHARE * height / frames[0].shape[0])
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    with desktop("a window") as pygame:
+        size = max(1, round(scale * frames[0].shape[1])), max(1, round(scale * frames[0].shape[0]))
+        screen = pygame.display.set_mode(size)
+        pygame.display.set_caption(title)
+        pictures = [pygame.surfarray.make_surface(frame.swapaxes(0, 1)) for frame in frames]
+        shown = [pygame.transform.smoothscale(one, size) if scale < 1.0 else one for one in pictures]
+        for picture in itertools.cycle(shown):
+            if _put_up(pygame, screen, picture, frame_s) or time.monotonic() >= until:
+                return
+
+
+def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> bool:
+    """Draw a picture; wait for Escape, q or the close button, or some seconds; tell whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds
@@ -104,8 +121,9 @@ def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> No
             if event.type == pygame.QUIT or (
                 event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q)
             ):
-                return
+                return True
         time.sleep(LOOK_S)
+    return False
 
 
 @contextmanager

@@ -42,7 +42,7 @@ class Showable:
         The window closes with Escape, q or its close button, or after `seconds`. Without a desktop (a server, a batch
         job) a line on stderr says so and the program goes on.
         """
-        if _in_notebook():
+        if in_notebook():
             import_module("IPython.display").display(self)
             return
         try:
@@ -51,7 +51,7 @@ class Showable:
             print(f"lippmann: not shown: {error}; or save it to a file", file=sys.stderr)
 
 
-def _in_notebook() -> bool:
+def in_notebook() -> bool:
     """Tell whether a notebook's kernel runs this code; programs that only start kernels load ipykernel, too."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")

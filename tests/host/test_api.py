@@ -1,12 +1,16 @@
 """The public Python interface: the ten lines of the docs in a script and in a notebook, and Mitsuba's variants."""
 
+import base64
+import html
 import inspect
+import io
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import time
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +24,7 @@ from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
 from lippmann.images import encoded_values, read_picture
 from model_board import ModelBoard
+from PIL import Image
 from scene_cases import focused_display, glowing_sphere, write_scene
 
 TOP = Path(__file__).parents[2]
@@ -95,6 +100,50 @@ def test_the_ten_lines_in_a_notebook(place, monkeypatch):
     assert len(shown) == 1
     assert "image/png" in shown[0]
     assert [one for one in outputs if one["msg_type"] == "stream"] == []
+
+
+def test_a_sweep_and_the_viewer_page_in_a_notebook(place, monkeypatch):
+    """`show` displays the animation; the page's frame holds the page that `view` writes."""
+    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
+    manager, client = start_new_kernel(kernel_name="python3", cwd=str(place))
+    outputs = []
+    program = """
+import lippmann as lp
+image = lp.render("fish.xml", "vga-square.toml", samples=1)
+lp.sweep(image, (-20, 0, 600), (20, 0, 600), 4, width_px=48, samples=2).show()
+lp.view(image, "page.html")
+lp.widget(image, height_px=300)
+"""
+    try:
+        reply = client.execute_interactive(program, timeout=300, output_hook=outputs.append)
+        assert reply["content"]["status"] == "ok", reply["content"]
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+        manager.cleanup_resources()
+    kinds = ("display_data", "execute_result")
+    sweep, page = (one["content"]["data"]["text/html"] for one in outputs if one["msg_type"] in kinds)
+    data = base64.b64decode(re.fullmatch(r'<img src="data:image/png;base64,(.*)">', sweep)[1])
+    with Image.open(io.BytesIO(data)) as animation:
+        assert (animation.n_frames, animation.size[0]) == (6, 48)
+    assert "height: 300px" in page
+    assert html.unescape(re.search('srcdoc="(.*)"></iframe>', page, re.DOTALL)[1]) == (place / "page.html").read_text()
+
+
+def test_a_sweep_is_what_the_eyes_see(small, mi, monkeypatch):
+    image = lp.render("ball.xml", small, samples=1, device="llvm")
+    sweep = lp.sweep(image, (-30, 0, 600), (30, 0, 600), 3, width_px=40)
+    for view, x in zip(sweep.views, (-30, 0, 30), strict=True):
+        assert (view.radiance == lp.observe(image, (x, 0, 600), width_px=40).radiance).all()
+    sweep.save("a.gif")
+    with Image.open("a.gif") as animation:
+        assert animation.n_frames == 4
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    began = time.monotonic()
+    sweep.show(0.3)
+    assert time.monotonic() - began >= 0.3
+    with pytest.raises(InputError, match="count"):
+        lp.sweep(image, (0, 0, 600), (1, 0, 600), 1)
 
 
 # --- each function against the command --------------------------------------------------------------------------------

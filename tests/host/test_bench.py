@@ -12,6 +12,7 @@ from lippmann.measure.figures import read_csv
 from lippmann.report.benches import (
     MEASURED,
     calibration_page,
+    content_page,
     fixed_page,
     hard_page,
     layers_page,
@@ -187,6 +188,7 @@ def kept(name):
         (link_page, ("link-efficiency", "link-frames")),
         (hard_page, ("hard-cases", "hard-cases-fixed", "hard-cases-formulas")),
         (layers_page, ("layers",)),
+        (content_page, ("content",)),
     ],
 )
 def test_kept_pages_are_those_of_the_kept_rows(make, names):

@@ -248,6 +248,21 @@ def layers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"layers": rows}, benches.layers_page(bench.origin, rows)
 
 
+@measurement(page="content")
+def content(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+    """Measure what an eye sees of views and depth pictures against the scene; picture each kind of content.
+
+    Example: lippmann bench content
+    """
+    from lippmann.measure.content import gallery, measure
+
+    with scratch_folder() as folder:
+        rows = bench.collect(measure(bench.scenes, folder, bench.seed))
+    with scratch_folder() as folder:
+        views = None if bench.report is None else gallery(bench.scenes, folder, bench.seed)
+    return {"rows": rows}, benches.content_page(bench.origin, rows, views)
+
+
 @measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))
 def calibration(
     bench: Bench,
@@ -282,5 +297,5 @@ def calibration(
     return tables, benches.calibration_page(bench.origin, tables, width_px)
 
 
-for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, calibration):
+for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, content, calibration):
     command.add_command(_one)

@@ -17,7 +17,7 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
 from lippmann.layers.cost import FULL_SAMPLES
 from lippmann.layers.cut import SLOT
-from lippmann.measure import depth, fixed, layers
+from lippmann.measure import content, depth, fixed, layers
 from lippmann.measure.calibration import photo_width
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
@@ -74,12 +74,8 @@ def calibration_page(origin: Origin, tables: Mapping[str, Rows], panel_px: int) 
 
 
 def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
-    """Return the page of `lippmann bench depth`; `views` are the pictures of its contact sheet, and their captions."""
-    sheet = []
-    if views is not None:
-        with TemporaryDirectory() as folder:
-            write_contact_sheet(Path(folder) / "depth.png", *views, columns=2)
-            sheet.append(plots.Plot("depth", (Path(folder) / "depth.png").read_bytes()))
+    """Return the page of `lippmann bench depth`; `views` are the pictures of its sheet, and captions."""
+    sheet = _sheet("depth", views, 2)
     moved = [{**row, "shift": row["wide_mm"] - row["theory_mm"]} for row in rows]
     setups = []
     for group in groups(moved, "setup", "rotated"):
@@ -100,6 +96,24 @@ def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str
     signs = sum(row["lenslets_mm"] * row["theory_mm"] > 0 for row in rotated)
     context = {"rows": rotated, "signs": signs, "setups": setups, "near": near, "far": far, "depth": depth}
     return Page("depth", origin, sheet, {"depth": rows}, context)
+
+
+def _sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int) -> list[plots.Plot]:
+    """Return the contact sheet of views and their captions; without views, none."""
+    if views is None:
+        return []
+    with TemporaryDirectory() as folder:
+        write_contact_sheet(Path(folder) / "sheet.png", *views, columns=across)
+        return [plots.Plot(name, (Path(folder) / "sheet.png").read_bytes())]
+
+
+def content_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
+    """Return the page of `lippmann bench content`; `views` are the pictures of its sheet, and captions."""
+    context = {
+        "rows": rows, "display": content.DISPLAY, "gallery": content.GALLERY, "samples": content.SAMPLES,
+        "eye_mm": round(content.EYE_MM),
+    }  # fmt: skip
+    return Page("content", origin, _sheet("content", views, 4), {"content": rows}, context)
 
 
 def link_page(origin: Origin, efficiency: Rows, frames: Rows) -> Page:

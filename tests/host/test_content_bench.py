@@ -1,0 +1,92 @@
+"""`lippmann bench content`: the files that it makes, and its figures and pictures, on a small display."""
+
+import numpy as np
+import pytest
+from lippmann.measure import content
+from lippmann.measure.content_files import Surface, write_meshes, write_splats
+from lippmann.rendering.arrange import arranged
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.sources import Window
+from lippmann.report.benches import content_page
+from lippmann.sim.tools import repository
+
+SCENES = repository() / "scenes"
+
+
+@pytest.fixture
+def knot(mi):
+    return Surface.read(SCENES / "knot/knot.ply", SCENES / "knot/skin.png")
+
+
+def test_every_mesh_shows_the_same_knot(knot, tmp_path):
+    """Its texture's bright and dark dots, and without them the same outline as the STL."""
+    window = Window(90.0, 90.0, 90, 90)
+    seen = {
+        path.suffix: render_view(load_scene(path, Placement(rotation_deg=(-90.0 * (path.suffix == ".stl"), 0.0, 0.0))),
+                                 (0.0, 0.0, 600.0), window, Settings(samples=4)).radiance
+        for path in write_meshes(knot, tmp_path)
+    }  # fmt: skip
+    outline = seen[".stl"].max(axis=2) > 0.02
+    for suffix in (".glb", ".obj", ".ply"):
+        assert (outline ^ (seen[suffix].max(axis=2) > 0.02)).mean() < 0.03
+        colours = seen[suffix][outline]
+        assert np.std(colours, axis=0).min() > 0.1
+    apart = np.abs(seen[".obj"] - seen[".ply"])[outline]
+    assert np.median(apart) < 0.05
+
+
+def test_splats_lie_on_the_surface_and_show_its_colours(knot, tmp_path):
+    scene = load_scene(write_splats(knot, tmp_path / "s.ply", 1))
+    window = Window(90.0, 90.0, 90, 90)
+    found = render_view(scene, (0.0, 0.0, 600.0), window, Settings()).radiance
+    mesh = load_scene(write_meshes(knot, tmp_path)[0], Placement())
+    wanted = render_view(mesh, (0.0, 0.0, 600.0), window, Settings(samples=4)).radiance
+    there = wanted.max(axis=2) > 0.02
+    assert (found.max(axis=2)[there] > 0.05).mean() > 0.97
+    assert (found.max(axis=2)[~there] > 0.05).mean() < 0.1
+    hue = [view[there] / np.maximum(view[there].sum(axis=1, keepdims=True), 1e-6) for view in (found, wanted)]
+    assert np.median(np.abs(hue[0] - hue[1])) < 0.05
+
+
+@pytest.mark.full
+def test_more_views_are_nearer_to_the_scene(tmp_path, monkeypatch, mi):
+    monkeypatch.setattr(content, "VIEWS", ((3, 1), (16, 1)))
+    monkeypatch.setattr(content, "SAMPLES", 2)
+    rows = list(content.measure(SCENES, tmp_path, 1))
+    few, many, depths, itself = (row["middle_db"] for row in rows)
+    assert few < many < itself
+    assert depths > few - 3.0
+    assert "| views | 16 | 1 |" in content_page({}, rows).text()
+
+
+@pytest.mark.full
+def test_the_gallery_has_a_picture_of_each_kind(tmp_path, monkeypatch, mi):
+    monkeypatch.setattr(content, "GALLERY", "vga-square")
+    pictures, captions = content.gallery(SCENES, tmp_path, 1)
+    assert len(pictures) == len(captions) == 8
+    assert captions[-3:] == ["views/", "quilt_qs8x2a1.33333.png", "picture.toml"]
+    assert all(picture.max() > 0.2 for picture in pictures)
+
+
+def test_a_depth_picture_is_placed_by_its_camera(tmp_path, mi):
+    display = content.load_display(SCENES / "displays/vga-square.toml")
+    scene = load_scene(SCENES / "fish/fish.xml", Placement(0.25))
+    path = content.write_depth_picture(scene, display, tmp_path, 160)
+    placed = arranged(load_scene(path), display, "camera")
+    # The scale is that of the display, for the camera was the display's eye.
+    assert placed.placement.scale == pytest.approx(scene_scale(placed, display), rel=1e-6)
+
+
+def scene_scale(placed, display):
+    """The eye's distance over that of the surface on the axis: what brings that surface to the panel."""
+    near = placed.mitsuba.ray_intersect(_axis()).t
+    return 600.0 / float(np.array(near).ravel()[0])
+
+
+def _axis():
+    from lippmann.variant import mitsuba
+
+    mi = mitsuba()
+    return mi.Ray3f(mi.Point3f(0.0), mi.Vector3f(0.0, 0.0, -1.0))
