@@ -48,7 +48,7 @@ from lippmann.rendering.sources import Aperture, Window
 from lippmann.select.model import TOLERANCE
 from lippmann.variant import VARIANTS, own_variant
 from lippmann.viewer.direct import render_directs
-from lippmann.viewer.page import Direct, page_html
+from lippmann.viewer.page import FRAMES_PER_SECOND, Direct, page_html
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -606,6 +606,8 @@ def view_page(
     scene: SceneSource | None = None,
     directs: Sequence[Direct] = (),
     *,
+    later: Sequence[IntegralImage] = (),
+    frames_per_second: float = FRAMES_PER_SECOND,
     title: str = "Integral image",
     placement: Placement | None = None,
     arrange: Arrange | None = None,
@@ -613,10 +615,15 @@ def view_page(
     device: str = "auto",
     progress: Progress | None = None,
 ) -> bytes:
-    """Return the page that `view` writes; `directs` are further direct views, already rendered."""
-    check_image(image)
+    """Return the page that `view` writes; `directs` are further direct views, already rendered.
+
+    `later` are the further frames of a film, which the page plays.
+    """
+    for frame in (image, *later):
+        check_image(frame)
     if scene is not None:
         with _loaded(scene, placement, device) as loaded:
             placed = _arranged(loaded, image.display, arrange)
             directs = [*directs, *render_directs(placed, image.display, seed, progress)]
-    return page_html(image.display, image.radiance, title, directs).encode("utf-8")
+    others = [frame.radiance for frame in later]
+    return page_html(image.display, image.radiance, title, directs, others, frames_per_second).encode("utf-8")

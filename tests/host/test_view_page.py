@@ -77,7 +77,7 @@ def page():
 
 def panel_of(page, across=1):
     """The panel's pictures, in rows of `across`."""
-    texts = re.findall(r'<script type="text/plain" class="panel-tile">([^<]*)</script>', page)
+    texts = re.findall(r'<script type="text/plain" class="panel-tile" data-frame="0">([^<]*)</script>', page)
     tiles = [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in texts]
     return [tiles[k : k + across] for k in range(0, len(tiles), across)]
 
@@ -350,3 +350,23 @@ def test_bad_input_is_one_line(place, capfd, words, message):
     assert len(err.splitlines()) == 1
     assert re.search(message, err)
     assert not list(place.glob("*.html"))
+
+
+def test_a_folder_of_frames_is_a_film(tmp_path, capsys):
+    """Each frame's own pixels, in the order of their names, and the rate; a folder without frames is refused."""
+    (tmp_path / "d.toml").write_text(display_toml(small()))
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    common = ["--display", str(tmp_path / "d.toml"), "-o", str(tmp_path / "p.html")]
+    assert run(["view", str(folder), *common]) == 2
+    assert "without frames" in capsys.readouterr().err
+    identity = load_display(tmp_path / "d.toml").identity
+    for number in (1, 0, 2):
+        write_picture(folder / f"frame_{number:04d}.exr", light(values("frame", number)), {"identity": identity})
+    assert run(["view", str(folder), *common, "--frames-per-second", "24"]) == 0
+    page = (tmp_path / "p.html").read_text()
+    assert 'data-rate="24"' in page
+    for number in range(3):
+        (text,) = re.findall(rf'class="panel-tile" data-frame="{number}">([^<]*)</script>', page)
+        shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(text))).convert("RGB"))
+        assert np.abs(shown.astype(int) - values("frame", number)).max() <= 1

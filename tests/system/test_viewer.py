@@ -194,6 +194,34 @@ def test_tiles_change_no_pixel(browser, tmp_path, monkeypatch, subpixels):
         np.testing.assert_array_equal(one, other)
 
 
+def test_a_film_is_seen_frame_by_frame_and_plays(browser, mi, tmp_path):
+    """Each frame as `observe` sees it, also in tiles; the button plays them at their rate, over and over."""
+    display = small(rotation=3.0)
+    frames = [painted(display, SEED + k) for k in range(3)]
+    window = whole_window(display, 130)
+    open_page(browser, tmp_path, page_html(display, frames[0], "x", later=frames[1:], frames_per_second=20.0))
+    for number in (0, 2, 1):
+        browser.evaluate(f"viewer.setFrame({number})")
+        page = seen_in_page(browser, window, 4, **EYES[0])
+        assert (
+            psnr_db(decode(page, "srgb"), seen_by_observe(mi, frames[number], display, window, 4, **EYES[0]))
+            >= LEAST_DB
+        )
+        assert browser.evaluate("document.getElementById('frame-words').value") == f"Frame {number + 1} of 3"
+    browser.evaluate("document.getElementById('play').click()")
+    seen = browser.evaluate(
+        "new Promise((done) => { const seen = new Set(); const look = () => {"
+        "seen.add(document.getElementById('frame-words').value);"
+        "seen.size < 3 ? setTimeout(look, 5) : done(seen.size); }; look(); })"
+    )
+    assert seen == 3
+    browser.evaluate("document.getElementById('play').click()")
+    assert browser.evaluate("document.getElementById('play').getAttribute('aria-pressed')") == "false"
+    # A page of one image has no film.
+    open_page(browser, tmp_path, page_html(display, frames[0], "x"))
+    assert browser.evaluate("document.getElementById('play')") is None
+
+
 def test_a_panel_wider_than_textures_is_shown(browser, tmp_path):
     """Chromium's WebGL in software takes textures of 8192 pixels: the page shows 9000 columns nevertheless."""
     display = Display("wide", Panel(9000, 20, 0.05), Array("square", 1.0, 1.65, 1.5, 0.8, "panel"), 3.0)

@@ -10,18 +10,19 @@ import click
 
 from lippmann import api, interrupts
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
+from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import Display, load_display
-from lippmann.errors import InputError, LippmannError
+from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.files import replacing
-from lippmann.images import check_output, read_picture
+from lippmann.film.frames import FRAME_STEM
+from lippmann.images import SUFFIXES, check_output, read_picture
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye
 from lippmann.rendering.scene import check_scene_file
 from lippmann.viewer.direct import grid_of_eyes
-from lippmann.viewer.page import Direct, check_direct
+from lippmann.viewer.page import FRAMES_PER_SECOND, Direct, check_direct
 from lippmann.viewer.serve import page_server
 
 
@@ -44,6 +45,7 @@ def command(
         "Render direct views of this scene from a grid of eyes.", None, flag="--scene", metavar="SCENE"
     ),
     moved: Moved = MOVED,
+    frames_per_second: float = option("Of the frames of a film.", FRAMES_PER_SECOND, Finite(0.1)),
     title: str | None = option("Heading of the page.  [default: the image's name]", None),
     serve: bool = option("Serve the page on loopback until Ctrl-C, instead of writing it.", False),
     tcp_port: int = option("Port of --serve; 0: any free port.", 0, click.IntRange(0, 65535), show_default=False),
@@ -53,7 +55,8 @@ def command(
 ) -> None:
     """Make a browser page that shows an integral image.
 
-    The page shows what an eye sees through the lenslets. It is one file, and needs WebGL 2 but no network.
+    The page shows what an eye sees through the lenslets. It is one file, and needs WebGL 2 but no network. IMAGE may be
+    the folder of a film's frames, from lippmann animate: the page plays them.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
     """
@@ -63,16 +66,22 @@ def command(
         raise InputError("--tcp-port belongs to --serve; give both or neither")
     if moved.given and scene_path is None:
         raise InputError(f"--{next(iter(moved.given)).replace('_', '-')} belongs to --scene; give both or neither")
-    path = None if serve else check_output(output or str(Path(image_path).with_suffix(".html")), api.PAGE_SUFFIXES)
+    beside = (
+        Path(image_path).resolve().with_suffix(".html")
+        if Path(image_path).is_dir()
+        else Path(image_path).with_suffix(".html")
+    )
+    path = None if serve else check_output(output or str(beside), api.PAGE_SUFFIXES)
     display = load_display(display_path)
     scene = None if scene_path is None else check_scene_file(scene_path)
-    image = IntegralImage.load(image_path, display, force)
+    image, *later = (IntegralImage.load(one, display, force) for one in frames_of(image_path))
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
     with nullcontext() if scene is None else progress_bar("direct views") as progress:
         placement, arrange = (None, None) if scene is None else (moved.placement(scene), moved.arrange(scene))
         page = api.view_page(
-            image, scene, directs, title=title or Path(image_path).stem, placement=placement, arrange=arrange,
-            seed=seed, device=device, progress=progress,
+            image, scene, directs, later=later, frames_per_second=frames_per_second,
+            title=title or Path(image_path).stem, placement=placement, arrange=arrange, seed=seed, device=device,
+            progress=progress,
         )  # fmt: skip
     count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
     result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": count}
@@ -83,6 +92,19 @@ def command(
         partial.write_bytes(page)
     text = f"{path}: {len(page) / 1e6:.1f} MB, {count} direct views; open it in a browser"
     emit({"output": str(path), **result}, text)
+
+
+def frames_of(path: str) -> list[str | Path]:
+    """Return the files of a film's frames in a folder, in their order; of an image, itself."""
+    if not Path(path).is_dir():
+        return [path]
+    found = sorted(Path(path).glob(f"{FRAME_STEM}*"))
+    frames = [one for one in found if one.suffix.lower() in SUFFIXES]
+    if not frames:
+        raise input_error(
+            path, f"is a folder without frames ({FRAME_STEM}0000.exr ...)", "render them: lippmann animate"
+        )
+    return list(frames)
 
 
 def _read_direct(eye: Point, path: str, display: Display) -> Direct:

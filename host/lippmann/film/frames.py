@@ -11,10 +11,13 @@ from lippmann.film.shot import Shot
 from lippmann.images import read_picture
 from lippmann.integral_image import IntegralImage
 
+#: How the names of frames begin.
+FRAME_STEM = "frame_"
+
 
 def frame_path(folder: Path, frame: int) -> Path:
     """Return the path of a frame."""
-    return folder / f"frame_{frame:04d}.exr"
+    return folder / f"{FRAME_STEM}{frame:04d}.exr"
 
 
 def check_folder(folder: Path, frames: int) -> None:

@@ -40,6 +40,8 @@ SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
 TILE_PX = 2048
 #: Most pixels of a panel: a texture of 1 GB.
 MAX_PX = 1 << 28
+#: Frames a second of a film that tells none.
+FRAMES_PER_SECOND = 12.0
 #: Range of the focus in the depth drawing, in the drawing's units; the drawing ends at 110.
 DRAWN = 100.0
 
@@ -55,22 +57,34 @@ class Direct:
     radiance: npt.NDArray[Any]
 
 
-def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs: Sequence[Direct] = ()) -> str:
+def page_html(
+    display: Display,
+    radiance: npt.NDArray[Any],
+    title: str,
+    directs: Sequence[Direct] = (),
+    later: Sequence[npt.NDArray[Any]] = (),
+    frames_per_second: float = FRAMES_PER_SECOND,
+) -> str:
     """Return the viewer page of an integral image, with direct renders beside the view.
 
-    `radiance` is (height, width, 3) of the panel, linear; the page stores it as 8 bits sRGB, clipped at 1.
+    `radiance` is (height, width, 3) of the panel, linear; the page stores it as 8 bits sRGB, clipped at 1. `later` are
+    the further frames of a film, which the page plays.
 
-    Raises InputError when the image has not the panel's size, or a direct render not its aspect ratio.
+    Raises InputError when an image has not the panel's size, or a direct render not its aspect ratio.
     """
     panel, array = display.panel, display.array
-    if radiance.shape != (panel.height_px, panel.width_px, 3):
-        raise InputError(
-            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
-            f"{panel.width_px} x {panel.height_px}; render it for this display"
-        )
-    if panel.width_px * panel.height_px > MAX_PX:
-        what = f"{panel.width_px} x {panel.height_px} pixels are more than browsers hold ({MAX_PX})"
-        raise input_error(f"display '{display.name}'", what, "show a smaller panel, or compute views: lippmann observe")
+    frames = [radiance, *later]
+    for frame in frames:
+        if frame.shape != (panel.height_px, panel.width_px, 3):
+            raise InputError(
+                f"the image is {frame.shape[1]} x {frame.shape[0]} pixels, the panel of '{display.name}' "
+                f"{panel.width_px} x {panel.height_px}; render it for this display"
+            )
+    if panel.width_px * panel.height_px * len(frames) > MAX_PX:
+        times = f"{len(frames)} frames of " * bool(later)
+        what = f"{times}{panel.width_px} x {panel.height_px} pixels are more than browsers hold ({MAX_PX})"
+        remedy = "show fewer frames" if later else "show a smaller panel, or compute views: lippmann observe"
+        raise input_error(f"display '{display.name}'", what, remedy)
     for direct in directs:
         check_direct(direct, display)
     square = len(set(panel.pitches_mm)) == 1
@@ -97,7 +111,8 @@ def page_html(display: Display, radiance: npt.NDArray[Any], title: str, directs:
         display=script_json(described),
         shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
         directs=script_json(shown),
-        panel="\n".join(_tiles(radiance)),
+        play=filled("play.html", rate=f"{frames_per_second:g}", frames=str(len(frames))) if later else "",
+        panel="\n".join(tile for number, frame in enumerate(frames) for tile in _tiles(frame, number)),
         script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
     )
 
@@ -114,13 +129,13 @@ def check_direct(direct: Direct, display: Display) -> None:
         )
 
 
-def _tiles(radiance: npt.NDArray[Any]) -> Iterator[str]:
-    """Yield the panel's pictures, row by row, all of one size but those at the right and at the bottom."""
+def _tiles(radiance: npt.NDArray[Any], frame: int) -> Iterator[str]:
+    """Yield a frame's pictures, row by row, all of one size but those at the right and at the bottom."""
     height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
     for top in range(0, radiance.shape[0], height):
         for left in range(0, radiance.shape[1], width):
             tile = png_base64(radiance[top : top + height, left : left + width])
-            yield f'<script type="text/plain" class="panel-tile">{tile}</script>'
+            yield f'<script type="text/plain" class="panel-tile" data-frame="{frame}">{tile}</script>'
 
 
 def png_base64(radiance: npt.NDArray[Any]) -> str:

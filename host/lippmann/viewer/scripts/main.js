@@ -5,13 +5,14 @@ const SPEAK_AFTER_MS = 600;
 const SWAY_SECONDS = 6;
 
 class Viewer {
-  constructor(display, shaders, directs, panel) {
+  constructor(display, shaders, directs, frames) {
     this.display = display;
     this.shaders = shaders;
-    this.panel = panel;
+    this.frames = frames;
+    this.panel = frames[0];
     this.pace = new Pace();
     this.direct = new DirectView(directs);
-    this.panelView = new PanelView(element("panel-canvas"), panel, () => this.panelChanged());
+    this.panelView = new PanelView(element("panel-canvas"), this.panel, () => this.panelChanged());
     this.canvas = element("view-canvas");
     this.canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     this.canvas.addEventListener("webglcontextrestored", () => this.startView());
@@ -62,6 +63,12 @@ class Viewer {
       this.swayFrom = swaying ? performance.now() : undefined;
       this.changed();
     });
+    click("play", () => {
+      const playing = element("play").getAttribute("aria-pressed") !== "true";
+      element("play").setAttribute("aria-pressed", String(playing));
+      this.playFrom = playing ? performance.now() : undefined;
+      this.changed();
+    });
     click("fill", () => this.fill(!this.filled));
     addEventListener("keydown", (event) => {
       if (event.key === "Escape" && this.filled) this.fill(false);
@@ -72,6 +79,16 @@ class Viewer {
     element("theme").addEventListener("change", ({ target }) => {
       document.documentElement.style.colorScheme = target.value;
     });
+  }
+
+  // Shows a frame of a film.
+  setFrame(number) {
+    this.panel = this.frames[number];
+    this.panelView.panel = this.panel;
+    this.renderer?.setPanel(this.panel);
+    element("frame-words").value = `Frame ${number + 1} of ${this.frames.length}`;
+    this.stale = true;
+    this.panelStale = true;
   }
 
   get filled() {
@@ -159,6 +176,12 @@ class Viewer {
       setShare("eye-x", 0.5 + 0.4 * Math.sin((2 * Math.PI * (now - this.swayFrom)) / (1000 * SWAY_SECONDS)));
       this.stale = true;
     }
+    if (this.playFrom !== undefined) {
+      const rate = Number(element("play").dataset.rate);
+      const number = Math.floor(((now - this.playFrom) / 1000) * rate) % this.frames.length;
+      if (this.frames[Math.max(number, 0)] !== this.panel) this.setFrame(Math.max(number, 0));
+      this.waiting ??= requestAnimationFrame((next) => this.frame(next));
+    }
     const moved = this.stale;
     if (moved) {
       this.stale = false;
@@ -206,7 +229,7 @@ function complain(message) {
 async function start() {
   const data = (id) => JSON.parse(element(id).textContent);
   const display = data("display");
-  return new Viewer(display, data("shaders"), data("directs"), await panelOfPage(display.panel));
+  return new Viewer(display, data("shaders"), data("directs"), await framesOfPage(display.panel));
 }
 
 globalThis.lippmann = { viewer: start() };

@@ -20,13 +20,14 @@ function bytesFrom(text) {
   return Uint8Array.fromBase64?.(text) ?? Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 }
 
-// Decodes the page's panel, and removes its texts, which take more memory than the page needs.
-async function panelOfPage({ width_px, height_px }) {
-  const bitmaps = [];
+// Decodes the page's panel, a film's frame by frame, and removes its texts, which take more memory than the page needs.
+async function framesOfPage({ width_px, height_px }) {
+  const frames = [];
   for (const text of document.querySelectorAll(".panel-tile")) {
     const blob = new Blob([bytesFrom(text.textContent)], { type: "image/png" });
-    bitmaps.push(await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" }));
+    const bitmap = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+    (frames[Number(text.dataset.frame)] ??= []).push(bitmap);
     text.remove();
   }
-  return new PanelTiles(bitmaps, width_px, height_px);
+  return frames.map((bitmaps) => new PanelTiles(bitmaps, width_px, height_px));
 }

@@ -61,14 +61,29 @@ class ViewRenderer {
     const gl = this.gl;
     const texture = this.texture(gl.TEXTURE_2D_ARRAY);
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, ...panel.tile, panel.bitmaps.length);
-    panel.forEach((bitmap, _x, _y, layer) => {
-      const place = [0, 0, layer, bitmap.width, bitmap.height, 1];
-      gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, ...place, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
-    });
+    this.fillTexture(panel);
     if (![gl.NO_ERROR, gl.CONTEXT_LOST_WEBGL].includes(gl.getError())) {
       throw new Error(`this browser's WebGL has no room for ${panel.width} × ${panel.height} pixels`);
     }
     return texture;
+  }
+
+  // Writes a panel's pixels into the texture that is bound.
+  fillTexture(panel) {
+    const gl = this.gl;
+    panel.forEach((bitmap, _x, _y, layer) => {
+      const place = [0, 0, layer, bitmap.width, bitmap.height, 1];
+      gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, ...place, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    });
+  }
+
+  // Takes another frame's pixels, of the same size; what was summed is lost.
+  setPanel(panel) {
+    this.gl.activeTexture(this.gl.TEXTURE0);
+    this.gl.bindTexture(this.gl.TEXTURE_2D_ARRAY, this.panelLight);
+    this.fillTexture(panel);
+    this.panel = panel;
+    this.rays = 0;
   }
 
   // Gives the canvas a size in pixels; what was summed is lost.
