@@ -508,6 +508,8 @@ def test_missing_and_broken_textures_are_named(tmp_path, mi):
     corners = "".join(f"v {x} {y} {z}\nvt {u} {v}\n" for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True))
     (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
     refused(tmp_path / "a.obj", ("bark.png", "texture"))
+    (tmp_path / "c.obj").write_text(f"mtllib none.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\n")
+    refused(tmp_path / "c.obj", ("none.mtl", "material"))
     (tmp_path / "bark.png").write_bytes(b"no picture")
     refused(tmp_path / "a.obj", "texture")
     refused(glb(tmp_path / "b.glb", dielectric(baseColorTexture={"index": 0}), [b"no picture"]), "texture")

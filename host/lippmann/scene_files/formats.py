@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
 from lippmann.errors import InputError, input_error
+from lippmann.files import scratch_folder
 from lippmann.optics.rays import Floats
 from lippmann.scene_files import depth_picture, meshes, splats, views
 
@@ -59,8 +59,7 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None =
     if kind == "mitsuba":
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="lippmann-scene-") as name:
-        folder = Path(name)
+    with scratch_folder() as folder:
         try:
             if kind == "mesh":
                 made = meshes.write_scene(path, folder, scene_from_display)

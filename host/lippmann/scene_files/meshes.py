@@ -32,6 +32,8 @@ MOST_BYTES, MOST_CORNERS = 1 << 30, 100_000_000
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's numbers of a material that does not tell them.
 METALLIC, ROUGHNESS = 1.0, 1.0
+#: Words of trimesh's messages on what it leaves out.
+LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
 
 
@@ -79,7 +81,7 @@ def _load(path: Path) -> Any:
     kind = path.suffix.lower()
     data = read_limited(path, MOST_BYTES, "reduce it in a mesh editor")
     _check_counts(path, kind, data)
-    with _told_of_images() as missing:
+    with _told_of_losses() as lost:
         try:
             loaded = trimesh.load_scene(path, process=False)
         except MemoryError:
@@ -87,19 +89,19 @@ def _load(path: Path) -> Any:
         except Exception as error:  # trimesh's readers raise what they stumble over
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise input_error(str(path), f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
-    if missing:
-        raise input_error(str(path), f"lacks a texture ({missing[0]})", "put it where the file says")
+    if lost:
+        raise input_error(str(path), f"lacks a texture or material ({lost[0]})", "put it there, or take its name out of the file")
     return loaded
 
 
 @contextmanager
-def _told_of_images() -> Iterator[list[str]]:
-    """Give a list of what trimesh says of textures that it cannot read, which it leaves out without an error."""
+def _told_of_losses() -> Iterator[list[str]]:
+    """Give a list of what trimesh says of textures and materials that it leaves out without an error."""
     told: list[str] = []
 
     class Handler(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            if "image" in record.getMessage():
+            if any(word in record.getMessage() for word in LOSSES):
                 error = record.exc_info[1] if record.exc_info else None
                 told.append(" ".join(str(error or record.getMessage()).split())[:200])
 
