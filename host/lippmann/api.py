@@ -597,6 +597,9 @@ def sweep(
         As `observe`.
     """
     count = whole_number("count", count, 2, 1000)
+    for name, place in (("start", start), ("end", end)):
+        if np.shape(place) != (3,):
+            raise InputError(f"sweep: {name} {place!r} is no place; give (x, y, z) in mm")
     places = np.linspace(start, end, count).tolist()
     return Sweep([observe(image, (x, y, z), **options) for x, y, z in places])
 

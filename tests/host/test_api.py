@@ -144,6 +144,8 @@ def test_a_sweep_is_what_the_eyes_see(small, mi, monkeypatch):
     assert time.monotonic() - began >= 0.3
     with pytest.raises(InputError, match="count"):
         lp.sweep(image, (0, 0, 600), (1, 0, 600), 1)
+    with pytest.raises(InputError, match="end"):
+        lp.sweep(image, (0, 0, 600), (1, 0))
 
 
 # --- each function against the command --------------------------------------------------------------------------------

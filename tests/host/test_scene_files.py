@@ -39,7 +39,7 @@ def png_of(image, path):
     return path.read_bytes()
 
 
-def glb(path, material, images=(), extra=(), counts=None):
+def glb(path, material, images=(), extra=(), change=lambda told: None):
     """Write the square as GLB, byte by byte, by glTF's specification; v of its texture coordinates goes down."""
     binary = CORNERS.tobytes() + (UV * [1, -1] + [0, 1]).astype("<f4").tobytes() + np.array(FACES, "<u2").tobytes()
     views = [(0, 48), (48, 32), (80, 12)]
@@ -64,6 +64,7 @@ def glb(path, material, images=(), extra=(), counts=None):
         "textures": [{"source": k} for k in range(len(images))],
         "images": [{"bufferView": 3 + k, "mimeType": "image/png"} for k in range(len(images))],
     }
+    change(told)
     text = json.dumps(told).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
@@ -190,6 +191,94 @@ def test_nodes_move_meshes_and_mirrored_ones_are_not_inside_out(tmp_path, mi):
     assert not found[:20].any()
 
 
+def test_a_factor_multiplies_the_texture_of_metal_and_roughness(tmp_path, mi):
+    """Of a picture that says metal, a factor of 0 makes paint: white, as if its file said so."""
+    images = [png_of(Image.new("RGB", (8, 8), (255, 128, 255)), tmp_path / "a.png")]
+    both = {"metallicRoughnessTexture": {"index": 0}}
+    lights = {
+        factor: float(
+            seen(glb(tmp_path / "a.glb", {"pbrMetallicRoughness": both | {"metallicFactor": factor}}, images)).mean()
+        )
+        for factor in (0.0, 1.0)
+    }
+    assert lights[0.0] > 0.9
+    assert lights[0.0] == pytest.approx(
+        float(seen(glb(tmp_path / "b.glb", dielectric(roughnessFactor=0.5))).mean()), 0.1
+    )
+
+
+def test_a_glb_without_a_scene_shows_its_meshes(tmp_path, mi):
+    def change(told):
+        del told["scene"], told["scenes"], told["nodes"]
+
+    assert seen(glb(tmp_path / "a.glb", dielectric(), change=change)).min() > 0.9
+
+
+def test_what_of_a_gltf_is_left_out_is_told(tmp_path, mi):
+    path = glb(
+        tmp_path / "a.glb", dielectric(), change=lambda told: told.update(extensionsUsed=["KHR_texture_transform"])
+    )
+    assert "KHR_texture_transform" in load_scene(path).notes[0]
+    for name in ("KHR_draco_mesh_compression", "KHR_mesh_quantization", "EXT_meshopt_compression"):
+        refused(
+            glb(tmp_path / "b.glb", dielectric(), change=lambda told, n=name: told.update(extensionsRequired=[n])), name
+        )
+
+    def integers(told):
+        told["accessors"][1]["componentType"] = 5123
+
+    refused(glb(tmp_path / "c.glb", dielectric(), change=integers), "integers")
+
+
+def test_textures_are_found_by_any_spelling(tmp_path, mi):
+    """MTL's options and backslashes, and a glTF's web addresses."""
+    picture().save(tmp_path / "tex ä.png")
+    corners = "".join(f"v {x} {y} {z}\nvt {u} {v}\n" for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True))
+    for name in ("tex ä.png", ".\\tex ä.png", "-s 1 1 1 tex ä.png", "-clamp on -o 0 0 0 ./tex ä.png"):
+        (tmp_path / "a.mtl").write_text(f"newmtl paint\nmap_Kd {name}\n")
+        (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+        assert fields(seen(tmp_path / "a.obj")) == pytest.approx(LIGHT, abs=1e-3), name
+    image = {"uri": "tex%20%C3%A4.png"}
+    told = dielectric(baseColorTexture={"index": 0})
+    path = glb(tmp_path / "a.glb", told, change=lambda made: made.update(images=[image], textures=[{"source": 0}]))
+    assert fields(seen(path)) == pytest.approx(LIGHT, abs=0.04)
+
+
+def test_a_texture_hides_the_colours_of_vertices(tmp_path, mi):
+    """Photogrammetry writes both; white ones are no loss, others are told."""
+    picture().save(tmp_path / "t.png")
+    (tmp_path / "a.mtl").write_text("newmtl paint\nmap_Kd t.png\n")
+    for colour, notes in ((1.0, 0), (0.5, 1)):
+        corners = "".join(
+            f"v {x} {y} {z} {colour} {colour} {colour}\nvt {u} {v}\n"
+            for (x, y, z), (u, v) in zip(CORNERS, UV, strict=True)
+        )
+        (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}usemtl paint\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n")
+        assert fields(seen(tmp_path / "a.obj")) == pytest.approx(LIGHT, abs=1e-3)
+        assert len(load_scene(tmp_path / "a.obj").notes) == notes
+
+
+def test_colours_of_faces_do_not_run(tmp_path, mi):
+    mesh = trimesh.Trimesh(CORNERS, FACES, process=False)
+    mesh.visual.face_colors = [[*FIELDS[0, 0], 255], [*FIELDS[0, 1], 255]]
+    mesh.export(tmp_path / "a.ply")
+    found = seen(tmp_path / "a.ply", width=40)
+    assert found[30, 35] == pytest.approx(LIGHT[0, 0], abs=1e-3)  # below the diagonal
+    assert found[10, 5] == pytest.approx(LIGHT[0, 1], abs=1e-3)
+
+
+def test_a_depth_pictures_file_places_no_mesh(tmp_path, mi):
+    """room.glb beside room.toml, which is a picture's."""
+    (tmp_path / "room.toml").write_text(
+        '[depth_picture]\ncolour = "a.png"\ndepth = "b.png"\nunit_mm = 1\nfov_deg = 60\n'
+    )
+    glb(tmp_path / "room.glb", dielectric())
+    assert load_scene(tmp_path / "room.glb").usual == "fit"
+    (tmp_path / "room.toml").write_text("[placement]\nscale = 3.0\n")
+    scene = load_scene(tmp_path / "room.glb")
+    assert (scene.usual, scene.placement.scale) == (None, 3.0)
+
+
 # ---- splats ----
 
 HARMONICS = 45
@@ -253,10 +342,11 @@ def test_splats_have_no_light_of_ours_and_y_down(tmp_path, mi):
 
 def test_stray_splats_do_not_shrink_the_scene(tmp_path, mi):
     random = np.random.default_rng(4)
-    centres = random.normal(0.0, 0.3, (400, 3))
-    centres[0] = [500.0, 0.0, 0.0]
-    scene = api.load_scene(splats(tmp_path / "a.ply", centres, [[1.0, 1.0, 1.0]] * 400))
-    assert scene.width_mm < 5.0
+    for strays in (0, 1, 16):
+        centres = random.normal(0.0, 0.3, (400, 3))
+        centres[:strays] = random.uniform(-500.0, 500.0, (strays, 3))
+        scene = api.load_scene(splats(tmp_path / "a.ply", centres, [[1.0, 1.0, 1.0]] * 400))
+        assert 1.5 < scene.width_mm < 3.5, strays
 
 
 # ---- quilts and views ----
@@ -495,6 +585,10 @@ def test_broken_meshes_are_refused_in_a_line(tmp_path, mi):
     refused(tmp_path / "c.obj", "c.obj")
     (tmp_path / "d.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n")
     refused(tmp_path / "d.obj", "finite")
+    (tmp_path / "e.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    refused(tmp_path / "e.obj", "no area")
+    (tmp_path / "f.glb").write_bytes(b"")
+    refused(tmp_path / "f.glb", "empty")
 
 
 def test_numbered_vertices_without_bytes_are_not_expanded(tmp_path, mi):
@@ -542,6 +636,10 @@ def test_bad_views_are_told(place, capfd, mi):
     refused(place / "v", "three numbers")
     with_change(lambda told: told["views"][1].update(eye_mm=[-60, 20, 600]))
     refused(place / "v", "grid")
+    with_change(lambda told: told.update(window_mm=[-24, 10]))
+    refused(place / "v", "window_mm")
+    with_change(lambda told: told["views"][1].update(eye_mm=told["views"][0]["eye_mm"]))
+    refused(place / "v", "eyes at")
     with_change(lambda told: told["views"][1].update(eye_mm=[0, 0, -600]))
     refused(place / "v", "distances")
     with_change(lambda told: told["views"][1].update(file="other.png"))
@@ -570,5 +668,26 @@ def test_bad_depths_are_told(place, mi):
     refused(place / "pair.toml", "no pixel has a depth")
     (place / "depth.png").write_bytes(b"no picture")
     refused(place / "pair.toml", "cannot be read")
+    Image.fromarray(np.random.default_rng(1).integers(0, 255, (120, 160, 3), np.uint8)).save(place / "depth.png")
+    refused(place / "pair.toml", "has colours")
     (place / "depth.png").unlink()
-    refused(place / "pair.toml", "no such picture")
+    refused(place / "pair.toml", "depth.png is not there")
+
+
+def test_eyes_may_stand_in_uneven_steps(place, capfd, mi):
+    told(capfd, "export", "views", "balls.xml", "-o", "v", "--across", 4, "--width", 64, "--samples", 1, *SHORT)
+    listed = json.loads((place / "v/views.json").read_text())
+    for view, x in zip(listed["views"], (-60, -50, 0, 60), strict=True):
+        view["eye_mm"] = [x, 0, 600]
+    (place / "v/views.json").write_text(json.dumps(listed))
+    assert "4 x 1 views" in str(load_scene(place / "v").mitsuba.emitters()[0])
+
+
+def test_commands_that_place_nothing_say_so(place, capfd, mi):
+    """Films and captures take a mesh's units as mm; POV-Ray's export takes Mitsuba's scenes only."""
+    trimesh.creation.icosphere(2).export(place / "ball.glb")
+    (place / "film.toml").write_text('scene = "ball.glb"\nframes = 1\n')
+    assert run(["animate", "film.toml", "--display", "d.toml", "-o", "f", "--samples", "1", "--device", "llvm"]) == 0
+    assert "nothing places ball.glb" in capfd.readouterr().err
+    assert run(["export", "povray", "ball.glb", "--display", "d.toml", "-o", "p", "--device", "llvm"]) == 2
+    assert "no Mitsuba scene" in capfd.readouterr().err

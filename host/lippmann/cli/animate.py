@@ -28,7 +28,7 @@ from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import SCALE_RANGE
 from lippmann.rendering.renderer import BASE_MEMORY_MB, check_memory, check_memory_mb
-from lippmann.rendering.scene import check_scene_file
+from lippmann.rendering.scene import check_scene_file, unplaced_note
 from lippmann.rendering.sources import Window
 from lippmann.variant import start_mitsuba
 
@@ -72,7 +72,9 @@ def command(
     looker = None if eye is None else Eye(eye)
     panel = display.panel
     check_memory(panel.width_px, panel.height_px, options.settings)
-    check_scene_file(film.scene)
+    unplaced = unplaced_note(check_scene_file(film.scene))
+    if unplaced is not None and not fit:
+        log(unplaced)
     folder = Path(output)
     check_folder(folder, film.frames)
     if video is not None:

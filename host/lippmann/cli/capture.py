@@ -20,7 +20,7 @@ from lippmann.errors import input_error
 from lippmann.files import replacing
 from lippmann.images import check_output
 from lippmann.rendering.renderer import peak_memory_mb
-from lippmann.rendering.scene import Scene, check_scene_file
+from lippmann.rendering.scene import Scene, check_scene_file, unplaced_note
 from lippmann.rendering.sources import Aperture
 from lippmann.variant import current_device
 
@@ -65,6 +65,9 @@ def command(
     if rotate is None:
         rotate = not setup.concave
     panel, path_of_scene = setup.display.panel, check_scene_file(scene_path)
+    unplaced = unplaced_note(path_of_scene)
+    if unplaced is not None:
+        log(unplaced)
     scene = api.load_scene(path_of_scene, placement_before(setup, path_of_scene, setup_path), device)
     with progress_bar("capture") as progress:
         image = api.capture(

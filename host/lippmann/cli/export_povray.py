@@ -11,12 +11,13 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE
 from lippmann.cli.output import emit
 from lippmann.display import load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
 from lippmann.povray.export import Exported, check_folder, export_display, write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY
 from lippmann.rendering.scene import check_scene_file, load_scene
+from lippmann.scene_files.formats import kind_of
 from lippmann.variant import start_mitsuba
 
 
@@ -49,6 +50,8 @@ def povray(
         raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
     folder = check_folder(Path(output))
     path = check_scene_file(scene_path)
+    if kind_of(path) != "mitsuba":
+        raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")
     exported: Exported
     if setup_path is not None:
         setup = load_setup(setup_path)

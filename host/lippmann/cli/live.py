@@ -16,7 +16,8 @@ from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
+from lippmann.layers.folder import is_layers
 from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
 from lippmann.live.run import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
@@ -60,7 +61,10 @@ def command(
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
+    if is_layers(scene_path):
+        raise input_error(scene_path, "is a folder of layers", "play it on a board: lippmann play")
     path, display = check_scene_file(scene_path), load_display(display_path)
+    view = None if eye is None else EyeView(Eye(eye), whole_window(display, VIEW_PX))
     panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
     check_memory(panel.width_px, panel.height_px, settings)
     if monitor is not None and port is not None:
@@ -74,10 +78,9 @@ def command(
         log(f"placed by {scene.placement}")
     chosen = chosen_model(scene, display, RenderOptions(model=model, settings=settings), log)
     picture = LivePicture(scene, display, chosen, settings)
-    window = whole_window(display, VIEW_PX)
-    view = None if eye is None else EyeView(Eye(eye), window)
     if view is not None:  # compiled before a window waits for it
-        observe(np.zeros((panel.height_px, panel.width_px, 3), np.float32), display, view.eye, window, VIEW_SAMPLES[0])
+        black = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
+        observe(black, display, view.eye, view.window, VIEW_SAMPLES[0])
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
         sender = None
@@ -91,7 +94,7 @@ def command(
         opened = time.perf_counter()
         shown.open(PANEL, (panel.width_px, panel.height_px), monitor)
         if view is not None:
-            shown.open(VIEW, (window.width_px, window.height_px))
+            shown.open(VIEW, (view.window.width_px, view.window.height_px))
         played = run_live(
             picture, hand, shown, display, view=view, sender=sender, turn_deg=turn, moving_s=turn_seconds,
             seconds=seconds, most=samples, opened=opened,

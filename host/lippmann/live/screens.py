@@ -39,7 +39,7 @@ class Screens:
         if not 0 <= monitor < len(sizes) or sizes[monitor] != size:
             listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
             what = f"no monitor {monitor} of {size[0]} x {size[1]} pixels"
-            raise InputError(f"{what}; there are {listed}: set the panel's own resolution, without scaling")
+            raise InputError(f"{what}; the monitors are {listed}; set the panel's own resolution, without scaling")
         place = pygame.WINDOWPOS_CENTERED | monitor  # SDL's number of "the middle of this monitor"
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 

@@ -71,7 +71,9 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:
         what = "contains no camera with a field of view"
-        raise input_error(str(scene.path), what, 'add a <sensor type="perspective">, or place it with --fit')
+        own = scene.path.suffix.lower() == ".xml"
+        remedy = "place it with --fit, --scale and --offset"
+        raise input_error(str(scene.path), what, f'add a <sensor type="perspective">, or {remedy}' if own else remedy)
     x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
     matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)
     origin, ahead, up = matrix[:3, 3], *(matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in (2, 1))

@@ -29,7 +29,7 @@ Arrange = Literal["fit", "camera", "window"]
 SURROUNDS = 3.0
 
 #: Percentiles of the splats, and how far beyond them a scene reaches, in parts of what is between; a splat's extent.
-STRAY_PERCENT, STRAY_REACH, SIGMAS = (0.5, 99.5), 0.25, 3.0
+STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 
 #: Ids that an error message lists.
 LISTED_IDS = 8
@@ -90,7 +90,7 @@ class Scene:
 def placement_beside(path: Path) -> Placement:
     """Return the placement in NAME.toml beside a scene; without that file, scene units are millimetres, and y is up."""
     beside = path.with_suffix(".toml")
-    if beside.exists() and (beside != path or _is_placed(path)):
+    if beside.exists() and _is_placed(beside):
         return load_placement(beside)
     return Placement(rotation_deg=usual_rotation(path))
 
@@ -98,7 +98,7 @@ def placement_beside(path: Path) -> Placement:
 def usual_arrange(path: Path) -> Arrange | None:
     """Return how a scene is placed of which nothing tells it: another tool's, without a placement beside it."""
     beside = path.with_suffix(".toml")
-    if beside.exists() and (beside != path or _is_placed(path)):
+    if beside.exists() and _is_placed(beside):
         return None
     kind = kind_of(path)
     if kind in ("quilt", "views"):
@@ -106,16 +106,25 @@ def usual_arrange(path: Path) -> Arrange | None:
     return {"mesh": "fit", "splats": "fit", "depth picture": "camera"}.get(str(kind))  # type: ignore[return-value]
 
 
+def unplaced_note(path: Path) -> str | None:
+    """Return what to tell of a scene that is placed by its units alone, though they mean nothing here."""
+    if usual_arrange(path) is None:
+        return None
+    beside = path.with_suffix(".toml").name
+    return f"note: nothing places {path.name}: its units are taken as mm, its origin as the display's; write {beside}"
+
+
 def _is_placed(path: Path) -> bool:
-    """Tell whether a TOML file that is itself a scene has a placement."""
-    return "placement" in toml.load(path, "depth picture")
+    """Tell whether a TOML file has a placement, or should: one that is itself a scene, a picture's, may have none."""
+    told = toml.load(path, "placement")
+    return "placement" in told or "depth_picture" not in told
 
 
 def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or of no known format."""
     path = path_of(path, "a scene")
     if not path.exists():
-        raise input_error(str(path), "no such scene", likely_file(path, SUFFIXES) or "give a Mitsuba scene (.xml)")
+        raise input_error(str(path), "no such scene", likely_file(path, SUFFIXES) or FORMATS)
     if kind_of(path) is None:
         layers = "; for layers, a folder with layers.toml or pictures.toml" if path.is_dir() else ""
         raise input_error(str(path), "is a folder" if path.is_dir() else "is no scene", f"{FORMATS}{layers}")

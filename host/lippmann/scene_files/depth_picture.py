@@ -58,6 +58,9 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     Raises InputError for files that are broken or missing, of two sizes, or without any depth.
     """
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
+    for name in ("colour", "depth"):
+        if not (path.parent / getattr(form, name)).is_file():
+            raise input_error(f"{path}: {name}", f"{getattr(form, name)} is not there", "correct the name")
     colours = picture(path.parent / form.colour)[0]
     depth = _depths(path.parent / form.depth) * form.unit_mm
     if depth.shape != colours.shape[:2]:
@@ -98,8 +101,6 @@ def _depths(path: Path) -> npt.NDArray[np.float64]:
 
     if path.suffix.lower() == ".exr":
         return np.asarray(picture(path, np.float32)[0][..., 0], np.float64)
-    if not path.is_file():
-        raise input_error(str(path), "no such picture of depths", "correct depth in the file that names it")
     data = np.frombuffer(read_limited(path, MOST_BYTES, "give a smaller one"), np.uint8)
     try:
         found: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
@@ -109,6 +110,8 @@ def _depths(path: Path) -> npt.NDArray[np.float64]:
         raise input_error(str(path), "cannot be read as a picture", "give .png, .tif or .exr")
     if found.size > MOST_PIXELS * 4:
         raise input_error(str(path), f"has more than {MOST_PIXELS} pixels", "give a smaller one")
+    if found.ndim == 3 and (found[..., :3] != found[..., :1]).any():
+        raise input_error(str(path), "has colours, not depths", "give a picture of one channel, 16 bits or float")
     return np.asarray(found[..., 0] if found.ndim == 3 else found, np.float64)
 
 

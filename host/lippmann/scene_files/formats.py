@@ -55,18 +55,18 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None =
     `scene_from_display` (3, 3) is the rotation by which lights that are added stay with the display. What the user
     should know is added to `notes`. Raises InputError as the functions that write or read the kinds.
     """
-    kind = kind_of(path)
+    kind, told = kind_of(path), [] if notes is None else notes
     if kind == "mitsuba":
         yield path
         return
     with scratch_folder() as folder:
         try:
             if kind == "mesh":
-                made = meshes.write_scene(path, folder, scene_from_display)
+                made = meshes.write_scene(path, folder, scene_from_display, told)
             elif kind == "splats":
                 made = splats.write_scene(path, folder)
             elif kind == "depth picture":
-                made = depth_picture.write_scene(path, folder, [] if notes is None else notes)
+                made = depth_picture.write_scene(path, folder, told)
             else:
                 made = (views.read_quilt if kind == "quilt" else views.read_folder)(path).write_scene(folder)
         except InputError:

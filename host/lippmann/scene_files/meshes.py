@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -32,35 +34,48 @@ MOST_BYTES, MOST_CORNERS = 1 << 30, 100_000_000
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's numbers of a material that does not tell them.
 METALLIC, ROUGHNESS = 1.0, 1.0
+#: glTF's number of float32; extensions of materials, which change only looks; those that are noted.
+FLOAT32, MATERIALS = 5126, "KHR_materials_"
+LEFT_OUT = (
+    "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit", "KHR_materials_transmission", "KHR_materials_clearcoat", "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+)  # fmt: skip
+#: Options before the name of a texture in an MTL file, such as -s 1 1 1 or -clamp on.
+MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
 #: Words of trimesh's messages on what it leaves out.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
 
 
-def write_scene(path: Path, folder: Path, scene_from_display: Floats) -> Path:
+def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
     """Write the scene of a file, with its meshes and textures, into an empty folder; return the scene's path.
 
-    `scene_from_display` (3, 3) turns the lights. Raises InputError for a file that is too large, broken, without faces,
-    or lacks a texture.
+    `scene_from_display` (3, 3) turns the lights. What of the file is not shown is told in `notes`.
+
+    Raises InputError for a file that is too large, broken, without faces, or lacks a texture, and for a glTF that
+    requires what is not read.
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)
     made = _Folder(folder)
-    found = list(_instances(path))
+    found = list(_instances(path, notes))
     for (_, mesh, matrix), name in zip(found, unique(name for name, _, _ in found), strict=True):
-        _add_shape(scene, name, mesh, matrix, made, path)
+        _add_shape(scene, name, mesh, matrix, made, path, notes)
     return write(scene, folder / "scene.xml")
 
 
 # ---- reading ----
 
 
-def _instances(path: Path) -> Iterator[tuple[str, Any, Floats]]:
+def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Any, Floats]]:
     """Yield each mesh of a file as it stands in the scene: its name, trimesh's mesh, and a matrix (4, 4)."""
-    loaded = _load(path)
-    corners = 0
-    for node in loaded.graph.nodes_geometry:
-        matrix, name = loaded.graph[node]
+    loaded = _load(path, notes)
+    nodes = [(str(node), *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
+    if not nodes:  # a glTF may leave out its scene
+        nodes = [(str(name), np.eye(4), name) for name in loaded.geometry]
+    corners, area = 0, 0.0
+    for node, matrix, name in nodes:
         mesh = loaded.geometry[name]
         if not hasattr(mesh, "faces") or not len(mesh.faces):
             continue
@@ -69,28 +84,44 @@ def _instances(path: Path) -> Iterator[tuple[str, Any, Floats]]:
             raise input_error(str(path), f"has more than {MOST_CORNERS // 3} faces", "reduce it in a mesh editor")
         if not (np.isfinite(mesh.vertices).all() and np.isfinite(matrix).all()):
             raise input_error(str(path), f"mesh '{name}' has places that are not finite", REMEDY)
-        yield str(node), mesh, matrix
-    if not corners:
-        raise input_error(str(path), "has no faces", "give a file with a surface")
+        area += float(mesh.area)
+        yield node, mesh, matrix
+    if not corners or not area > 0.0:
+        raise input_error(str(path), "has no faces" if not corners else "has no area", "give a file with a surface")
 
 
-def _load(path: Path) -> Any:
+def _load(path: Path, notes: list[str]) -> Any:
     """Return trimesh's scene of a file."""
     import trimesh
+    from trimesh.resolvers import FilePathResolver
+
+    class Files(FilePathResolver):
+        """Finds the files that a file names, also as web addresses, with backslashes, and behind MTL's options."""
+
+        def get(self, name: str) -> Any:
+            plain = MTL_OPTIONS.sub("", name.strip())
+            for one in dict.fromkeys((plain, unquote(plain), plain.replace("\\", "/"))):
+                if Path(self.parent, one).is_file():
+                    return Path(self.parent, one).read_bytes()
+            raise FileNotFoundError(name)
 
     kind = path.suffix.lower()
     data = read_limited(path, MOST_BYTES, "reduce it in a mesh editor")
-    _check_counts(path, kind, data)
+    if not data:
+        raise input_error(str(path), "is empty", REMEDY)
+    if kind in (".glb", ".gltf"):
+        _check_gltf(path, kind, data, notes)
     with _told_of_losses() as lost:
         try:
-            loaded = trimesh.load_scene(path, process=False)
+            loaded = trimesh.load_scene(path, process=False, resolver=Files(str(path)))
         except MemoryError:
             raise
         except Exception as error:  # trimesh's readers raise what they stumble over
             reason = " ".join(str(error).split())[:200] or type(error).__name__
             raise input_error(str(path), f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if lost:
-        raise input_error(str(path), f"lacks a texture or material ({lost[0]})", "put it there, or take its name out of the file")
+        remedy = "put it there, or take its name out of the file"
+        raise input_error(str(path), f"lacks a texture or material ({lost[0]})", remedy)
     return loaded
 
 
@@ -118,18 +149,36 @@ def _told_of_losses() -> Iterator[list[str]]:
         logger.propagate = before[1]
 
 
-def _check_counts(path: Path, kind: str, data: bytes) -> None:
-    """Refuse a glTF whose accessors have more elements than any file needs: some have no bytes in the file."""
-    if kind not in (".glb", ".gltf"):
-        return
+def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
+    """Refuse a glTF that requires what is not read, or whose accessors have more elements than any file needs.
+
+    Some accessors have no bytes in the file, and are counted before they are expanded. What is left out is noted.
+    """
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
-        counts = [accessor.get("count", 0) for accessor in json.loads(head).get("accessors", [])]
-        most = max((int(count) for count in counts), default=0)
-    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError, struct.error):
-        raise input_error(str(path), f"is no {kind[1:]}", REMEDY) from None
-    if sum(counts) > MOST_CORNERS or most < 0:
+        told = json.loads(head)
+        counts = [int(accessor.get("count", 0)) for accessor in told.get("accessors", [])]
+        required = [str(name) for name in told.get("extensionsRequired", [])]
+        used = [str(name) for name in told.get("extensionsUsed", [])]
+        places = {
+            told["accessors"][primitive["attributes"][name]]["componentType"]
+            for mesh in told.get("meshes", [])
+            for primitive in mesh["primitives"]
+            for name in ("POSITION", "NORMAL", "TEXCOORD_0")
+            if name in primitive["attributes"]
+        }
+    except (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError, RecursionError, struct.error):
+        raise input_error(str(path), f"is no {kind[1:]}, or cut off", "export it again") from None
+    if sum(counts) > MOST_CORNERS or min(counts, default=0) < 0:
         raise input_error(str(path), f"has more than {MOST_CORNERS} numbered vertices", "reduce it in a mesh editor")
+    for name in required:
+        if not name.startswith(MATERIALS):
+            raise input_error(str(path), f"requires {name}", "export it without compression and extensions")
+    if places - {FLOAT32}:
+        raise input_error(str(path), "has places or texture coordinates in integers", "export it with 32-bit numbers")
+    left_out = [name for name in used if name in LEFT_OUT]
+    if left_out:
+        notes.append(f"note: {path.name} is shown without its {', '.join(left_out)}")
 
 
 # ---- shapes ----
@@ -146,7 +195,8 @@ class _Folder:
     def picture(self, picture: Any, part: str, source: Path, factor: Floats | None = None) -> str:
         """Write a part of a picture of Pillow's as a PNG; return its name.
 
-        `part` is "colour", "alpha" or a channel's letter. Colours are multiplied by a linear factor (3,).
+        `part` is "colour", "alpha" or a channel's letter. Colours are multiplied by a linear factor (3,), a channel's
+        numbers by a factor (1,).
         """
         from PIL import Image
 
@@ -157,9 +207,11 @@ class _Folder:
                 pixels = np.array(picture.convert("RGBA"))
             except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
                 raise input_error(str(source), f"has a texture that cannot be read ({error})", REMEDY) from None
-            if scaled is not None:
+            if scaled is not None and part == "colour":
                 pixels[..., :3] = _as_bytes(encode(decode(pixels[..., :3] / 255.0, "srgb") * np.array(scaled), "srgb"))
             chosen = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
+            if scaled is not None and part != "colour":
+                chosen = _as_bytes(np.clip(chosen / 255.0 * scaled[0], 0.0, 1.0))
             name = f"texture-{len(self._pictures)}.png"
             Image.fromarray(chosen).save(self.path / name)
             self._pictures[key] = name
@@ -171,16 +223,41 @@ def _as_bytes(unit: Any) -> Any:
     return np.round(255.0 * np.asarray(unit)).astype(np.uint8)
 
 
-def _add_shape(scene: Element, name: str, mesh: Any, matrix: Floats, made: _Folder, source: Path) -> None:
-    uv = getattr(mesh.visual, "uv", None)
+def _add_shape(
+    scene: Element, name: str, mesh: Any, matrix: Floats, made: _Folder, source: Path, notes: list[str]
+) -> None:
+    if mesh.visual.kind == "face":
+        mesh = _with_faces_apart(mesh, source)
+    uv, material = getattr(mesh.visual, "uv", None), getattr(mesh.visual, "material", None)
     colours = _vertex_colours(mesh, source.suffix.lower() in (".glb", ".gltf"))
+    if colours is not None and uv is not None and _has_texture(material):
+        if (colours < 0.999).any():
+            notes.append(f"note: {source.name} is shown without the colours of its vertices, for it has a texture")
+        colours = None
     file = f"mesh-{len(list(made.path.glob('mesh-*.ply')))}.ply"
     _write_mesh(made.path / file, mesh, matrix, uv, colours)
     shape = plugin(scene, "shape", "ply", id=name)
     value(shape, "string", "filename", file)
     if not _has_normals(mesh):
         value(shape, "boolean", "face_normals", True)
-    _add_material(shape, getattr(mesh.visual, "material", None), made, source, uv is not None, colours is not None)
+    _add_material(shape, material, made, source, uv is not None, colours is not None)
+
+
+def _has_texture(material: Any) -> bool:
+    return any(getattr(material, name, None) is not None for name in ("image", "baseColorTexture"))
+
+
+def _with_faces_apart(mesh: Any, source: Path) -> Any:
+    """Return a mesh whose faces share no vertices, each of which has its face's colour."""
+    import trimesh
+
+    colours = mesh.visual.face_colors
+    if len(colours) != len(mesh.faces):
+        what = f"has {len(colours)} colours of faces, and {len(mesh.faces)} triangles"
+        raise input_error(str(source), what, "split its faces into triangles in a mesh editor")
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return trimesh.Trimesh(corners, faces, vertex_colors=np.repeat(colours, 3, axis=0), process=False)
 
 
 def _has_normals(mesh: Any) -> bool:
@@ -189,16 +266,16 @@ def _has_normals(mesh: Any) -> bool:
 
 
 def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
-    """Return the vertices' linear colours (N, 3); None without. Faces' colours are given to their vertices."""
+    """Return the vertices' linear colours (N, 3); None without."""
     visual = mesh.visual
-    if visual.kind in ("vertex", "face"):
+    if visual.kind == "vertex":
         given = visual.vertex_colors
     else:
         given = mesh.vertex_attributes.get("color")
         if given is None or len(given) != len(mesh.vertices):
             return None
     plain = np.asarray(given)[:, :3]
-    unit = plain / 255.0 if plain.dtype.kind in "iu" else plain.astype(np.float64)
+    unit = plain / np.iinfo(plain.dtype).max if plain.dtype.kind in "iu" else plain.astype(np.float64)
     return unit if linear else np.asarray(decode(unit, "srgb"), np.float64)
 
 
@@ -288,7 +365,8 @@ def _add_pbr(shape: Element, material: Any, made: _Folder, source: Path, uv: boo
         ("roughness", "G", material.roughnessFactor, ROUGHNESS),
     ):
         if both is not None:
-            bitmap(principled, name, made.picture(both, letter, source), raw=True)
+            share = np.array([1.0 if given is None else float(given)])
+            bitmap(principled, name, made.picture(both, letter, source, share), raw=True)
         else:
             value(principled, "float", name, float(usual if given is None else given))
     glow = np.zeros(3) if material.emissiveFactor is None else np.ravel(material.emissiveFactor)[:3]

@@ -23,6 +23,8 @@ COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
 #: Logit of the least opacity that is shown: Mitsuba takes the extent of a splat from it, and finds none below 1 %.
 LEAST_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
+#: Largest logarithm of a size, either way.
+MOST_LOG = 30.0
 #: Largest file.
 MOST_BYTES = 2 << 30
 REMEDY = "export it again from the trainer or an editor of splats"
@@ -78,6 +80,10 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     wrong = ~np.all([np.isfinite(table[name]) for name in names], axis=0)
     if wrong.any():
         what = f"{wrong.sum()} splats have numbers that are not finite"
+        raise input_error(str(path), what, "remove them in an editor of splats")
+    sizes = np.array([table[name] for name in SHAPE if name.startswith("scale")])
+    if np.abs(sizes).max() > MOST_LOG:
+        what = f"has splats whose size is e to the {sizes.max():.3g}"
         raise input_error(str(path), what, "remove them in an editor of splats")
     table["opacity"] = np.maximum(table["opacity"], LEAST_LOGIT)
     return table

@@ -120,17 +120,22 @@ def read_folder(folder: Path) -> Views:
         size = (float(told["window_mm"][0]), float(told["window_mm"][1]))
         views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in told["views"]]
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
-        raise input_error(str(path), f"does not tell the views ({type(error).__name__}: {error})", FORM) from None
+        reason = f"no {error}" if isinstance(error, KeyError) else str(error)[:100]
+        raise input_error(str(path), f"does not tell the views ({reason})", f"write {FORM}") from None
     eyes = np.array([eye for _, eye in views if len(eye) == 3])
-    if not 0 < len(eyes) == len(views) <= MOST_VIEWS or not np.isfinite(eyes).all() or not min(size) > 0.0:
-        raise input_error(str(path), f"has no views, more than {MOST_VIEWS}, or eyes that are no three numbers", FORM)
+    if not (min(size) > 0.0 and math.isfinite(sum(size))):
+        raise input_error(str(path), f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
+    if not 0 < len(views) <= MOST_VIEWS:
+        raise input_error(str(path), f"has {len(views)} views", f"give 1 to {MOST_VIEWS}")
+    if len(eyes) != len(views) or not np.isfinite(eyes).all():
+        raise input_error(str(path), "has an eye_mm that is no three numbers", f"write {FORM}")
     if not eyes[:, 2].min() > 0.0 or np.ptp(eyes[:, 2]) > 1e-3 * eyes[0, 2]:
         what = "has eyes at several distances, or behind the window"
         raise input_error(str(path), what, "give all eyes one z above 0")
     (x, columns), (y, rows) = _steps(path, eyes[:, 0]), _steps(path, eyes[:, 1])
     if len(x) * len(y) != len(views) or len(set(zip(rows.tolist(), columns.tolist(), strict=True))) != len(views):
-        what = f"has {len(views)} eyes, which are not a grid of {len(x)} x {len(y)}"
-        raise input_error(str(path), what, "give a view for each place of a row or grid")
+        what = f"has {len(views)} eyes at {len(x)} places across and {len(y)} up"
+        raise input_error(str(path), what, "give one view for each place of a row or grid")
     pictures: npt.NDArray[np.float16] | None = None
     for (name, _), row, column in zip(views, rows, columns, strict=True):
         one, _ = picture(folder / name)
@@ -149,9 +154,9 @@ def _steps(path: Path, places: npt.NDArray[np.float64]) -> tuple[list[float], np
     """Return the places of a grid's lines, in rising order, and the number of the line of each eye."""
     rising = np.sort(places)
     gaps = np.diff(rising)
-    widest = float(gaps.max(initial=0.0))
-    # All in one line, but for roundings; else lines are apart by more than half the widest gap.
-    wide = gaps > max(0.5 * widest, 1e-6 * max(1.0, float(np.abs(places).max())))
+    # Steps may differ; eyes that are nearer to each other than an eighth of the usual step are in one line.
+    steps = gaps[gaps > 1e-6 * max(1.0, float(np.abs(places).max()))]
+    wide = gaps > (0.125 * float(np.quantile(steps, 0.75)) if len(steps) else math.inf)
     groups = np.split(rising, np.flatnonzero(wide) + 1)
     lines = np.array([group.mean() for group in groups])
     number = np.abs(places[:, None] - lines).argmin(axis=1)
