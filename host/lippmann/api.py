@@ -498,6 +498,8 @@ def view(
     path: str | Path | None = None,
     scene: SceneSource | None = None,
     *,
+    later: Sequence[IntegralImage] = (),
+    frames_per_second: float = FRAMES_PER_SECOND,
     title: str = "Integral image",
     placement: Placement | None = None,
     arrange: Arrange | None = None,
@@ -514,6 +516,8 @@ def view(
         The page, .html; None: a temporary file, which a browser opens.
     scene
         Mitsuba XML, or what `load_scene` returned: direct views of this scene are added to the page.
+    later, frames_per_second
+        The further frames of a film, of which `image` is the first; the page plays them.
     title
         Heading of the page.
     placement, arrange
@@ -534,7 +538,10 @@ def view(
     """
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)
-    page = view_page(image, scene, title=title, placement=placement, arrange=arrange, seed=seed, device=device)
+    page = view_page(
+        image, scene, later=later, frames_per_second=frames_per_second, title=title, placement=placement,
+        arrange=arrange, seed=seed, device=device,
+    )  # fmt: skip
     with replacing(target) as partial:
         partial.write_bytes(page)
     if path is None:

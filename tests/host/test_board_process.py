@@ -153,8 +153,9 @@ MODEM = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)
 
 @pytest.fixture
 def asked(monkeypatch):
-    """The ports that a search opens; none answers."""
+    """The ports that a search opens, with no virtual board of this user among them; none answers."""
     opened = []
+    monkeypatch.setattr(discovery, "own_boards", list)
 
     def refuse(url, *_):
         opened.append(url)

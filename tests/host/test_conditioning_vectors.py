@@ -111,7 +111,7 @@ def test_traced_rays_pass_and_others_do_not(tmp_path, capsys):
     assert run(["regress", "--display", SQUARE, "--rays", rays]) == 0
     out = capsys.readouterr().out
     assert "500 rays right" in out
-    assert "microradian (allowed: 2.0" in out
+    assert "microradian (allowed: 2 to 2)" in out
     assert run(["regress", "--display", HEX, "--rays", rays]) == 4
     assert "stage: " in capsys.readouterr().out
 
