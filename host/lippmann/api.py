@@ -39,10 +39,10 @@ from lippmann.observer import observe as observe_window
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.arrange import arranged
 from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.remarks import overridden
 from lippmann.rendering.renderer import Progress, Settings, check_memory
-from lippmann.rendering.scene import Arrange, Part, Scene, check_scene_file, scene_of
+from lippmann.rendering.scene import Part, Scene, check_scene_file, scene_of
 from lippmann.rendering.scene import load_scene as load_scene_file
 from lippmann.rendering.sources import Aperture, Window
 from lippmann.select.model import TOLERANCE

@@ -50,22 +50,33 @@ def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
         return put(image, seconds)
 
 
+def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
+    """Refuse a monitor that is missing, or has not just the size of a picture, which would be scaled."""
+    if not 0 <= monitor < len(sizes):
+        listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
+        raise InputError(f"no monitor {monitor}; choose from {listed}")
+    if sizes[monitor] != size:
+        raise InputError(
+            f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {size[0]} x {size[1]}; "
+            "set the monitor to its panel's own resolution, without scaling"
+        )
+
+
+def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, int]:
+    """Return the size of a window for a picture: the picture's, or less on a smaller desktop, in its shape."""
+    scale = min(1.0, *(WINDOW_SHARE * full / side for full, side in zip(desktop, size, strict=True)))
+    width, height = (max(1, round(scale * side)) for side in size)
+    return width, height
+
+
 @contextmanager
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
     """Give a function that puts an image onto the whole of a monitor: one picture after the other, as `show` does.
 
     The function returns the screen's pixels, after `seconds` (default: at once). Raises as `show` does.
     """
-    sizes = monitors()
-    if not 0 <= monitor < len(sizes):
-        listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
-        raise InputError(f"no monitor {monitor}; choose from {listed}")
+    check_monitor(monitors(), monitor, size)
     width, height = size
-    if sizes[monitor] != (width, height):
-        raise InputError(
-            f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {width} x {height}; "
-            "set the monitor to its panel's own resolution, without scaling"
-        )
     with desktop("a full screen") as pygame:
         screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
         if screen.get_size() != (width, height):
@@ -85,27 +96,19 @@ def show_window(image: Pixels, title: str, seconds: float | None = None) -> None
 
     An image larger than the desktop is scaled down. DeviceError when there is no desktop.
     """
-    width, height = monitors()[0]
-    scale = min(1.0, WINDOW_SHARE * width / image.shape[1], WINDOW_SHARE * height / image.shape[0])
-    with desktop("a window") as pygame:
-        picture = pygame.surfarray.make_surface(image.swapaxes(0, 1))
-        size = max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))
-        screen = pygame.display.set_mode(size)
-        pygame.display.set_caption(title)
-        _put_up(pygame, screen, pygame.transform.smoothscale(picture, size) if scale < 1.0 else picture, seconds)
+    show_frames([image], title, LOOK_S, seconds)
 
 
 def show_frames(frames: Sequence[Pixels], title: str, frame_s: float, seconds: float | None = None) -> None:
     """Show frames of one size one after the other, over and over, as `show_window` shows an image."""
-    width, height = monitors()[0]
-    scale = min(1.0, WINDOW_SHARE * width / frames[0].shape[1], WINDOW_SHARE * height / frames[0].shape[0])
+    height, width = frames[0].shape[:2]
+    size = window_size((width, height), monitors()[0])
     until = math.inf if seconds is None else time.monotonic() + seconds
     with desktop("a window") as pygame:
-        size = max(1, round(scale * frames[0].shape[1])), max(1, round(scale * frames[0].shape[0]))
         screen = pygame.display.set_mode(size)
         pygame.display.set_caption(title)
         pictures = [pygame.surfarray.make_surface(frame.swapaxes(0, 1)) for frame in frames]
-        shown = [pygame.transform.smoothscale(one, size) if scale < 1.0 else one for one in pictures]
+        shown = [one if one.get_size() == size else pygame.transform.smoothscale(one, size) for one in pictures]
         for picture in itertools.cycle(shown):
             if _put_up(pygame, screen, picture, frame_s) or time.monotonic() >= until:
                 return

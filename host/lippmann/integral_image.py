@@ -7,7 +7,7 @@ identity, and in a PNG, which contains panel values, curve and bits too; linear 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -45,10 +45,15 @@ class Showable:
         if in_notebook():
             import_module("IPython.display").display(self)
             return
-        try:
-            show_window(encoded_values(self.radiance, "srgb", 8), "Lippmann", seconds)
-        except DeviceError as error:
-            print(f"lippmann: not shown: {error}; or save it to a file", file=sys.stderr)
+        shown_or_said(lambda: show_window(encoded_values(self.radiance, "srgb", 8), "Lippmann", seconds))
+
+
+def shown_or_said(show: Callable[[], None]) -> None:
+    """Show something in a window; without a desktop say so on stderr."""
+    try:
+        show()
+    except DeviceError as error:
+        print(f"lippmann: not shown: {error}; or save it to a file", file=sys.stderr)
 
 
 def in_notebook() -> bool:

@@ -5,17 +5,15 @@ from __future__ import annotations
 import base64
 import html
 import io
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from lippmann.animation import ANIMATION_SUFFIXES, FRAME_MS, animation_png, write_animation
-from lippmann.errors import DeviceError
+from lippmann.animation import FRAME_MS, animation_png, write_animation
 from lippmann.fullscreen import show_frames
 from lippmann.images import encoded_values
-from lippmann.integral_image import in_notebook
+from lippmann.integral_image import in_notebook, shown_or_said
 from lippmann.observer import View
 
 #: Height of the viewer page in a notebook, pixels.
@@ -67,7 +65,4 @@ class Sweep:
             import_module("IPython.display").display(self)
             return
         frames = [encoded_values(view.radiance, "srgb", 8) for view in self.views]
-        try:
-            show_frames([*frames, *frames[-2:0:-1]], "Lippmann", FRAME_MS / 1000.0, seconds)
-        except DeviceError as error:
-            print(f"lippmann: not shown: {error}; or save it to a file, {ANIMATION_SUFFIXES[0]}", file=sys.stderr)
+        shown_or_said(lambda: show_frames([*frames, *frames[-2:0:-1]], "Lippmann", FRAME_MS / 1000.0, seconds))

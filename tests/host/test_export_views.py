@@ -12,10 +12,10 @@ from lippmann.display import load_display
 from lippmann.errors import InputError
 from lippmann.images import psnr_db, read_picture
 from lippmann.observer import Eye, whole_window
-from lippmann.quilt import quilt_path
 from lippmann.rendering.renderer import Settings, first_depths
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
+from lippmann.scene_files.quilts import quilt_path
 from PIL import Image
 from test_film import DISPLAY
 

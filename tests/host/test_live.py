@@ -277,7 +277,7 @@ def test_mistakes(place, capfd):
     common = ["live", "s.xml", "--display", "d.toml", "--device", "llvm"]
     for words, code, part in (
         (["--monitor", "7"], 2, "no monitor 7"),
-        (["--monitor", "0"], 2, "pixels; the monitors are 0:"),
+        (["--monitor", "0"], 2, "monitor 0 has 1024 x 768 pixels, the image 46 x 32"),
         (["--monitor", "0", "--port", "socket://127.0.0.1:1"], 2, "leave one out"),
         (["--port", "socket://127.0.0.1:1"], 1, "127.0.0.1:1"),
     ):

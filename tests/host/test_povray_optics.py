@@ -19,8 +19,9 @@ from lippmann.optics.panel import PanelFrame
 from lippmann.povray.export import write_folder
 from lippmann.povray.optics import lattice_rows, setup_view
 from lippmann.povray.program import Run
+from lippmann.rendering.placement import placement_beside
 from lippmann.rendering.renderer import Settings, render_rays
-from lippmann.rendering.scene import load_scene, placement_beside
+from lippmann.rendering.scene import load_scene
 from PIL import Image
 from scene_cases import write_scene
 from test_povray_scene import ball, card, diffuse, light

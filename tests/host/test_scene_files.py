@@ -17,6 +17,7 @@ from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
 from PIL import Image
+from test_export_views import told
 from test_film import DISPLAY
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
@@ -369,12 +370,6 @@ def place(tmp_path, monkeypatch, mi):
     return tmp_path
 
 
-def told(capfd, *words, code=0):
-    assert run([*map(str, words)]) == code
-    out, error = capfd.readouterr()
-    return json.loads(out) if code == 0 else error
-
-
 SHORT = ("--display", "d.toml", "--device", "llvm", "--json")
 
 
@@ -555,7 +550,7 @@ def test_a_window_fills_the_panel(place, mi):
     quilt = np.zeros((40, 120, 3), np.uint8) + 200
     Image.fromarray(quilt).save("w_qs2x1a1.5.png")
     built = load_display("d.toml")
-    scene = arranged(load_scene("w_qs2x1a1.5.png"), built, "window")
+    scene = arranged(load_scene("w_qs2x1a1.5.png"), built, "fill")
     panel = built.panel
     assert scene.width_mm == pytest.approx(min(panel.width_mm, 1.5 * panel.height_mm))
     assert scene.placement.near_mm > 0.0 > scene.placement.far_mm

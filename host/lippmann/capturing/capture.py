@@ -13,9 +13,9 @@ from lippmann.capturing.rays import capture_source
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
 from lippmann.errors import InputError
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.placement import Placement, placement_beside
 from lippmann.rendering.renderer import Progress, Rendered, Settings, render_rays
-from lippmann.rendering.scene import Scene, placement_beside
+from lippmann.rendering.scene import Scene
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:

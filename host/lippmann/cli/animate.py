@@ -26,9 +26,9 @@ from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.placement import SCALE_RANGE
+from lippmann.rendering.placement import SCALE_RANGE, unplaced_note
 from lippmann.rendering.renderer import BASE_MEMORY_MB, check_memory, check_memory_mb
-from lippmann.rendering.scene import check_scene_file, unplaced_note
+from lippmann.rendering.scene import check_scene_file
 from lippmann.rendering.sources import Window
 from lippmann.variant import start_mitsuba
 

@@ -19,8 +19,9 @@ from lippmann.display import display_text
 from lippmann.errors import input_error
 from lippmann.files import replacing
 from lippmann.images import check_output
+from lippmann.rendering.placement import unplaced_note
 from lippmann.rendering.renderer import peak_memory_mb
-from lippmann.rendering.scene import Scene, check_scene_file, unplaced_note
+from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.sources import Aperture
 from lippmann.variant import current_device
 

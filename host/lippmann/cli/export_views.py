@@ -15,7 +15,7 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
-from lippmann.cli.output import counted, emit, progress_bar
+from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.content.views import Sight, eyes_of, focus_depths, of_image, of_scene
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError
@@ -23,11 +23,12 @@ from lippmann.files import make_folder, replacing
 from lippmann.images import SUFFIXES, check_output, write_picture
 from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, whole_window
-from lippmann.quilt import quilt_path, tiled
-from lippmann.rendering.arrange import arranged
+from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, Settings, check_memory_mb, first_depths
-from lippmann.rendering.scene import Scene, check_scene_file, load_scene
+from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.sources import Window
+from lippmann.scene_files.quilts import eyes_note, quilt_path, tiled
+from lippmann.scene_files.views import EYES, eyes_text
 from lippmann.variant import start_mitsuba
 
 
@@ -67,10 +68,7 @@ def _seen(
         return _Seen(display, window, of_image(image, window, samples, seed), None)
     path = check_scene_file(source)
     start_mitsuba(device)
-    scene = load_scene(path, moved.placement(path))
-    arrange = moved.arrange(path)
-    if arrange is not None:
-        scene = arranged(scene, display, arrange)
+    scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
     return _Seen(display, window, of_scene(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 
@@ -111,10 +109,8 @@ def quilt(
     )
     with progress_bar("views") as progress:
         picture = tiled(map(seen.sight, counted(eyes, progress)), columns, rows)
-    # What the name does not tell; read by `lippmann.scene_files.views`.
-    ends = {"first_mm": eyes[0].position_mm, "last_mm": eyes[-1].position_mm}
-    told = json.dumps({"window_mm": [window.width_mm, window.height_mm], **ends})
-    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name, "eyes": told})
+    note = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
+    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name, **note})
     result = {
         "output": str(path), "columns": columns, "rows": rows, "aspect": window.width_px / window.height_px,
         "width_px": picture.shape[1], "height_px": picture.shape[0], "view_width_px": window.width_px,
@@ -140,17 +136,16 @@ def views(
     eyes = [Eye(at) for at in eyes_of(seen.display, across, down, cone, distance)]
     names = _write_folder(seen, eyes, Path(output), "view", linear)
     window = seen.window
-    told = {
-        "window_mm": [window.width_mm, window.height_mm],
-        "width_px": window.width_px,
-        "height_px": window.height_px,
-        "across": across,
-        "down": down,
-        "views": [{"file": name, "eye_mm": list(eye.position_mm)} for name, eye in zip(names, eyes, strict=True)],
-    }
-    with replacing(Path(output) / "views.json") as partial:
-        partial.write_text(json.dumps(told, indent=1) + "\n")
-    emit({"folder": output, **told}, f"{output}: {len(eyes)} views of {window.width_px} x {window.height_px} pixels")
+    text = eyes_text(
+        (window.width_mm, window.height_mm), names, [eye.position_mm for eye in eyes], width_px=window.width_px,
+        height_px=window.height_px, across=across, down=down,
+    )  # fmt: skip
+    with replacing(Path(output) / EYES) as partial:
+        partial.write_text(text)
+    emit(
+        {"folder": output, **json.loads(text)},
+        f"{output}: {len(eyes)} views of {window.width_px} x {window.height_px} pixels",
+    )
 
 
 @make_command("focal-stack")

@@ -24,10 +24,10 @@ from lippmann.live.run import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, 
 from lippmann.live.screens import screens
 from lippmann.live.sender import Sender
 from lippmann.observer import Eye, observe, whole_window
-from lippmann.rendering.arrange import arranged
+from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
 from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
-from lippmann.rendering.scene import check_scene_file, load_scene
+from lippmann.rendering.scene import check_scene_file
 from lippmann.variant import start_mitsuba
 
 #: Width of the eye's view, pixels.
@@ -72,10 +72,7 @@ def command(
     if turn and turn_seconds is None and seconds is not None:
         turn_seconds = seconds
     start_mitsuba(device)
-    scene, arrange = load_scene(path, moved.placement(path)), moved.arrange(path)
-    if arrange is not None:
-        scene = arranged(scene, display, arrange)
-        log(f"placed by {scene.placement}")
+    scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
     chosen = chosen_model(scene, display, RenderOptions(model=model, settings=settings), log)
     picture = LivePicture(scene, display, chosen, settings)
     if view is not None:  # compiled before a window waits for it
@@ -101,12 +98,11 @@ def command(
         )  # fmt: skip
         if sender is not None:
             sender.finish()
-    told = {name: number for name, number in asdict(played).items() if name != "times"}
     board_told = None if sender is None else {
         "port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes
     }  # fmt: skip
     result = {
-        "scene": scene_path, "display": display.name, "model": chosen, **told, "board": board_told,
+        "scene": scene_path, "display": display.name, "model": chosen, **asdict(played), "board": board_told,
         "placement": str(hand.placement()), "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
     moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""

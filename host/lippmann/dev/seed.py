@@ -29,8 +29,9 @@ from lippmann.measure.renderer import with_pitch
 from lippmann.povray.export import export_view, write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY, Run
+from lippmann.rendering.placement import placement_beside
 from lippmann.rendering.renderer import Rendered, Settings, render_rays
-from lippmann.rendering.scene import Scene, load_scene, placement_beside
+from lippmann.rendering.scene import Scene, load_scene
 from lippmann.rendering.sources import RaySource, Window, eye_source
 from lippmann.report.pages import Page
 from lippmann.report.plots import MARKS, Plot, drawn, finish

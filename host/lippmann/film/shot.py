@@ -16,17 +16,8 @@ from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.arrange import fitting
 from lippmann.rendering.integral import RenderOptions, pixels_identity, render_image
-from lippmann.rendering.placement import Placement
-from lippmann.rendering.scene import (
-    Move,
-    Scene,
-    box_of,
-    depths_of,
-    digest_of,
-    in_front_of,
-    load_scene,
-    placement_beside,
-)
+from lippmann.rendering.placement import Placement, placement_beside
+from lippmann.rendering.scene import Move, Scene, box_of, depths_of, digest_of, in_front_of, load_scene
 from lippmann.toml import documented, key
 
 

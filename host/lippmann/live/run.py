@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import statistics
 import time
-from dataclasses import dataclass, field
+from collections import deque
+from dataclasses import dataclass
 from typing import Annotated
 
 from lippmann import interrupts
@@ -49,7 +50,6 @@ class Played:
     block: Annotated[int, key("side of the blocks of pixels that get one ray while it moves")] = 1
     samples: Annotated[int, key("for each pixel of the last picture")] = 0
     seconds: Annotated[float, key("from the first picture to the end")] = 0.0
-    times: list[float] = field(default_factory=list)
 
 
 def run_live(
@@ -75,11 +75,12 @@ def run_live(
     played, panel = Played(block=picture.block), display.panel
     began = last = time.perf_counter()
     opened = began if opened is None else opened
+    times: deque[float] = deque(maxlen=1000)
     shown: object = None
 
     def present(radiance: Radiance, moving: bool) -> None:
         pixels: Pixels = encoded_values(radiance, panel.transfer, min(panel.bits, 8)).astype("uint8")
-        rate = f"{1.0 / max(played.times[-1], 1e-3):.0f} frames/s" if moving and played.times else "at rest"
+        rate = f"{1.0 / max(times[-1], 1e-3):.0f} frames/s" if moving and times else "at rest"
         rays = (
             f"1 ray for {picture.block} x {picture.block} pixels"
             if moving and picture.block > 1
@@ -108,7 +109,7 @@ def run_live(
                 played.first_s = time.perf_counter() - opened
             else:
                 played.frames += 1
-                played.times = [*played.times[-999:], taken]
+                times.append(taken)
             shown = placement
         elif not done:
             found = picture.finer(screens.waiting)
@@ -119,7 +120,7 @@ def run_live(
         else:
             time.sleep(LOOK_S)
     played.seconds, played.samples = time.perf_counter() - began, picture.samples
-    if played.times:
-        played.frames_per_second = 1.0 / statistics.median(played.times)
-        played.slowest_s = max(played.times)
+    if times:
+        played.frames_per_second = 1.0 / statistics.median(times)
+        played.slowest_s = max(times)
     return played

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.errors import DeviceError, InputError
-from lippmann.fullscreen import Pixels, desktop, sizes_of
+from lippmann.errors import DeviceError
+from lippmann.fullscreen import Pixels, check_monitor, desktop, sizes_of, window_size
 from lippmann.live.hand import DRAG_DEG, KEY_DEG, Hand
 
-#: Largest window, as a share of the desktop.
-SHARE = 0.9
 #: Drags of a key that shifts, pixels.
 KEY_PX = 10.0
 
@@ -32,14 +30,9 @@ class Screens:
         """
         sizes, pygame = sizes_of(self._pygame), self._pygame
         if monitor is None:
-            scale = min(1.0, *(SHARE * full / side for full, side in zip(sizes[0], size, strict=True)))
-            fitting = tuple(max(1, round(scale * side)) for side in size)
-            self._windows[name] = pygame.Window(name, fitting)
+            self._windows[name] = pygame.Window(name, window_size(size, sizes[0]))
             return
-        if not 0 <= monitor < len(sizes) or sizes[monitor] != size:
-            listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
-            what = f"no monitor {monitor} of {size[0]} x {size[1]} pixels"
-            raise InputError(f"{what}; the monitors are {listed}; set the panel's own resolution, without scaling")
+        check_monitor(sizes, monitor, size)
         place = pygame.WINDOWPOS_CENTERED | monitor  # SDL's number of "the middle of this monitor"
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +13,12 @@ from lippmann.content.views import eyes_of, of_scene
 from lippmann.display import Display
 from lippmann.images import write_picture
 from lippmann.observer import Eye, whole_window
-from lippmann.quilt import quilt_path, tiled
 from lippmann.rendering.renderer import Settings, first_depths, render_view
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
+from lippmann.scene_files.quilts import eyes_note, quilt_path, tiled
+from lippmann.scene_files.splats import write_table
+from lippmann.scene_files.views import EYES, eyes_text
 from lippmann.variant import mitsuba
 from lippmann.viewing import viewing_distance
 
@@ -106,9 +107,7 @@ def write_splats(surface: Surface, path: Path, seed: int) -> Path:
         **{f"rot_{k}": turn[:, k] for k in range(4)},
     }
     table = np.array(list(zip(*columns.values(), strict=True)), [(name, "<f4") for name in columns])
-    head = "".join(f"property float {name}\n" for name in columns)
-    text = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n{head}end_header\n"
-    path.write_bytes(text.encode() + table.tobytes())
+    write_table(path, table)
     return path
 
 
@@ -122,9 +121,8 @@ def write_views(
     eyes = eyes_of(display, across, down)
     for number, eye in enumerate(eyes):
         write_picture(folder / f"{number}.exr", sight(Eye(eye)), {})
-    listed = [{"file": f"{number}.exr", "eye_mm": list(eye)} for number, eye in enumerate(eyes)]
-    told = {"window_mm": [window.width_mm, window.height_mm], "views": listed}
-    (folder / "views.json").write_text(json.dumps(told))
+    names = [f"{number}.exr" for number in range(len(eyes))]
+    (folder / EYES).write_text(eyes_text((window.width_mm, window.height_mm), names, eyes))
     return folder
 
 
@@ -134,8 +132,7 @@ def write_quilt(views: Iterable[Any], sizes: Sequence[float], eyes: Sequence[Any
     height, width = pictures[0].shape[:2]
     rows = len(pictures) // columns
     path = quilt_path(path, columns, rows, width / height)
-    told = json.dumps({"window_mm": list(sizes), "first_mm": eyes[0], "last_mm": eyes[-1]})
-    write_picture(path, tiled(pictures, columns, rows), {"eyes": told})
+    write_picture(path, tiled(pictures, columns, rows), eyes_note(sizes, eyes))
     return path
 
 

@@ -26,9 +26,9 @@ from lippmann.capturing.setup import Setup, load_setup
 from lippmann.images import Radiance
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Floats, Model
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.placement import Placement, placement_beside
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import Scene, load_scene, placement_beside
+from lippmann.rendering.scene import Scene, load_scene
 from lippmann.variant import mitsuba
 
 #: Depths of the fish scene's objects in its own frame, mm: the middle of the fish, and the stems.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -10,10 +12,24 @@ import numpy as np
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
-from lippmann.rendering.placement import Matrix, Placement
-from lippmann.rendering.scene import Arrange, Scene, box_of, depths_of, in_front_of
+from lippmann.rendering.placement import Arrange, Matrix, Placement
+from lippmann.rendering.scene import Scene, box_of, depths_of, in_front_of, load_scene
 from lippmann.variant import mitsuba
 from lippmann.viewing import viewing_distance
+
+
+def load_placed(
+    path: Path, display: Display, placement: Placement, arrange: Arrange | None, note: Callable[[str], None]
+) -> Scene:
+    """Load a scene, and let the display place it where that is asked for; `note` is called with where it stands then.
+
+    InputError as for `load_scene` and `arranged`.
+    """
+    scene = load_scene(path, placement)
+    if arrange is not None:
+        scene = arranged(scene, display, arrange)
+        note(f"placed by {scene.placement}")
+    return scene
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
@@ -25,8 +41,8 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
         raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
     if arrange == "camera":
         return scene.placed(_by_camera(scene, display))
-    if arrange == "window":
-        return scene.placed(_as_window(scene, display))
+    if arrange == "fill":
+        return scene.placed(_filling(scene, display))
     rotated = Placement(rotation_deg=scene.placement.rotation_deg)
     low, high = box_of(scene.mitsuba, rotated)
     if not np.isfinite(high - low).all() or not (high > low).any():
@@ -51,7 +67,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
 
 
-def _as_window(scene: Scene, display: Display) -> Placement:
+def _filling(scene: Scene, display: Display) -> Placement:
     """Return the placement of a flat scene that fills the panel, and is seen through it over the whole depth range."""
     low, high = box_of(scene.mitsuba, Placement())
     panel, (far, near) = display.panel, display_properties(display).depth_range_mm

@@ -23,11 +23,11 @@ from lippmann.errors import NoSpaceError, input_error
 from lippmann.files import make_folder, remove_stale, replacing
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import metadata_of
-from lippmann.rendering.arrange import arranged
+from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.renderer import BASE_MEMORY_MB, Progress, Renderer, bands_of, check_memory_mb
-from lippmann.rendering.scene import Arrange, Scene, digest_of, load_scene
+from lippmann.rendering.scene import Scene, digest_of, load_scene
 from lippmann.rendering.sources import display_source
 from lippmann.select.model import TOLERANCE
 
@@ -89,10 +89,7 @@ def still_of(
     note: Callable[[str], None],
 ) -> tuple[Still, Scene]:
     """Return a still, and its scene, loaded by the variant that is set; parameters and errors as for `api.render`."""
-    loaded = load_scene(scene, placement)
-    if arrange is not None:
-        loaded = arranged(loaded, display, arrange)
-        note(f"placed by {loaded.placement}")
+    loaded = load_placed(scene, display, placement, arrange, note)
     # No tolerance is left when the model is chosen.
     chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
     bands = tuple(bands_of(display.panel.width_px, display.panel.height_px))

@@ -17,6 +17,11 @@ from lippmann.variant import mitsuba
 MOST_SPLATS = 256
 
 
+def has_splats(scene: Any) -> bool:
+    """Tell whether a `mitsuba.Scene` has splats."""
+    return any(shape.is_ellipsoids() for shape in scene.shapes())
+
+
 def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
@@ -53,7 +58,7 @@ def register_lights() -> None:
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
-            if any(shape.is_ellipsoids() for shape in scene.shapes()):
+            if has_splats(scene):
                 return splatted(scene, sampler, ray, active)
             emitters = list(scene.emitters())
             # Point, spot and directional lights are invisible: rays never meet them.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +13,15 @@ import numpy.typing as npt
 from lippmann import toml
 from lippmann.errors import InputError
 from lippmann.optics.panel import exact_rotation
+from lippmann.scene_files.formats import kind_of, usual_rotation
 from lippmann.toml import documented, key
 
 Matrix = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
 ORIGIN = (0.0, 0.0, 0.0)
+#: "fit": the scene is scaled and moved into the depth range; "camera": placed as the camera in its file sees it;
+#: "fill": a picture's plane becomes the panel's, as large as the panel.
+Arrange = Literal["fit", "camera", "fill"]
 #: Scales that float32 scenes survive.
 SCALE_RANGE = (1e-9, 1e9)
 Scale = Annotated[float, key("", low=SCALE_RANGE[0], high=SCALE_RANGE[1])]
@@ -133,3 +137,36 @@ class PlacementFile:
 def load_placement(path: Path) -> Placement:
     """Read the table `[placement]` of a TOML file and no other; InputError names file, key and remedy."""
     return toml.read(PlacementFile, toml.load(path, "placement"), str(path)).placement
+
+
+def placement_beside(path: Path) -> Placement:
+    """Return the placement in NAME.toml beside a scene; without that file, scene units are millimetres, and y is up."""
+    beside = path.with_suffix(".toml")
+    if beside.exists() and _is_placed(beside):
+        return load_placement(beside)
+    return Placement(rotation_deg=usual_rotation(path))
+
+
+def usual_arrange(path: Path) -> Arrange | None:
+    """Return how a scene is placed of which nothing tells it: another tool's, without a placement beside it."""
+    beside = path.with_suffix(".toml")
+    if beside.exists() and _is_placed(beside):
+        return None
+    kind = kind_of(path)
+    if kind in ("quilt", "views"):
+        return "fill"
+    return {"mesh": "fit", "splats": "fit", "depth picture": "camera"}.get(str(kind))  # type: ignore[return-value]
+
+
+def unplaced_note(path: Path) -> str | None:
+    """Return what to tell of a scene that is placed by its units alone, though they mean nothing here."""
+    if usual_arrange(path) is None:
+        return None
+    beside = path.with_suffix(".toml").name
+    return f"note: nothing places {path.name}: its units are taken as mm, its origin as the display's; write {beside}"
+
+
+def _is_placed(path: Path) -> bool:
+    """Tell whether a TOML file has a placement, or should: one that is itself a scene, a picture's, may have none."""
+    told = toml.load(path, "placement")
+    return "placement" in told or "depth_picture" not in told

@@ -10,6 +10,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
+from lippmann.rendering.lights import has_splats
 from lippmann.rendering.renderer import Settings, make_integrator, render_view
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
@@ -39,7 +40,7 @@ def overridden(scene: Scene, settings: Settings) -> Iterator[str]:
         if unused:
             yield f"note: {settings.integrator} ignores {' and '.join(unused)}"
     yield from scene.notes
-    if not scene.mitsuba.emitters() and not any(shape.is_ellipsoids() for shape in scene.mitsuba.shapes()):
+    if not scene.mitsuba.emitters() and not has_splats(scene.mitsuba):
         yield "note: the scene has no light, so the picture is black; add an <emitter> to the file"
 
 

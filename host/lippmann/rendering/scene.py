@@ -10,21 +10,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from lippmann import toml
 from lippmann.errors import InputError, input_error, likely_file, path_of
 from lippmann.limits import check_xml
-from lippmann.rendering.placement import Matrix, Placement, load_placement
-from lippmann.rendering.window import register_window
-from lippmann.scene_files.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of, usual_rotation
+from lippmann.rendering.light_field import register_light_field
+from lippmann.rendering.placement import Arrange, Matrix, Placement, placement_beside, usual_arrange
+from lippmann.scene_files.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
 from lippmann.variant import mitsuba
 
-#: "fit": the scene is scaled and moved into the depth range; "camera": placed as the camera in its file sees it;
-#: "window": its middle is the panel's, in front of the eyes, as large as the panel.
-Arrange = Literal["fit", "camera", "window"]
 #: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
 SURROUNDS = 3.0
 
@@ -87,39 +83,6 @@ class Scene:
         return replace(self, placement=_with_depths(self.mitsuba, placement, self.path), usual=None)
 
 
-def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene; without that file, scene units are millimetres, and y is up."""
-    beside = path.with_suffix(".toml")
-    if beside.exists() and _is_placed(beside):
-        return load_placement(beside)
-    return Placement(rotation_deg=usual_rotation(path))
-
-
-def usual_arrange(path: Path) -> Arrange | None:
-    """Return how a scene is placed of which nothing tells it: another tool's, without a placement beside it."""
-    beside = path.with_suffix(".toml")
-    if beside.exists() and _is_placed(beside):
-        return None
-    kind = kind_of(path)
-    if kind in ("quilt", "views"):
-        return "window"
-    return {"mesh": "fit", "splats": "fit", "depth picture": "camera"}.get(str(kind))  # type: ignore[return-value]
-
-
-def unplaced_note(path: Path) -> str | None:
-    """Return what to tell of a scene that is placed by its units alone, though they mean nothing here."""
-    if usual_arrange(path) is None:
-        return None
-    beside = path.with_suffix(".toml").name
-    return f"note: nothing places {path.name}: its units are taken as mm, its origin as the display's; write {beside}"
-
-
-def _is_placed(path: Path) -> bool:
-    """Tell whether a TOML file has a placement, or should: one that is itself a scene, a picture's, may have none."""
-    told = toml.load(path, "placement")
-    return "placement" in told or "depth_picture" not in told
-
-
 def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or of no known format."""
     path = path_of(path, "a scene")
@@ -159,7 +122,7 @@ def parsed(
     file that cannot be read.
     """
     mi = mitsuba()
-    register_window()
+    register_light_field()
     before = mi.file_resolver()
     try:
         with as_mitsuba(path, np.eye(3) if scene_from_display is None else scene_from_display, notes) as file:

@@ -16,10 +16,10 @@ import numpy.typing as npt
 from lippmann import toml
 from lippmann.errors import input_error
 from lippmann.limits import read_limited
-from lippmann.scene_files.views import picture
-from lippmann.scene_files.xml import new_scene, plugin, value, write
+from lippmann.scene_files.surface import write_surface
+from lippmann.scene_files.views import Views, picture
+from lippmann.scene_files.xml import add_light_field, new_scene, plugin, to_world, value, write
 from lippmann.toml import documented, key
-from lippmann.variant import mitsuba
 
 #: Most pixels of the depths, and largest file.
 MOST_PIXELS, MOST_BYTES = 1 << 23, 1 << 28
@@ -74,24 +74,16 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
         notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
         depth = _filled(depth, known)
     focal = 0.5 * depth.shape[1] / math.tan(math.radians(0.5 * form.fov_deg))
-    _write_surface(folder / "surface.ply", depth, focal)
-    np.savez(
-        folder / "views.npz", views=colours[None, None], x_mm=[0.0], y_mm=[0.0], distance_mm=1.0, size_mm=[1.0, 1.0]
-    )
+    _write_points(folder / "surface.ply", depth, focal)
+    Views(colours[None, None], [0.0], [0.0], 1.0, (1.0, 1.0)).write(folder / "views.npz")
     scene = new_scene()
     camera = plugin(scene, "sensor", "perspective")
     value(camera, "float", "fov", form.fov_deg)
     value(camera, "string", "fov_axis", "x")
-    # Mitsuba's cameras look along z: turned about y.
-    turn = plugin(camera, "transform", "to_world")
-    del turn.attrib["type"]
-    turn.set("name", "to_world")
-    rotation = value(turn, "rotate", "", 1.0)
-    rotation.attrib = {"y": "1", "angle": "180"}
+    to_world(camera, "rotate", y=1, angle=180)  # Mitsuba's cameras look along z
     shape = plugin(scene, "shape", "ply", id="surface")
     value(shape, "string", "filename", "surface.ply")
-    value(plugin(shape, "bsdf", "diffuse"), "rgb", "reflectance", 0.0)
-    value(plugin(shape, "emitter", "window"), "string", "filename", "views.npz")
+    add_light_field(shape, "views.npz")
     return write(scene, folder / "scene.xml")
 
 
@@ -123,21 +115,14 @@ def _filled(depth: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt
     return np.asarray(depth[tuple(nearest)])
 
 
-def _write_surface(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:
-    """Write the surface through all pixels' points as PLY; its faces look at the camera."""
-    mi = mitsuba()
+def _write_points(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:
+    """Write the surface through all pixels' points; its faces look at the camera."""
     height, width = depth.shape
     row, column = np.mgrid[:height, :width]
     x, y = column + 0.5 - 0.5 * width, 0.5 * height - row - 0.5
     points = np.stack([x / focal_px * depth, y / focal_px * depth, -depth], axis=-1)
-    uv = np.stack([(column + 0.5) / width, 1.0 - (row + 0.5) / height], axis=-1)
+    uv = np.stack([(column + 0.5) / width, 1.0 - (row + 0.5) / height], axis=-1).reshape(-1, 2)
     number = (row * width + column).astype(np.uint32)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     faces = np.concatenate([np.stack(some, axis=-1).reshape(-1, 3) for some in ((a, b, d), (b, c, d))])
-    built = mi.Mesh("surface", depth.size, len(faces), has_vertex_normals=False, has_vertex_texcoords=True)
-    parameters = mi.traverse(built)
-    parameters["vertex_positions"] = mi.Float(points.astype(np.float32).ravel())
-    parameters["vertex_texcoords"] = mi.Float(uv.astype(np.float32).ravel())
-    parameters["faces"] = mi.UInt32(faces.ravel())
-    parameters.update()
-    built.write_ply(str(path))
+    write_surface(path, points.reshape(-1, 3), faces, uv=uv)

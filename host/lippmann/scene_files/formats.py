@@ -10,7 +10,7 @@ from typing import Literal
 from lippmann.errors import InputError, input_error
 from lippmann.files import scratch_folder
 from lippmann.optics.rays import Floats
-from lippmann.scene_files import depth_picture, meshes, splats, views
+from lippmann.scene_files import depth_picture, meshes, quilts, splats, views
 
 #: Kinds of scenes: Mitsuba's own, and those that are converted.
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
@@ -36,7 +36,7 @@ def kind_of(path: Path) -> Kind | None:
         return "splats"
     if suffix in meshes.SUFFIXES:
         return "mesh"
-    if views.is_quilt(path):
+    if quilts.is_quilt(path):
         return "quilt"
     return "depth picture" if depth_picture.is_depth_picture(path) else None
 
@@ -68,7 +68,7 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None =
             elif kind == "depth picture":
                 made = depth_picture.write_scene(path, folder, told)
             else:
-                made = (views.read_quilt if kind == "quilt" else views.read_folder)(path).write_scene(folder)
+                made = (quilts.read_quilt if kind == "quilt" else views.read_folder)(path).write_scene(folder)
         except InputError:
             raise
         except OSError as error:

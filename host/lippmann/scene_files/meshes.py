@@ -23,8 +23,8 @@ from lippmann.errors import input_error
 from lippmann.images import decode, encode
 from lippmann.limits import read_limited
 from lippmann.optics.rays import Floats
+from lippmann.scene_files.surface import write_surface
 from lippmann.scene_files.xml import add_lights, bitmap, new_scene, plugin, unique, value, write
-from lippmann.variant import mitsuba
 
 #: The files' suffixes.
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -280,34 +280,18 @@ def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
 
 
 def _write_mesh(path: Path, mesh: Any, matrix: Floats, uv: Any, colours: Floats | None) -> None:
-    """Write a mesh, placed by a matrix, as Mitsuba's PLY."""
-    mi = mitsuba()
-    points = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    normals = mesh.vertex_normals @ np.linalg.pinv(matrix[:3, :3]) if _has_normals(mesh) else None
-    faces = np.asarray(mesh.faces, np.uint32)
+    """Write a mesh, placed by a matrix."""
+    points = np.array(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+    normals, faces = None, np.array(mesh.faces)
+    if _has_normals(mesh):
+        turned = np.array(mesh.vertex_normals) @ np.linalg.pinv(matrix[:3, :3])
+        length = np.linalg.norm(turned, axis=1, keepdims=True)
+        normals = turned / np.where(length > 0.0, length, 1.0)
     if np.linalg.det(matrix[:3, :3]) < 0.0:
         faces = faces[:, ::-1]
-    built = mi.Mesh(
-        "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
-    )
-    parameters = mi.traverse(built)
-    parameters["vertex_positions"] = _flat(points)
-    parameters["faces"] = mi.UInt32(np.array(faces).ravel())
-    if normals is not None:
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        parameters["vertex_normals"] = _flat(normals / np.where(length > 0.0, length, 1.0))
-    if uv is not None:
-        # The first row of Mitsuba's pictures is at v = 0, that of trimesh's at 1.
-        parameters["vertex_texcoords"] = _flat(np.asarray(uv) * (1.0, -1.0) + (0.0, 1.0))
-    parameters.update()
-    if colours is not None:
-        built.add_attribute("vertex_color", 3, _flat(colours))
-    built.write_ply(str(path))
-
-
-def _flat(values: Any) -> Any:
-    """Return numbers in Mitsuba's type; trimesh's are of a type of its own."""
-    return mitsuba().Float(np.array(values, np.float32).ravel())
+    if uv is not None:  # the first row of trimesh's pictures is at v = 1
+        uv = np.array(uv) * (1.0, -1.0) + (0.0, 1.0)
+    write_surface(path, points, faces, normals, uv, colours)
 
 
 # ---- materials ----

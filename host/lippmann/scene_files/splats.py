@@ -37,15 +37,18 @@ def write_scene(path: Path, folder: Path) -> Path:
     """
     table = _read(path)
     file = folder / "splats.ply"
-    names = table.dtype.names or ()
-    head = "".join(f"property float {name}\n" for name in names)
-    with file.open("wb") as stream:
-        stream.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n{head}end_header\n".encode())
-        stream.write(table.tobytes())
+    write_table(file, table)
     scene = new_scene()
     shape = plugin(scene, "shape", "ellipsoids", id="splats")
     value(shape, "string", "filename", file.name)
     return write(scene, folder / "scene.xml")
+
+
+def write_table(path: Path, table: npt.NDArray[np.void]) -> None:
+    """Write the splats of a table whose columns have the properties' names."""
+    import plyfile
+
+    plyfile.PlyData([plyfile.PlyElement.describe(table, "vertex")], byte_order="<").write(str(path))
 
 
 def _read(path: Path) -> npt.NDArray[np.void]:

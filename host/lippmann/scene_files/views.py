@@ -1,4 +1,4 @@
-"""Quilts and folders of views as a Mitsuba scene: a rectangle that shows each eye another picture (emitter `window`).
+"""Views of one window, and folders of them, as a Mitsuba scene: a rectangle that shows each eye another picture.
 
 All views are pictures of one window, from eyes in a row or a grid before it, as a light-field display shows them: what
 lies in the window's plane is at one place in all of them.
@@ -19,16 +19,12 @@ import numpy.typing as npt
 from lippmann.errors import InputError, input_error
 from lippmann.images import LINEAR_SUFFIXES, decode, read_picture
 from lippmann.limits import read_limited
-from lippmann.quilt import TILING
-from lippmann.scene_files.xml import new_scene, plugin, value, write
+from lippmann.scene_files.xml import add_light_field, new_scene, plugin, to_world, write
 
 #: The file of a folder that tells where its views' eyes are.
 EYES = "views.json"
 #: Pictures that a quilt or view may be in.
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
-#: What a quilt of another tool does not tell, of Looking Glass' cameras: the cone of their eyes and the height of the
-#: window as an eye sees it, degrees.
-CONE_DEG, FIELD_DEG = 40.0, 14.0
 #: How far an eye may stand from its place in the grid, steps of the grid.
 ASIDE = 0.1
 MOST_VIEWS, MOST_PIXELS = 10_000, 200_000_000
@@ -48,65 +44,32 @@ class Views:
     distance_mm: float
     size_mm: tuple[float, float]
 
-    def write_scene(self, folder: Path) -> Path:
-        """Write the scene into an empty folder; return its path."""
+    def write(self, path: Path) -> None:
+        """Write the views as the emitter `light_field` reads them."""
         np.savez(
-            folder / "views.npz", views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
+            path, views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
             size_mm=self.size_mm,
         )  # fmt: skip
+
+    def write_scene(self, folder: Path) -> Path:
+        """Write the scene into an empty folder; return its path."""
+        self.write(folder / "views.npz")
         scene = new_scene()
         shape = plugin(scene, "shape", "rectangle", id="window")
-        placed = plugin(shape, "transform", "to_world")
-        del placed.attrib["type"]
-        placed.set("name", "to_world")
-        scale = value(placed, "scale", "", 1.0)
-        scale.attrib = dict(zip("xyz", (repr(0.5 * self.size_mm[0]), repr(0.5 * self.size_mm[1]), "1"), strict=True))
-        black = plugin(shape, "bsdf", "diffuse")
-        value(black, "rgb", "reflectance", 0.0)
-        value(plugin(shape, "emitter", "window"), "string", "filename", "views.npz")
+        to_world(shape, "scale", x=0.5 * self.size_mm[0], y=0.5 * self.size_mm[1], z=1)
+        add_light_field(shape, "views.npz")
         return write(scene, folder / "scene.xml")
 
 
-def is_quilt(path: Path) -> bool:
-    """Tell whether a file is a quilt by its name, such as fish_qs8x6a1.33.png."""
-    return path.suffix.lower() in PICTURES and TILING.search(path.stem) is not None
+def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Sequence[float]], **more: object) -> str:
+    """Return the text of `EYES` for files of views of a window (mm), from eyes (mm)."""
+    views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
+    return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
 
 
 def is_folder(path: Path) -> bool:
     """Tell whether a folder has views."""
     return path.is_dir() and (path / EYES).is_file()
-
-
-def read_quilt(path: Path) -> Views:
-    """Read a quilt. Where its file does not tell the eyes, they are those of Looking Glass' cameras.
-
-    Raises InputError for a picture that cannot be read, or whose size has no such tiling.
-    """
-    told = TILING.search(path.stem)
-    assert told is not None
-    columns, rows, aspect = int(told[1]), int(told[2]), float(told[3])
-    whole, metadata = picture(path)
-    height, width = whole.shape[0] // rows, whole.shape[1] // columns
-    if not (height and width and aspect > 0.0):
-        what = f"has {whole.shape[1]} x {whole.shape[0]} pixels, too few for {columns} x {rows} views"
-        raise input_error(str(path), what, "correct the tiling in its name")
-    tiles = whole[: rows * height, : columns * width].reshape(rows, height, columns, width, 3)
-    # The first view is at the bottom left.
-    views = tiles[::-1].transpose(0, 2, 1, 3, 4).reshape(1, rows * columns, height, width, 3)
-    size = (aspect, 1.0)
-    distance = 0.5 / math.tan(math.radians(0.5 * FIELD_DEG))
-    reach = math.tan(math.radians(0.5 * CONE_DEG)) * distance
-    x = np.linspace(-reach, reach, rows * columns).tolist() if rows * columns > 1 else [0.0]
-    y = 0.0
-    if "eyes" in metadata:
-        try:
-            eyes = json.loads(metadata["eyes"])
-            size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
-            (left, y, distance), right = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
-            x = np.linspace(left, right, rows * columns).tolist() if rows * columns > 1 else [left]
-        except (ValueError, TypeError, KeyError, IndexError):
-            raise input_error(str(path), "its note of the eyes is broken", "export it again") from None
-    return Views(np.ascontiguousarray(views), x, [y], distance, size)
 
 
 def read_folder(folder: Path) -> Views:

@@ -48,6 +48,18 @@ def add_lights(scene: Element, scene_from_display: Floats) -> None:
         value(light, "rgb", "irradiance", [np.pi * share / towards[2]] * 3)
 
 
+def to_world(parent: Element, step: str, **numbers: float) -> None:
+    """Add a transform of one step, such as `scale` with x and y."""
+    placed = SubElement(parent, "transform", {"name": "to_world"})
+    SubElement(placed, step, {name: repr(float(number)) for name, number in numbers.items()})
+
+
+def add_light_field(shape: Element, file: str) -> None:
+    """Let a shape show the views of a file, and reflect nothing."""
+    value(plugin(shape, "bsdf", "diffuse"), "rgb", "reflectance", 0.0)
+    value(plugin(shape, "emitter", "light_field"), "string", "filename", file)
+
+
 def write(scene: Element, path: Path) -> Path:
     """Write a scene; return its path."""
     indent(scene)

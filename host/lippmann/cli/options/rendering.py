@@ -12,9 +12,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Engine
 from lippmann.rendering.integral import ModelOption, RenderOptions
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.placement import Arrange, Placement, placement_beside, usual_arrange
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import Arrange, placement_beside, usual_arrange
 from lippmann.rendering.sources import Aperture
 from lippmann.select.model import TOLERANCE
 

@@ -1,4 +1,4 @@
-"""Emitter `window`: a surface that shows another picture to each eye, as a window onto what was photographed.
+"""Emitter `light_field`: a surface that shows another picture to each eye, as a window onto what was photographed.
 
 It lights no other surface. On a rectangle each view is a picture of the whole rectangle; a point of it has, towards a
 viewer, the colour of the view from where the line meets the plane of the eyes: linear between the two or four nearest
@@ -14,8 +14,8 @@ import numpy as np
 from lippmann.variant import mitsuba
 
 
-def register_window() -> None:
-    """Register the emitter plugin `window` for Mitsuba's current variant.
+def register_light_field() -> None:
+    """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
     Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height, width, 3), linear, row 0 of the
     lowest eyes, column 0 of the leftmost; `x_mm` (columns,) and `y_mm` (rows,), the eyes' places before the window's
@@ -26,7 +26,7 @@ def register_window() -> None:
 
     base: Any = mi.Emitter
 
-    class Window(base):  # type: ignore[misc]
+    class LightField(base):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
             resolver = mi.file_resolver()
@@ -82,7 +82,7 @@ def register_window() -> None:
             pass
 
         def to_string(self) -> str:
-            return f"Window[{len(self.x)} x {len(self.y)} views]"
+            return f"LightField[{len(self.x)} x {len(self.y)} views]"
 
     def near(places: list[float], at: Any) -> list[tuple[Any, Any]]:
         """Return the numbers of the places on both sides of a coordinate, in rising order, and their weights."""
@@ -96,4 +96,4 @@ def register_window() -> None:
         share = dr.clip((at - start) / (end - start), 0.0, 1.0)
         return [(first, 1.0 - share), (first + 1, share)]
 
-    mi.register_emitter("window", Window)
+    mi.register_emitter("light_field", LightField)
