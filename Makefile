@@ -83,7 +83,7 @@ lint-rtl:
 	$(BIN)/python -m lippmann.dev.lint
 
 bench: $(READY) ## measure the figures of docs/measured.md (a quarter of an hour, on a quiet machine)
-	@for name in trace render stages rtl view animate observe; do \
+	@for name in trace render stages live rtl view animate observe; do \
 	  $(BIN)/lippmann bench $$name --report docs > /dev/null || exit; done
 
 docs-tables: $(READY) ## make the tables of keys, coverage points and promises, and the JSON Schemas again

@@ -3,6 +3,7 @@
 import json
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.images import encoded_values, psnr_db
+from lippmann.live.encoder import Encoder, least_radiance
 from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
 from lippmann.live.run import run_live
@@ -19,7 +21,9 @@ from lippmann.live.sender import Sender
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
+from lippmann.sim.tools import repository
 from model_board import ModelBoard
+from scene_cases import generator
 from test_film import DISPLAY
 
 SCENE = """<scene version="3.0.0">
@@ -50,6 +54,11 @@ def made(place):
 # ---- pictures ----
 
 
+def refined(picture):
+    assert picture.finer(lambda: False)
+    return picture.radiance
+
+
 @pytest.mark.parametrize("moves", [0, 1, 2])
 def test_pictures_are_the_renderers(made, moves):
     """A quick one is a render of one sample, the first finer one of four, bit for bit, wherever the scene stands."""
@@ -59,9 +68,10 @@ def test_pictures_are_the_renderers(made, moves):
         hand.turn(25.0, -10.0)
         hand.zoom(1.0)
         hand.shift(3.0, -2.0, 1.0)
-    quick = picture.quick(hand.placement())
+    picture.quick(hand.placement())
+    quick = picture.radiance
     assert picture.samples == 0
-    finer = picture.finer(lambda: False)
+    finer = refined(picture)
     assert picture.samples == 4
     placed = scene if not moves else scene.placed(hand.placement())
     # The same front, so that rays start at the same points; boxes differ in their last place.
@@ -77,7 +87,7 @@ def test_a_resting_picture_becomes_finer(made):
     display, scene, picture, _ = made
     picture.quick(scene.placement)
     exact = render_integral(scene, display, "pinhole", Settings(samples=400, seed=77)).radiance
-    found = [psnr_db(picture.finer(lambda: False), exact) for _ in range(16)]
+    found = [psnr_db(refined(picture), exact) for _ in range(16)]
     assert picture.samples == 64
     assert found[15] > found[0] + 4.0, found
 
@@ -85,11 +95,12 @@ def test_a_resting_picture_becomes_finer(made):
 def test_an_interrupted_pass_is_done_again(made):
     _, scene, picture, _ = made
     picture.quick(scene.placement)
-    first = picture.finer(lambda: False)
-    assert picture.finer(lambda: True) is None
+    first = refined(picture)
+    assert not picture.finer(lambda: True)
     assert picture.samples == 4
+    assert (picture.radiance == first).all()
     picture.quick(scene.placement)
-    assert (picture.finer(lambda: False) == first).all()
+    assert (refined(picture) == first).all()
 
 
 def test_large_panels_get_a_ray_for_a_block_of_pixels(place, monkeypatch):
@@ -98,15 +109,41 @@ def test_large_panels_get_a_ray_for_a_block_of_pixels(place, monkeypatch):
     display, scene = load_display("d.toml"), load_scene("s.xml")
     picture = LivePicture(scene, display, "pinhole", Settings())
     assert picture.block == 8
-    found = picture.quick(scene.placement)
+    picture.quick(scene.placement)
+    found = picture.radiance
     height, width = display.panel.height_px, display.panel.width_px
     assert found.shape == (height, width, 3)
     whole = height - height % 8, width - width % 8
     blocks = found[: whole[0], : whole[1]].reshape(whole[0] // 8, 8, whole[1] // 8, 8, 3)
     assert (blocks == blocks[:, :1, :, :1]).all()
     assert found.max() > 0.05
-    picture.finer(lambda: False)
+    assert picture.finer(lambda: False)
     assert picture.samples == 4
+
+
+MEASURED = ((0.0, 0.0), (0.2, 0.01), (0.5, 0.0100001), (0.7, 0.6), (1.0, 1.0))  # steep, with levels of hardly a float
+
+
+@pytest.mark.parametrize("transfer", ["srgb", "gamma2.2", "linear", MEASURED])
+@pytest.mark.parametrize("bits", [1, 5, 8, 10])
+def test_values_are_those_of_the_file(mi, transfer, bits):
+    """Of random light, dark and too bright light, and the least light of each level and the float before it."""
+    panel = load_display(repository() / "scenes/displays/vga-square.toml").panel
+    panel = replace(panel, width_px=256, height_px=9, transfer=transfer)
+    panel = replace(panel, bits=bits)
+    least = least_radiance(panel, min(bits, 8))
+    rng = generator(11, bits, str(transfer))
+    light = np.concatenate([
+        [-1.0, 0.0, 1e-30, 1.0, 7.0, np.inf], least, np.nextafter(least, np.float32(0.0)),
+        rng.random(3000), 10.0 ** rng.uniform(-6, 1, 3000),
+    ])  # fmt: skip
+    planes = np.resize(light.astype(np.float32), (3, 256 * 9))
+    found = Encoder(panel)([mi.Float(plane) for plane in planes])
+    wanted = encoded_values(planes.T.reshape(9, 256, 3), panel.transfer, min(bits, 8))
+    # NumPy's powers of neighbouring floats need not rise: where they do not, a float is one level off.
+    differ = found.astype(int) - wanted
+    assert np.count_nonzero(differ) <= 2
+    assert np.abs(differ).max() <= 255 // (2 ** min(bits, 8) - 1) + 1
 
 
 # ---- the hand ----
@@ -200,8 +237,8 @@ def test_the_window_shows_the_panels_pixels(made):
         found = shown.pixels("panel")
     assert played.samples == 8
     picture.quick(scene.placement)
-    picture.finer(lambda: False)
-    wanted = encoded_values(picture.finer(lambda: False), panel.transfer, 8)
+    assert picture.finer(lambda: False)
+    wanted = encoded_values(refined(picture), panel.transfer, 8)
     assert (found == wanted).all()
 
 
@@ -309,8 +346,8 @@ def test_memory_is_flat_over_a_thousand_frames(made):
         for _ in range(12):
             for _ in range(100):
                 hand.turn(1.0)
-                pixels = encoded_values(picture.quick(hand.placement()), panel.transfer, 8).astype(np.uint8)
-                shown.show("panel", pixels, "turning")
+                picture.quick(hand.placement())
+                shown.show("panel", picture.values, "turning")
             sizes.append(resident_mb())
     assert sizes[-1] - sizes[1] < 0.02 * sizes[1], sizes
 

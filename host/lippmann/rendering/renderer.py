@@ -161,7 +161,7 @@ class Renderer:
     def prepare(self) -> float:
         """Compile the program by rendering one tile; return the seconds that it took."""
         started = time.perf_counter()
-        self._run(range(TILE_PX), 0, 1, 0, self._planes(range(TILE_PX)))
+        self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
     def render(self, number: int, progress: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
@@ -169,36 +169,45 @@ class Renderer:
 
         `progress` is called with the number of tiles done after each chunk.
         """
-        mi = mitsuba()
+        rows = self.bands[number]
+        planes = self.planes(len(rows))
+        lost = self.draw(number, planes, rows.start, progress)
+        return radiance_of(planes, self._width), lost
+
+    def draw(
+        self, number: int, planes: list[Any], first_row: int = 0, progress: Callable[[int], None] | None = None
+    ) -> list[int]:
+        """Draw a band into planes whose first row is the image's `first_row`; return what `render` does beside it."""
         import drjit as dr
 
-        rows = self.bands[number]
-        tiles = self.tiles_of(number)
+        rows, tiles = self.bands[number], self.tiles_of(number)
         chunks = range(0, tiles, self._chunk)
         # Random integrators draw by chunk: no two of an image have one number.
         first_chunk = number * -(-self.tiles_of(0) // self._chunk)
-        planes, lost = self._planes(rows), []
+        lost = []
         for chunk, first in enumerate(chunks, first_chunk):
             interrupts.check()
             count = min(self._chunk, tiles - first)
-            lost.append(self._run(rows, first, count, chunk, planes))
+            lost.append(self._run(rows, first, count, chunk, planes, first_row))
             dr.sync_thread()
             if progress is not None:
                 progress(count)
-        radiance = np.asarray(dr.ravel(mi.Color3f(planes))).reshape(len(rows), self._width, 3)
-        return radiance, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
+        return [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def tiles_of(self, number: int) -> int:
         """Return the number of tiles of a band."""
         return self._across * -(-len(self.bands[number]) // TILE_PX)
 
-    def _planes(self, rows: range) -> list[Any]:
+    def planes(self, rows: int) -> list[Any]:
+        """Return black planes of red, green and blue for rows of the image (Dr.Jit)."""
         mi = mitsuba()
         import drjit as dr
 
-        return [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
+        return [dr.zeros(mi.Float, self._width * rows) for _ in range(3)]
 
-    def _run(self, rows: range, first_tile: int, count: int, chunk: int, planes: list[Any]) -> list[Any]:
+    def _run(
+        self, rows: range, first_tile: int, count: int, chunk: int, planes: list[Any], first_row: int
+    ) -> list[Any]:
         """Render tiles of some rows, numbered from their first, into planes; return the numbers of lost samples."""
         mi = mitsuba()
         import drjit as dr
@@ -212,11 +221,19 @@ class Renderer:
         dr.make_opaque(index)
         colours, lost = self._program(index, first, (seed, own_seed), self._pose)
         pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
-        place = pixel - dr.opaque(mi.UInt32, rows.start * self._width)
+        place = pixel - dr.opaque(mi.UInt32, first_row * self._width)
         for plane, colour in zip(planes, colours, strict=True):
             dr.scatter(plane, colour, place, inside)
         dr.eval(planes)
         return lost
+
+
+def radiance_of(planes: list[Any], width: int) -> Radiance:
+    """Return planes of red, green and blue as an image (rows, width, 3)."""
+    mi = mitsuba()
+    import drjit as dr
+
+    return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:

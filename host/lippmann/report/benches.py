@@ -180,7 +180,7 @@ def layers_page(origin: Origin, rows: Rows) -> Page:
 
 
 #: Measurements of `docs/measured.md`.
-MEASURED = ("trace", "render", "stages", "stages-cuda", "rtl", "view", "animate", "observe")
+MEASURED = ("trace", "render", "stages", "stages-cuda", "live", "live-cuda", "rtl", "view", "animate", "observe")
 
 
 def measured_page(folder: Path) -> Page:
