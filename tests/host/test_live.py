@@ -2,22 +2,26 @@
 
 import json
 import threading
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from lippmann.board.board import Board
+from lippmann.board.frames import panel_values
 from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError
+from lippmann.film.film import load_film
+from lippmann.film.shot import render_shot, scene_of_shot, shots_of
 from lippmann.images import encoded_values, psnr_db
 from lippmann.live.encoder import Encoder, least_radiance
 from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
+from lippmann.live.reel import Reel
 from lippmann.live.run import run_live
 from lippmann.live.screens import screens
 from lippmann.live.sender import Sender
+from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
@@ -260,16 +264,105 @@ def test_the_command_turns_a_scene_by_itself(place, capfd):
 def test_a_key_ends_the_command(place, capfd):
     import pygame
 
+    ended = threading.Event()
+
     def press():
-        until = time.monotonic() + 60.0
-        while time.monotonic() < until:
-            time.sleep(0.2)
+        while not ended.wait(0.2):
             if pygame.display.get_init():
                 post(pygame, pygame.KEYDOWN, key=pygame.K_q, mod=0)
 
-    threading.Thread(target=press, daemon=True).start()
+    presser = threading.Thread(target=press, daemon=True)
+    presser.start()
     assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm"]) == 0
+    ended.set()
+    presser.join()
     assert "samples at the end" in capfd.readouterr().out
+
+
+# ---- a film ----
+
+FILM = """scene = "s.xml"
+frames = 4
+frames_per_second = 50
+[[object]]
+shapes = "ball"
+keys = [{ frame = 0 }, { frame = 3, offset_mm = [-6.0, 2.0, 1.0] }]
+"""
+WORLD = FILM.replace("[[object]]", "[world]").replace('shapes = "ball"', "")
+
+
+@pytest.fixture(params=[FILM, WORLD], ids=["an object", "the world"])
+def reel(place, request):
+    (place / "s.xml").write_text(SCENE.replace('type="sphere"', 'type="sphere" id="ball"'))
+    (place / "f.toml").write_text(request.param)
+    display = load_display("d.toml")
+    shots = shots_of(load_film("f.toml"), display, RenderOptions(model="pinhole", settings=Settings(samples=4, seed=3)))
+    return display, Reel(shots, 50.0)
+
+
+def test_a_films_frames_are_those_of_animate(reel):
+    """All of them, the first time round and from memory; then one at rest, as fine as animate's, and moved by hand."""
+    display, reel = reel
+    picture = LivePicture(scene_of_shot(reel.shots[0]), display, "pinhole", Settings(seed=3))
+    hand = Hand(reel.shots[0].placement, picture.middle_mm, 0.1)
+    wanted = []
+    for shot in reel.shots:
+        one = replace(shot, options=replace(shot.options, settings=Settings(samples=1, seed=3)))
+        wanted.append(panel_values(render_shot(one).radiance, display.panel.transfer, 8).astype(np.uint8))
+    assert len({frame.tobytes() for frame in wanted}) == 4
+    given = []
+    with screens() as shown:
+        shown.open("panel", (display.panel.width_px, display.panel.height_px))
+        show = shown.show
+        shown.show = lambda name, pixels, title: (given.append(np.array(pixels)), show(name, pixels, title))
+        played = run_live(picture, hand, shown, display, reel=reel, moving_s=5.0, seconds=5.0, most=4)
+    *frames, last = given
+    assert len(frames) >= 9
+    for number, frame in enumerate(frames):
+        assert np.count_nonzero(frame != wanted[number % 4]) <= 6, number  # rays start at a front of another box
+    assert played.samples == 4
+    assert not reel.playing
+    fine = panel_values(render_shot(reel.shots[reel.frame]).radiance, display.panel.transfer, 8)
+    assert np.count_nonzero(last != fine) <= 6
+
+
+def test_space_stops_a_film_and_full_stops_step_it(reel):
+    import pygame
+
+    _, reel = reel
+    hand = Hand(Placement(), np.zeros(3), 0.1)
+    with screens() as shown:
+        shown.open("panel", (64, 48))
+        reel.advance(0.021)
+        assert reel.frame == 1
+        reel.advance(100.0)  # no frame is left out
+        assert reel.frame == 2
+        post(pygame, pygame.KEYDOWN, key=pygame.K_SPACE, mod=0)
+        assert shown.obey(hand, reel)
+        reel.advance(1.0)
+        assert (reel.playing, reel.frame) == (False, 2)
+        for key, frame in ((pygame.K_PERIOD, 3), (pygame.K_PERIOD, 0), (pygame.K_COMMA, 3)):
+            post(pygame, pygame.KEYDOWN, key=key, mod=0)
+            assert shown.obey(hand, reel)
+            assert (reel.playing, reel.frame) == (False, frame)
+        post(pygame, pygame.KEYDOWN, key=pygame.K_SPACE, mod=0)
+        assert shown.obey(hand, reel)
+        reel.advance(0.02)
+        assert reel.frame == 0
+
+
+def test_the_command_plays_a_film(reel, capfd):
+    common = ["live", "f.toml", "--display", "d.toml", "--device", "llvm"]
+    assert run([*common, "--seconds", "0.5", "--samples", "4", "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["frames"] > 3
+    assert told["samples"] == 4
+    for words, part in (
+        (["--offset", "1,2,3"], "--offset does not place a film"),
+        (["--fit", "--scale", "2"], "leave one"),
+    ):
+        assert run([*common, *words]) == 2
+        assert part in capfd.readouterr().err
 
 
 # ---- the board ----

@@ -19,7 +19,9 @@ from lippmann.cli import run
 from lippmann.cli.virtual_board import _option_words, start_command
 from lippmann.display import load_display
 from lippmann.images import encode, read_picture, write_picture
+from lippmann.live.sender import Sender
 from lippmann.sim import virtual_board
+from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 WIDTH, HEIGHT = 112, 80  # as the board of test_virtual_board, compiled once
@@ -158,6 +160,23 @@ def test_a_film_is_shown_frame_by_frame(place, port, frames):
     assert len(shown) == len(wanted)
     for path, frame in zip(shown, wanted, strict=True):
         np.testing.assert_array_equal(values(path), frame)
+
+
+def test_a_live_picture_is_never_torn(place, port, monkeypatch):
+    """All that the panel shows of a scene that turns are pictures that were made, each whole; the last is the finest."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    made, send = [], Sender.send
+    monkeypatch.setattr(Sender, "send", lambda sender, pixels: (made.append(pixels.tobytes()), send(sender, pixels)))
+    before = len(settled(place))
+    told = asked(
+        "live", ROOT / "scenes/knot/knot.xml", "--display", place / "small.toml", "--port", port, "--fit", "--turn", 60,
+        "--turn-seconds", 3, "--seconds", 3, "--samples", 8, "--device", "llvm",
+    )  # fmt: skip
+    frames = [np.asarray(Image.open(path).convert("RGB")).tobytes() for path in settled(place)[before:]]
+    assert told["samples"] == 8
+    assert 3 <= len(frames) <= told["board"]["frames"] <= len(made)
+    assert set(frames) <= set(made)
+    assert frames[-1] == made[-1]
 
 
 def test_registers_are_read_and_written(place, port):

@@ -17,9 +17,12 @@ from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import InputError, input_error
+from lippmann.film.film import is_film, load_film
+from lippmann.film.shot import scene_of_shot, shots_of
 from lippmann.layers.folder import is_layers
 from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
+from lippmann.live.reel import Reel
 from lippmann.live.run import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
 from lippmann.live.screens import screens
 from lippmann.live.sender import Sender
@@ -58,22 +61,30 @@ def command(
 
     Drag to turn it, drag with the right button to shift it, scroll to scale it; arrow keys turn, with Shift they shift,
     PageUp brings it nearer, + and - scale, r puts it back, q or Escape ends. While it rests its picture becomes finer.
+    A film plays; Space stops it, and comma and full stop step.
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
     if is_layers(scene_path):
         raise input_error(scene_path, "is a folder of layers", "play it on a board: lippmann play")
-    path, display = check_scene_file(scene_path), load_display(display_path)
+    display = load_display(display_path)
+    film = load_film(scene_path) if is_film(scene_path) else None
+    path = check_scene_file(scene_path if film is None else film.scene)
     view = None if eye is None else EyeView(Eye(eye), whole_window(display, VIEW_PX))
     panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
     check_memory(panel.width_px, panel.height_px, settings)
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
-    if turn and turn_seconds is None and seconds is not None:
+    if (turn or film) and turn_seconds is None and seconds is not None:
         turn_seconds = seconds
     start_mitsuba(device)
-    scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
-    chosen = chosen_model(scene, display, RenderOptions(model=model, settings=settings), log)
+    options, reel = RenderOptions(model=model, settings=settings), None
+    if film is None:
+        scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
+    else:
+        reel = Reel(shots_of(film, display, options, _film_scale(moved)), film.frames_per_second)
+        scene = scene_of_shot(reel.shots[0])
+    chosen = chosen_model(scene, display, options, log)
     picture = LivePicture(scene, display, chosen, settings)
     if view is not None:  # compiled before a window waits for it
         black = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
@@ -93,7 +104,7 @@ def command(
         if view is not None:
             shown.open(VIEW, (view.window.width_px, view.window.height_px))
         played = run_live(
-            picture, hand, shown, display, view=view, sender=sender, turn_deg=turn, moving_s=turn_seconds,
+            picture, hand, shown, display, view=view, sender=sender, reel=reel, turn_deg=turn, moving_s=turn_seconds,
             seconds=seconds, most=samples, opened=opened,
         )  # fmt: skip
         if sender is not None:
@@ -108,3 +119,12 @@ def command(
     moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
     emit(result, f"first picture after {played.first_s:.2f} s; {moving}{played.samples} samples at the end; "
                  f"stood at {hand.placement()}")  # fmt: skip
+
+
+def _film_scale(moved: Moved) -> float | None:
+    """Return the factor on a whole film; None to fit it. InputError for other options of a scene's placement."""
+    for name in moved.given.keys() - {"scale", "fit"}:
+        raise InputError(f"--{name.replace('_', '-')} does not place a film; use --scale or --fit, or its own [world]")
+    if moved.fit and moved.scale is not None:
+        raise InputError("--scale and --fit both place the film; leave one out")
+    return None if moved.fit else moved.scale or 1.0

@@ -12,6 +12,7 @@ from lippmann.film.path import Motion
 from lippmann.film.path import Path as FilmPath
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.scene import Move
+from lippmann.scene_files.formats import kind_of
 from lippmann.toml import documented, key, values
 
 #: Most frames of a film: file names count to four digits.
@@ -69,6 +70,12 @@ class Film(FilmFile):
         near = placement.near_mm if self.near_mm is None else self.near_mm
         far = placement.far_mm if self.far_mm is None else self.far_mm
         return replace(placement, near_mm=near, far_mm=far)
+
+
+def is_film(path: str | Path) -> bool:
+    """Tell whether a path is a TOML file that is no scene."""
+    path = Path(path)
+    return path.suffix.lower() == ".toml" and path.is_file() and kind_of(path) is None
 
 
 def load_film(path: str | Path) -> Film:

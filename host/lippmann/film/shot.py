@@ -89,12 +89,15 @@ def render_shot(shot: Shot, note: Callable[[str], None] | None = None) -> Integr
 
     `note`, and InputError, as for `load_scene` and `render_image`.
     """
-    scene = load_scene(shot.film.scene, shot.placement, shot.moves)
-    if shot.film.object:
-        scene = _reaching(scene, shot)
-    image = render_image(scene, shot.display, shot.options, note=note)
+    image = render_image(scene_of_shot(shot), shot.display, shot.options, note=note)
     image.metadata.update({"film": shot.film.name, "frame": str(shot.frame), "shot": shot.identity})
     return image
+
+
+def scene_of_shot(shot: Shot) -> Scene:
+    """Return a shot's scene, moved and placed. InputError as for `load_scene`."""
+    scene = load_scene(shot.film.scene, shot.placement, shot.moves)
+    return _reaching(scene, shot) if shot.film.object else scene
 
 
 def _reaching(scene: Scene, shot: Shot) -> Scene:

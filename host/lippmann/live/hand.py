@@ -50,6 +50,11 @@ class Hand:
         self.yaw_deg = self.pitch_deg = 0.0
         self.scale, self.shift_mm = 1.0, np.zeros(3)
 
+    @property
+    def motion(self) -> tuple[float, ...]:
+        """All that the hand has done; equal motions put a scene to the same place."""
+        return (self.yaw_deg, self.pitch_deg, self.scale, *self.shift_mm.tolist())
+
     def placement(self) -> Placement:
         """Return where the scene stands, without depths once it has moved."""
         if (self.yaw_deg, self.pitch_deg, self.scale) == (0.0, 0.0, 1.0) and not self.shift_mm.any():

@@ -44,25 +44,29 @@ class LivePicture:
         """Compile the programs; `block` of None finds one that is quick enough. Raises InputError as `Renderer`."""
         self._scene, self._panel = scene, display.panel
         self._settings = replace(settings, samples=PASS_SAMPLES)
-        low, high = box_of(scene.mitsuba, Placement())
-        self._corners = np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1])
-                                  for z in (low[2], high[2])])  # fmt: skip
+        self._corners = _corners(scene)
         source = display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
-        self._quick = self._renderer(source, 1)
+        self._quick = self._compiled(source, 1)
         if block is None:
             taken = min(self._timed() for _ in range(TRIALS))
             block = min(MOST_BLOCK, int(np.ceil(np.sqrt(max(taken / QUICK_S, 1.0)))))
         if block > 1:
             self.block = block
-            self._quick = self._renderer(_coarse(source, block), 1)
-        self._fine = self._renderer(source, PASS_SAMPLES)
+            self._quick = self._compiled(_coarse(source, block), 1)
+        self._sources = (_coarse(source, self.block) if self.block > 1 else source), source
+        self._fine: Renderer | None = self._compiled(source, PASS_SAMPLES)
         self._block_of_pixel = _blocks(self._panel, self.block) if self.block > 1 else None
         self._encoder = Encoder(self._panel)
         self._placement = scene.placement
         self._planes: list[Any] = self._fine.planes(self._panel.height_px)
         self._passes = 0
+
+    def stage(self, scene: Scene) -> None:
+        """Take another scene, that of another moment; `quick` is to follow."""
+        self._scene, self._corners, self._fine = scene, _corners(scene), None
+        self._quick = self._renderer(self._sources[0], 1)
 
     @property
     def samples(self) -> int:
@@ -104,6 +108,8 @@ class LivePicture:
         """
         import drjit as dr
 
+        if self._fine is None:
+            self._fine = self._renderer(self._sources[1], PASS_SAMPLES)
         self._fine.move(self._placement, (self._settings.seed + self._passes) & 0xFFFFFFFF)
         planes = self._all(self._fine, self._panel.height_px, interrupted)
         if planes is None:
@@ -125,7 +131,10 @@ class LivePicture:
     def _renderer(self, source: RaySource, samples: int) -> Renderer:
         rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
         bands = [range(first, min(first + rows, source.height_px)) for first in range(0, source.height_px, rows)]
-        renderer = Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+        return Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+
+    def _compiled(self, source: RaySource, samples: int) -> Renderer:
+        renderer = self._renderer(source, samples)
         # A scene in the display's own frame has a program of its own: compiled now, lest the first move waits for it.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)), self._settings.seed)
@@ -166,6 +175,12 @@ def _coarse(source: RaySource, block: int) -> RaySource:
         lines=lambda b, u, v, square: source.lines(b, u * block, v * block, square),
         layout=None,
     )
+
+
+def _corners(scene: Scene) -> Any:
+    """Return the corners of a scene's box in its own frame, (8, 4)."""
+    low, high = box_of(scene.mitsuba, Placement())
+    return np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
 def _blocks(panel: Panel, block: int) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from lippmann.errors import DeviceError
 from lippmann.fullscreen import Pixels, check_monitor, desktop, sizes_of, window_size
 from lippmann.live.hand import DRAG_DEG, KEY_DEG, Hand
+from lippmann.live.reel import Reel
 
 #: Drags of a key that shifts, pixels.
 KEY_PX = 10.0
@@ -62,8 +63,8 @@ class Screens:
         asked = pygame.event.peek((pygame.KEYDOWN, pygame.MOUSEWHEEL, pygame.QUIT, pygame.WINDOWCLOSE))
         return bool(asked or (any(pygame.mouse.get_pressed()) and pygame.event.peek(pygame.MOUSEMOTION)))
 
-    def obey(self, hand: Hand) -> bool:
-        """Let mouse and keys move a scene; return whether to go on."""
+    def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
+        """Let mouse and keys move a scene, and stop a film or let it play; return whether to go on."""
         pygame = self._pygame
         for event in pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -76,11 +77,11 @@ class Screens:
                     hand.shift(right, -down)
             elif event.type == pygame.MOUSEWHEEL:
                 hand.zoom(event.y)
-            elif event.type == pygame.KEYDOWN and not self._press(event, hand):
+            elif event.type == pygame.KEYDOWN and not self._press(event, hand, reel):
                 return False
         return True
 
-    def _press(self, event: Any, hand: Hand) -> bool:
+    def _press(self, event: Any, hand: Hand, reel: Reel | None) -> bool:
         pygame = self._pygame
         shifted = bool(getattr(event, "mod", 0) & pygame.KMOD_SHIFT)
         across, up = {
@@ -96,6 +97,11 @@ class Screens:
             hand.zoom(-1.0)
         elif event.key in (pygame.K_PAGEUP, pygame.K_PAGEDOWN):
             hand.shift(0.0, 0.0, KEY_PX if event.key == pygame.K_PAGEUP else -KEY_PX)
+        elif event.key in (pygame.K_SPACE, pygame.K_COMMA, pygame.K_PERIOD):
+            if reel is not None and event.key == pygame.K_SPACE:
+                reel.playing = not reel.playing
+            elif reel is not None:
+                reel.step(1 if event.key == pygame.K_PERIOD else -1)
         elif shifted:
             hand.shift(KEY_PX * across, KEY_PX * up)
         else:
