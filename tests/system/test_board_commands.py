@@ -163,7 +163,7 @@ def test_a_film_is_shown_frame_by_frame(place, port, frames):
 
 
 def test_a_live_picture_is_never_torn(place, port, monkeypatch):
-    """All that the panel shows of a scene that turns are pictures that were made, each whole; the last is the finest."""
+    """Of a scene that turns the panel shows pictures that were made, each whole, and at last the finest."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     made, send = [], Sender.send
     monkeypatch.setattr(Sender, "send", lambda sender, pixels: (made.append(pixels.tobytes()), send(sender, pixels)))
