@@ -97,6 +97,10 @@ def test_views_of_an_image_are_those_through_its_lenslets(place, capfd):
         told(capfd, "observe", "a.exr", *observed, *QUILT)
         found, expected = (read_picture(path).radiance for path in (place / "views" / view["file"], "eye.exr"))
         np.testing.assert_array_equal(found, expected)
+    told(capfd, "export", "views", "a.exr", "--display", "d.toml", *words, *QUILT)
+    fewer = ("--across", "2", "--linear", "-o", "views")
+    error = told(capfd, "export", "views", "a.exr", "--display", "d.toml", *fewer, *QUILT, code=2)
+    assert "views: holds view_0002.exr of another export" in error
     error = told(capfd, "export", "views", "a.exr", "--display", "d.toml", "--scale", "2", *words, *QUILT, code=2)
     assert "--scale is for scenes" in error
 

@@ -4,6 +4,7 @@ import json
 import struct
 
 import numpy as np
+import plyfile
 import pytest
 import trimesh
 from lippmann import api
@@ -160,6 +161,25 @@ def test_colours_of_vertices_are_srgb(tmp_path, mi):
     colours = [[*FIELDS[0, 0], 255]] * 4
     trimesh.Trimesh(CORNERS, FACES, vertex_colors=colours, process=False).export(tmp_path / "a.ply")
     assert fields(seen(tmp_path / "a.ply")) == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
+
+
+def test_colours_of_16_bits_keep_their_upper_bits(tmp_path, mi):
+    """257 times a byte is that byte's colour."""
+    kinds = [*((name, "f4") for name in "xyz"), *((name, "u2") for name in ("red", "green", "blue"))]
+    points = np.array([(*at, *(257 * int(byte) for byte in FIELDS[0, 0])) for at in CORNERS], kinds)
+    faces = np.array([(list(corners),) for corners in FACES], [("vertex_indices", "i4", (3,))])
+    elements = [plyfile.PlyElement.describe(points, "vertex"), plyfile.PlyElement.describe(faces, "face")]
+    plyfile.PlyData(elements).write(str(tmp_path / "a.ply"))
+    assert fields(seen(tmp_path / "a.ply")) == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
+
+
+def test_a_scene_of_hardly_any_size_is_not_fitted(tmp_path, mi):
+    (tmp_path / "d.toml").write_text(DISPLAY)
+    for size, part in ((1e-10, "1e-10 x 1e-10"), (1e12, "scale its file")):
+        trimesh.creation.box((size, size, size)).export(tmp_path / "a.stl")
+        scene = load_scene(tmp_path / "a.stl")
+        with pytest.raises(InputError, match=part):
+            arranged(scene, load_display(tmp_path / "d.toml"), "fit")
 
 
 def test_an_stl_stands_upright(tmp_path, mi, capfd, monkeypatch):

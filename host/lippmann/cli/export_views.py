@@ -18,7 +18,7 @@ from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.content.views import Sight, eyes_of, focus_depths, of_image, of_scene
 from lippmann.display import Display, load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.files import make_folder, replacing
 from lippmann.images import SUFFIXES, check_output, write_picture
 from lippmann.integral_image import IntegralImage
@@ -221,9 +221,12 @@ def _numbers(where: str, text: str) -> tuple[float, ...]:
 
 
 def _write_folder(seen: _Seen, eyes: Sequence[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
-    """Write what eyes see into a folder, a file each; return their names."""
+    """Write what eyes see into a folder, a file each; return their names. InputError when it holds others."""
     make_folder(folder, "choose another place with -o")
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
+    others = sorted({path.name for path in folder.glob(f"{stem}_[0-9][0-9][0-9][0-9].*")} - set(names))
+    if others:
+        raise input_error(str(folder), f"holds {others[0]} of another export", "remove it, or choose another -o")
     with progress_bar("views") as progress:
         for name, eye in zip(names, counted(eyes, progress), strict=True):
             write_picture(folder / name, seen.sight(eye), {})

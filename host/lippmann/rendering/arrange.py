@@ -12,7 +12,7 @@ import numpy as np
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.errors import InputError, input_error
-from lippmann.rendering.placement import Arrange, Matrix, Placement
+from lippmann.rendering.placement import SCALE_RANGE, Arrange, Matrix, Placement
 from lippmann.rendering.scene import Scene, box_of, depths_of, in_front_of, load_scene
 from lippmann.variant import mitsuba
 from lippmann.viewing import viewing_distance
@@ -54,6 +54,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     """Return the placement that scales a box (corners (3,), mm) and moves it to the middle of a display's depth range.
 
     The box becomes as large as depth range and view allow: an eye in front of the panel's middle sees its whole front.
+    Raises InputError for a box too small or large for any scale.
     """
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
@@ -63,6 +64,9 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
+    if not SCALE_RANGE[0] <= scale <= SCALE_RANGE[1]:
+        sides = " x ".join(f"{side:.3g}" for side in (x, y, z))
+        raise InputError(f"the scene is {sides} units, and cannot be fitted by a scale of {scale:.3g}; scale its file")
     offset = -0.5 * scale * (low + high)
     return Placement(scale, offset_mm=(float(offset[0]), float(offset[1]), float(offset[2]) + middle))
 

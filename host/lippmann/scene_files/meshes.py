@@ -268,7 +268,10 @@ def _has_normals(mesh: Any) -> bool:
 def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
     """Return the vertices' linear colours (N, 3); None without."""
     visual = mesh.visual
-    if visual.kind == "vertex":
+    wide = _wide_colours(mesh)
+    if wide is not None:
+        given = wide
+    elif visual.kind == "vertex":
         given = visual.vertex_colors
     else:
         given = mesh.vertex_attributes.get("color")
@@ -277,6 +280,15 @@ def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
     plain = np.asarray(given)[:, :3]
     unit = plain / np.iinfo(plain.dtype).max if plain.dtype.kind in "iu" else plain.astype(np.float64)
     return unit if linear else np.asarray(decode(unit, "srgb"), np.float64)
+
+
+def _wide_colours(mesh: Any) -> Any:
+    """Return the colours of 16 bits of a PLY file (N, 3), of which trimesh would keep the lower 8; None without."""
+    raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    names = ("red", "green", "blue")
+    if raw is None or not set(names) <= set(raw.dtype.names or ()) or raw.dtype["red"].itemsize != 2:
+        return None
+    return np.stack([np.asarray(raw[name]).ravel() for name in names], axis=1)
 
 
 def _write_mesh(path: Path, mesh: Any, matrix: Floats, uv: Any, colours: Floats | None) -> None:
