@@ -62,4 +62,4 @@ class Encoder:
                 0, dr.width(self._least), lambda i, plane=plane: dr.gather(mi.Float, self._least, i) <= plane
             )
             dr.scatter(found, dr.gather(self._byte, self._values, level), place + k)
-        return np.asarray(found).reshape(self._shape)
+        return np.array(found).reshape(self._shape)  # a copy, as in `radiance_of`

@@ -20,6 +20,7 @@ from typing import Any, Protocol, TypeVar
 
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
 from lippmann.provenance import pixel_versions
+from lippmann.rendering.recorded import garbage_kept
 from lippmann.rendering.scene import digest_of
 from lippmann.variant import start_mitsuba
 
@@ -169,7 +170,8 @@ def _rendered(task: Task, device: str, wanted: dict[str, str]) -> Any:
         theirs = ", ".join(f"{key} {value}" for key, value in pixel_versions().items())
         ours = ", ".join(f"{key} {value}" for key, value in wanted.items())
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same versions everywhere")
-    with _rendering:
+    # Garbage that another thread collects meanwhile may be Dr.Jit's, whose lock this one holds.
+    with _rendering, garbage_kept():
         start_mitsuba(device)
         _check_scene(name, task.scene, task.digest)
         return task.render()

@@ -40,7 +40,7 @@ class Recorded:
     def __call__(self, *arguments: Any) -> Any:
         """Return what the function returns."""
         if self._recordable:
-            with contextlib.suppress(RuntimeError), _garbage_kept():
+            with contextlib.suppress(RuntimeError), garbage_kept():
                 return self._frozen(*arguments)
             self._recordable = False
         return self._function(*arguments)
@@ -63,8 +63,11 @@ class _Held:
 
 
 @contextlib.contextmanager
-def _garbage_kept() -> Iterator[None]:
-    """Keep Python from collecting garbage: Dr.Jit ends the process when a scene is freed while it records."""
+def garbage_kept() -> Iterator[None]:
+    """Keep Python from collecting garbage: Dr.Jit ends the process when a scene is freed while it records.
+
+    In a process of several threads it stops for ever when one frees a value of Dr.Jit's while another is in Dr.Jit.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:

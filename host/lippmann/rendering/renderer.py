@@ -25,15 +25,14 @@ from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
 from lippmann.images import BAND_ROWS, Radiance
 from lippmann.limits import free_memory_mb, proc_mb
-from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.rays import Engine, Model
-from lippmann.optics.sampling import points_in_square
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.samples import TILE_PX, Part, Pose, lines_of, passes_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
-from lippmann.subpixels import COLOURS, Box, Layout
+from lippmann.subpixels import Box
 from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once, by device. Part of an image's definition, because random integrators draw their numbers by
@@ -41,8 +40,6 @@ from lippmann.variant import current_device, mitsuba
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Side of the square tiles of pixels, which are traced in Morton order, so that rays traced together stay close.
-TILE_PX = 8
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
 MAX_SAMPLES = 65536
@@ -149,14 +146,14 @@ class Renderer:
         self._across = -(-self._width // TILE_PX)
         self._chunk = max(1, CHUNK_SAMPLES[current_device()] // (settings.samples * TILE_PX * TILE_PX))
         self._program = _program(scene, source, settings)
-        self._pose = _Pose.of(scene.placement)
+        self._pose = Pose.of(scene.placement)
         self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
-        self.rays = settings.samples * len(_passes(source.layout))
+        self.rays = settings.samples * len(passes_of(source.layout))
 
     def move(self, placement: Placement, seed: int) -> None:
         """Let the next bands be those of the scene in another place, and of another seed, by the same program."""
-        self._pose, self._seed = _Pose.of(placement), seed
+        self._pose, self._seed = Pose.of(placement), seed
 
     def prepare(self) -> float:
         """Compile the program by rendering one tile; return the seconds that it took."""
@@ -220,7 +217,7 @@ class Renderer:
         own_seed = dr.opaque(mi.UInt32, self._seed)
         dr.make_opaque(index)
         colours, lost = self._program(index, first, (seed, own_seed), self._pose)
-        pixel, inside = _pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
+        pixel, inside = pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
         place = pixel - dr.opaque(mi.UInt32, first_row * self._width)
         for plane, colour in zip(planes, colours, strict=True):
             dr.scatter(plane, colour, place, inside)
@@ -233,7 +230,8 @@ def radiance_of(planes: list[Any], width: int) -> Radiance:
     mi = mitsuba()
     import drjit as dr
 
-    return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
+    # A copy: who lets go of a view of Dr.Jit's memory waits for Dr.Jit, which may wait for Python in another thread.
+    return np.array(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
@@ -274,36 +272,29 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     )
 
 
-def _passes(layout: Layout | None) -> list[tuple[tuple[int, ...], list[Box]]]:
-    """Return for each pass its channels, and the part of a pixel that shows them, for each pixel of the layout."""
-    if layout is None:
-        return [((0, 1, 2), [Box(0.0, 0.0, 1.0, 1.0)])]
-    return [((k,), layout.boxes(colour)) for k, colour in enumerate(COLOURS[:3])]
-
-
 def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..., tuple[list[Any], list[Any]]]:
     """Return the function that renders a chunk: its pixels' three colours, and the numbers of lost samples.
 
     Its arguments are the numbers of the chunk's samples (UInt32), its first tile, the seeds of the chunk and of the
-    image, and the scene's `_Pose`.
+    image, and the scene's `Pose`.
     """
     mi = mitsuba()
     import drjit as dr
 
     samples = settings.samples
     integrator = make_integrator(scene, settings)
-    passes = _passes(source.layout)
-    parts = [_Part.of(boxes) for _, boxes in passes]
+    passes = passes_of(source.layout)
+    parts = [Part.of(boxes) for _, boxes in passes]
 
     def trace(
-        index: Any, first: Any, seeds: tuple[Any, Any], pose: _Pose, parts: list[_Part]
+        index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose, parts: list[Part]
     ) -> tuple[list[Any], list[Any]]:
         place = index // samples
-        pixel, inside = _pixel_of(first, place, source.width_px, source.height_px)
+        pixel, inside = pixel_of(first, place, source.width_px, source.height_px)
         colours: list[Any] = []
         losses: list[Any] = []
         for (channels, _), part in zip(passes, parts, strict=True):
-            lines = _lines(source, settings.samples, seeds[1], pixel, index - place * samples, part)
+            lines = lines_of(source, settings.samples, seeds[1], pixel, index - place * samples, part)
             active = lines.active & inside
             lost = [mask & inside for mask in lines.lost]
             sampler = mi.load_dict({"type": "independent"})
@@ -323,98 +314,6 @@ def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..
 
     program = Recorded(trace, scene) if source.recordable else trace
     return lambda index, first, seeds, pose: program(index, first, seeds, pose, parts)
-
-
-def _pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
-    """Return the pixel number of a place in the order of tiles, and whether it lies inside the image."""
-    mi = mitsuba()
-    tiles_across = -(-width // TILE_PX)
-    tile = first_tile + place // (TILE_PX * TILE_PX)
-    bits = place & (TILE_PX * TILE_PX - 1)
-    x = (bits & 1) | ((bits >> 1) & 2) | ((bits >> 2) & 4)
-    y = ((bits >> 1) & 1) | ((bits >> 2) & 2) | ((bits >> 3) & 4)
-    tile_row = tile // tiles_across
-    column = (tile - tile_row * tiles_across) * TILE_PX + x
-    row = tile_row * TILE_PX + y
-    inside = (column < width) & (row < height)
-    return mi.UInt32(row * width + column), inside
-
-
-@dataclass
-class _Part:
-    """The part of each pixel of a layout that is sampled (`Box`): Dr.Jit values, one for each pixel of the layout."""
-
-    box: tuple[Any, Any, Any, Any]
-    #: Whether all parts are as high as their pixels.
-    full_height: bool
-
-    @classmethod
-    def of(cls, boxes: Sequence[Box]) -> _Part:
-        """Return the parts of boxes, row by row; opaque, so that another place needs no compilation."""
-        mi = mitsuba()
-        import drjit as dr
-
-        u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
-        dr.make_opaque(u, v, width, height)
-        return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
-
-
-def _lines(source: RaySource, samples: int, seed: Any, pixel: Any, sample: Any, part: _Part) -> Lines:
-    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32)."""
-    mi = mitsuba()
-    import drjit as dr
-
-    b = DrJitBackend(current_device())
-    x, y = mi.Float(0.5), mi.Float(0.5)
-    if samples > 1:
-        x, y = points_in_square(pixel, sample, seed, stream=0)
-    row = pixel // source.width_px
-    column = pixel - row * source.width_px
-    box = Box(*part.box)
-    if source.layout is not None:
-        number = row % source.layout.rows * source.layout.columns + column % source.layout.columns
-        box = Box(*(dr.gather(mi.Float, values, number) for values in box))
-    u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
-    if not part.full_height:
-        y = 0.5 + box.v + box.height * (y - 0.5)
-    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seed, stream=1))
-
-
-@dataclass
-class _Pose:
-    """Where a scene stands, as Dr.Jit values: arguments of a program, so that a moved scene needs no other one."""
-
-    near_mm: Any
-    #: The first three rows of `Placement.scene_from_display`; None where that is the identity.
-    rows: list[list[Any]] | None
-
-    @classmethod
-    def of(cls, placement: Placement) -> _Pose:
-        """Return the pose of a placement."""
-        mi = mitsuba()
-        import drjit as dr
-
-        matrix = placement.scene_from_display
-        moved = not np.array_equal(matrix, np.eye(4))
-        rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
-        return cls(dr.opaque(mi.Float, placement.near_mm), rows)
-
-    def ray(self, lines: Lines) -> Any:
-        """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
-        mi = mitsuba()
-        import drjit as dr
-
-        point, direction, near = lines.point, lines.direction, self.near_mm
-        t = (near - point[2]) / direction[2]
-        start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
-        back = mi.Vector3f(*(-c for c in direction))
-        if self.rows is not None:
-            m = self.rows
-            start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m))
-            back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m)))
-        ray = mi.RayDifferential3f(start, back)
-        ray.wavelengths = []
-        return ray
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
@@ -445,7 +344,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, An
     mi = mitsuba()
     import drjit as dr
 
-    ray = _Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
+    ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
     return ray, si.is_valid(), front - scale * si.t * lines.direction[2]
@@ -462,8 +361,8 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
-    whole = _Part.of([Box(0.0, 0.0, 1.0, 1.0)])
-    lines = _lines(eye_source(eye_mm, window), 1, 0, number, dr.zeros(mi.UInt32, 1), whole)
+    whole = Part.of([Box(0.0, 0.0, 1.0, 1.0)])
+    lines = lines_of(eye_source(eye_mm, window), 1, 0, number, dr.zeros(mi.UInt32, 1), whole)
     _, valid, depth = first_hit(scene, lines, front)
     found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
     return found.reshape(window.height_px, window.width_px)

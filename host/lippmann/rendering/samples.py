@@ -1,0 +1,122 @@
+"""The samples of an image: which pixel each belongs to, its line of sight, and the ray into the scene.
+
+Samples are numbered pixel by pixel. Pixels come in square tiles, row by row, and in Morton order in each, so that rays
+traced together stay close.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.sampling import points_in_square
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.sources import Lines, RaySource
+from lippmann.subpixels import COLOURS, Box, Layout
+from lippmann.variant import current_device, mitsuba
+
+#: Side of the tiles.
+TILE_PX = 8
+
+
+def passes_of(layout: Layout | None) -> list[tuple[tuple[int, ...], list[Box]]]:
+    """Return for each pass its channels, and the part of a pixel that shows them, for each pixel of the layout."""
+    if layout is None:
+        return [((0, 1, 2), [Box(0.0, 0.0, 1.0, 1.0)])]
+    return [((k,), layout.boxes(colour)) for k, colour in enumerate(COLOURS[:3])]
+
+
+def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
+    """Return the pixel number of a place in the order of tiles, and whether it lies inside the image."""
+    mi = mitsuba()
+    tiles_across = -(-width // TILE_PX)
+    tile = first_tile + place // (TILE_PX * TILE_PX)
+    bits = place & (TILE_PX * TILE_PX - 1)
+    x = (bits & 1) | ((bits >> 1) & 2) | ((bits >> 2) & 4)
+    y = ((bits >> 1) & 1) | ((bits >> 2) & 2) | ((bits >> 3) & 4)
+    tile_row = tile // tiles_across
+    column = (tile - tile_row * tiles_across) * TILE_PX + x
+    row = tile_row * TILE_PX + y
+    inside = (column < width) & (row < height)
+    return mi.UInt32(row * width + column), inside
+
+
+@dataclass
+class Part:
+    """The part of each pixel of a layout that is sampled (`Box`): Dr.Jit values, one for each pixel of the layout."""
+
+    box: tuple[Any, Any, Any, Any]
+    #: Whether all parts are as high as their pixels.
+    full_height: bool
+
+    @classmethod
+    def of(cls, boxes: Sequence[Box]) -> Part:
+        """Return the parts of boxes, row by row; opaque, so that another place needs no compilation."""
+        mi = mitsuba()
+        import drjit as dr
+
+        u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
+        dr.make_opaque(u, v, width, height)
+        return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
+
+
+def lines_of(source: RaySource, samples: int, seed: Any, pixel: Any, sample: Any, part: Part) -> Lines:
+    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32)."""
+    mi = mitsuba()
+    import drjit as dr
+
+    b = DrJitBackend(current_device())
+    x, y = mi.Float(0.5), mi.Float(0.5)
+    if samples > 1:
+        x, y = points_in_square(pixel, sample, seed, stream=0)
+    row = pixel // source.width_px
+    column = pixel - row * source.width_px
+    box = Box(*part.box)
+    if source.layout is not None:
+        number = row % source.layout.rows * source.layout.columns + column % source.layout.columns
+        box = Box(*(dr.gather(mi.Float, values, number) for values in box))
+    u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
+    if not part.full_height:
+        y = 0.5 + box.v + box.height * (y - 0.5)
+    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seed, stream=1))
+
+
+@dataclass
+class Pose:
+    """Where a scene stands, as Dr.Jit values: arguments of a program, so that a moved scene needs no other one."""
+
+    near_mm: Any
+    #: The first three rows of `Placement.scene_from_display`; None where that is the identity.
+    rows: list[list[Any]] | None
+
+    @classmethod
+    def of(cls, placement: Placement) -> Pose:
+        """Return the pose of a placement."""
+        mi = mitsuba()
+        import drjit as dr
+
+        matrix = placement.scene_from_display
+        moved = not np.array_equal(matrix, np.eye(4))
+        rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
+        return cls(dr.opaque(mi.Float, placement.near_mm), rows)
+
+    def ray(self, lines: Lines) -> Any:
+        """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
+        mi = mitsuba()
+        import drjit as dr
+
+        point, direction, near = lines.point, lines.direction, self.near_mm
+        t = (near - point[2]) / direction[2]
+        start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
+        back = mi.Vector3f(*(-c for c in direction))
+        if self.rows is not None:
+            m = self.rows
+            start = mi.Point3f(*(line[0] * start.x + line[1] * start.y + line[2] * start.z + line[3] for line in m))
+            back = dr.normalize(mi.Vector3f(*(line[0] * back.x + line[1] * back.y + line[2] * back.z for line in m)))
+        ray = mi.RayDifferential3f(start, back)
+        ray.wavelengths = []
+        return ray
