@@ -41,7 +41,7 @@ from lippmann.rendering.arrange import arranged
 from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
 from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.remarks import overridden
-from lippmann.rendering.renderer import Progress, Settings, check_memory
+from lippmann.rendering.renderer import Progress, Settings, Shading, check_memory
 from lippmann.rendering.scene import Part, Scene, check_scene_file, scene_of
 from lippmann.rendering.scene import load_scene as load_scene_file
 from lippmann.rendering.sources import Aperture, Window
@@ -146,6 +146,7 @@ def render(
     device: str = "auto",
     progress: Progress | None = None,
     note: Note | None = None,
+    shading: Shading = "auto",
 ) -> IntegralImage:
     """Render the integral image of a scene for a display.
 
@@ -155,7 +156,7 @@ def render(
         A path as for `load_scene`, what it returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
     display
         A display file, or what `load_display` returned.
-    samples, aperture, integrator, max_depth, seed, memory_mb
+    samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.renderer.Settings`.
     model, tolerance, engine, fraction_bits
         See `lippmann.rendering.integral.RenderOptions`.
@@ -179,7 +180,7 @@ def render(
     MissingLibraryError
         When Mitsuba or a tool of the engine is missing.
     """
-    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
+    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
     return render_with(options, scene, display, placement, arrange, device, progress, note)
 
@@ -381,6 +382,7 @@ def capture(
     device: str = "auto",
     progress: Progress | None = None,
     note: Note = _silent,
+    shading: Shading = "auto",
 ) -> IntegralImage:
     """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
 
@@ -390,7 +392,7 @@ def capture(
         Mitsuba XML, or a scene that was loaded with `lippmann.capturing.capture.placement_before`.
     setup
         A set-up file, or what `load_setup` returned.
-    samples, integrator, max_depth, seed, memory_mb
+    samples, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.renderer.Settings`.
     rotate
         Whether each elemental image is rotated by 180 degrees, which gives the display the right depth. None: yes,
@@ -413,7 +415,7 @@ def capture(
     if aperture is not None and not isinstance(built.pickup, Pickup):
         raise InputError("--aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
     rotated = not built.concave if rotate is None else rotate
-    settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb)
+    settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
     panel = built.display.panel
     check_memory(panel.width_px, panel.height_px, settings)
     placement = None
@@ -423,7 +425,7 @@ def capture(
     with _loaded(scene, placement, device) as loaded:
         for remark in overridden(loaded, settings):
             note(remark)
-        captured = capture_scene(loaded, built, settings, rotated, progress)
+        captured = capture_scene(loaded, built, settings, rotated, progress, note)
     lens_percent, array_percent = captured.lost_percent
     if lens_percent > NOTED_PERCENT:
         note(
@@ -435,7 +437,7 @@ def capture(
             f"note: {array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
             "rims reflect them; a longer focal length lets them out"
         )
-    metadata = image_metadata("exact", settings, loaded.path)
+    metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(built.position_mm)}
     losses = {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
     return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})

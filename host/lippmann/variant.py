@@ -72,6 +72,13 @@ def mitsuba() -> Any:
     return mi
 
 
+def drjit() -> Any:
+    """Return the module `drjit`, whose functions a type checker cannot follow."""
+    import drjit
+
+    return drjit
+
+
 def _loaded() -> Any:
     """Import Mitsuba."""
     if "mitsuba" in sys.modules:

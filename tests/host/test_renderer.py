@@ -271,13 +271,14 @@ def test_equal_seeds_repeat_bit_for_bit(mi, lit, integrator):
     assert (pictures[0] != pictures[2]).mean() > 0.3
 
 
+@pytest.mark.parametrize(("shading", "parts"), [("each", 1), ("shared", renderer.SHARED_PARTS)])
 @pytest.mark.parametrize("samples", [1, 4])
-def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, monkeypatch):
+def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, shading, parts, monkeypatch):
     display = display_for("hex", subpixels="rgb")
-    settings = Settings(samples, seed=9)
+    settings = Settings(samples, seed=9, shading=shading)
     whole = render_integral(points, display, "exact", settings).radiance
     done = []
-    monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * 31 * samples)
+    monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * 31 * samples * parts)
     pieces = render_integral(points, display, "exact", settings, lambda k, n: done.append((k, n))).radiance
     np.testing.assert_array_equal(whole, pieces)
     # 12 x 9 tiles of 8 x 8 pixels, 31 at a time.

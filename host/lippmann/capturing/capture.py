@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -66,7 +67,14 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
     return (Placement() if is_setup else placement_beside(path)).then(setup.subject.placement)
 
 
-def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progress: Progress | None = None) -> Rendered:
+def capture(
+    scene: Scene,
+    setup: Setup,
+    settings: Settings,
+    rotate: bool,
+    progress: Progress | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Rendered:
     """Render the image that a set-up captures of a scene; its `lost_percent` are those of the lens and of the array.
 
     The scene is placed in the object's frame (`placement_before`). `settings.aperture` is for a pickup. `rotate` is
@@ -78,7 +86,7 @@ def capture(scene: Scene, setup: Setup, settings: Settings, rotate: bool, progre
     with ThreadPoolExecutor(1) as other:
         # Takes one core, while compilation takes another.
         partner = other.submit(rotation_map, setup.display) if rotate else None
-        rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress)
+        rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress, note)
         lens_percent, array_percent = rendered.lost_percent
         if array_percent >= 100.0:
             raise InputError(

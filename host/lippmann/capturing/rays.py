@@ -101,4 +101,4 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
             point, direction, through_array & through_lens, (through_array & ~through_lens, mi.Bool(~through_array))
         )
 
-    return RaySource(panel.width_px, panel.height_px, lines)
+    return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm)

@@ -13,14 +13,14 @@ from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED
-from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES
+from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
 from lippmann.cli.output import emit, log, progress_bar
 from lippmann.display import display_text
 from lippmann.errors import input_error
 from lippmann.files import replacing
 from lippmann.images import check_output
 from lippmann.rendering.placement import unplaced_note
-from lippmann.rendering.renderer import peak_memory_mb
+from lippmann.rendering.renderer import Shading, peak_memory_mb
 from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.sources import Aperture
 from lippmann.variant import current_device
@@ -48,6 +48,7 @@ def command(
     integrator: str = INTEGRATOR,
     max_depth: int = MAX_DEPTH,
     memory_mb: float | None = MEMORY_MB,
+    shading: Shading = SHADING,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
@@ -73,7 +74,7 @@ def command(
     with progress_bar("capture") as progress:
         image = api.capture(
             scene, setup, samples, rotate=rotate, aperture=aperture, integrator=integrator, max_depth=max_depth,
-            seed=seed, memory_mb=memory_mb, progress=progress, note=log,
+            seed=seed, memory_mb=memory_mb, shading=shading, progress=progress, note=log,
         )  # fmt: skip
     image.save(path)
     if display_out is not None:

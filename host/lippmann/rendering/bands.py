@@ -94,7 +94,15 @@ def still_of(
     chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
     bands = tuple(bands_of(display.panel.width_px, display.panel.height_px))
     path = loaded.path.resolve()  # workers have folders of their own
-    return Still(path, digest_of(path), loaded.placement, display, chosen, bands), loaded
+    still = Still(path, digest_of(path), loaded.placement, display, chosen, bands)
+    renderer = still.renderer(loaded)
+    if renderer.shading == "auto":
+        renderer.prepare()
+    if renderer.remark is not None:
+        note(renderer.remark)
+    # As for the model: every worker does what was chosen here.
+    settings = replace(chosen.settings, shading=renderer.shading)
+    return replace(still, options=replace(chosen, settings=settings)), loaded
 
 
 @dataclass(frozen=True)

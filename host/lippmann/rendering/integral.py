@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Literal
@@ -85,7 +85,8 @@ def render_image(
     Raises InputError and MissingLibraryError as `render_integral` and `choose_model`.
     """
     settings, model = options.settings, chosen_model(scene, display, options, note)
-    rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits)
+    rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits, note)
+    settings = replace(settings, shading=rendered.shading)
     carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
     return IntegralImage(rendered.radiance, display, carried, rendered.measured)
 
@@ -124,6 +125,7 @@ def image_metadata(
         "samples": str(settings.samples),
         "max_depth": str(settings.max_depth),
         "seed": str(settings.seed),
+        "shading": settings.shading,
         "scene": scene_path.name,
         "version": __version__,
         "mitsuba": metadata.version("mitsuba"),

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -23,14 +23,15 @@ import numpy.typing as npt
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
-from lippmann.images import BAND_ROWS, Radiance
+from lippmann.images import BAND_ROWS, Radiance, psnr_db
 from lippmann.limits import free_memory_mb, proc_mb
 from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.samples import TILE_PX, Part, Pose, lines_of, passes_of, pixel_of
 from lippmann.rendering.scene import Scene
+from lippmann.rendering.shading import Program, SharedProgram, each_program, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.subpixels import Box
 from lippmann.variant import current_device, mitsuba
@@ -40,6 +41,19 @@ from lippmann.variant import current_device, mitsuba
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
+Shading = Literal["auto", "each", "shared"]
+SHADINGS: tuple[Shading, ...] = get_args(Shading)
+#: Spacings of the points where light is found, in pitches of the lenslets; the first that gives few enough points.
+SPACINGS = (1.0, 2.0, 4.0)
+#: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
+SHARED_MEMORY_MB = 250.0
+#: Shared light needs more memory for a sample: its chunks are so many times smaller.
+SHARED_PARTS = 4
+#: Light is shared where that changes the picture by less, and there are so many rays for each point that light is found
+#: for at most.
+SHARED_DB, RAYS_A_POINT = 45.0, 4
+#: Stripes of the image in which that is tried, and samples in all of them.
+TRIALS, TRIAL_SAMPLES = 4, 1 << 18
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
 MAX_SAMPLES = 65536
@@ -62,13 +76,16 @@ class Settings:
     seed: int = 0
     #: Limit; None: four fifths of the free memory.
     memory_mb: float | None = None
+    #: Whether neighbouring rays share the light of diffuse surfaces (`Irradiance`): "auto" where it pays.
+    shading: Shading = "auto"
 
     def __post_init__(self) -> None:
         """Refuse settings out of range."""
         for name, low, high in (("samples", 1, MAX_SAMPLES), ("max_depth", 1, 1000), ("seed", 0, 2**32 - 1)):
             object.__setattr__(self, name, whole_number(name.replace("_", " "), getattr(self, name), low, high))
-        if self.aperture not in APERTURES:
-            raise InputError(f"unknown aperture '{self.aperture}'; choose from {', '.join(APERTURES)}")
+        for what, name, names in (("aperture", self.aperture, APERTURES), ("shading", self.shading, SHADINGS)):
+            if name not in names:
+                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
 
 
 @dataclass(frozen=True)
@@ -86,6 +103,8 @@ class Rendered:
     samples_traced: int
     #: Rays that were lost, per cent, for each of the source's reasons (`Lines.lost`).
     lost_percent: tuple[float, ...] = ()
+    #: Whether light was shared.
+    shading: Shading = "each"
 
     @property
     def samples_per_second(self) -> float:
@@ -144,22 +163,92 @@ class Renderer:
         self._samples, self._seed = settings.samples, settings.seed
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
-        self._chunk = max(1, CHUNK_SAMPLES[current_device()] // (settings.samples * TILE_PX * TILE_PX))
-        self._program = _program(scene, source, settings)
+        integrator = make_integrator(scene, settings)
+        self._each = each_program(scene, source, settings.samples, integrator)
+        self._program: Program = self._each
         self._pose = Pose.of(scene.placement)
         self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
         self.rays = settings.samples * len(passes_of(source.layout))
+        #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
+        self.shading, self.remark = self._chosen(scene, source, settings, integrator)
+
+    def _fits(self, settings: Settings) -> bool:
+        """Tell whether shared light is within the memory limit."""
+        try:
+            check_memory(self._width, self._height, replace(settings, shading="shared"))
+        except InputError:
+            return False
+        return True
+
+    @property
+    def _chunk(self) -> int:
+        """Tiles of a chunk."""
+        most = CHUNK_SAMPLES[current_device()] // (SHARED_PARTS if self.shading == "shared" else 1)
+        return max(1, most // (self._samples * TILE_PX * TILE_PX))
+
+    def _chosen(
+        self, scene: Scene, source: RaySource, settings: Settings, integrator: Any
+    ) -> tuple[Shading, str | None]:
+        """Return how to shade, and a remark."""
+        wanted = settings.shading
+        if wanted == "each":
+            return "each", None
+        why = why_not_shared(scene, source, settings.integrator)
+        if why is not None or source.detail_mm is None:
+            return "each", f"light is not shared: {why}" if wanted == "shared" else None
+        if wanted == "auto" and not self._fits(settings):
+            return "each", None
+        rays = self._width * self._height * self.rays
+        most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, rays // RAYS_A_POINT)
+        spacings = (step * source.detail_mm for step in SPACINGS)
+        lights = (Irradiance(scene, spacing / scene.placement.scale) for spacing in spacings)
+        light = next((light for light in lights if 0 < light.points <= most), None)
+        if light is None:
+            why = f"its surfaces have no points, or more than {most}"
+            return "each", f"light is not shared: {why}" if wanted == "shared" else None
+        shared = SharedProgram(scene, source, settings.samples, integrator, settings.max_depth, light)
+        if wanted == "auto":
+            self._tried = shared
+        else:
+            self._program = shared
+        return wanted, None
 
     def move(self, placement: Placement, seed: int) -> None:
         """Let the next bands be those of the scene in another place, and of another seed, by the same program."""
         self._pose, self._seed = Pose.of(placement), seed
 
     def prepare(self) -> float:
-        """Compile the program by rendering one tile; return the seconds that it took."""
+        """Compile the program by rendering one tile; return the seconds that it took.
+
+        Where light may be shared, it is, if that changes some stripes of the image by less than `SHARED_DB`.
+        """
         started = time.perf_counter()
+        if self.shading == "auto":
+            decibels = self._trial()
+            keeps = decibels >= SHARED_DB
+            self.shading = "shared" if keeps else "each"
+            self._program = self._tried if keeps else self._each
+            self.remark = f"light is {'' if keeps else 'not '}shared: it changes the picture by {-decibels:.0f} dB"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
+
+    def _trial(self) -> float:
+        """Return the likeness, dB, of some stripes with shared light to those with each sample's own."""
+        mi = mitsuba()
+        import drjit as dr
+
+        count = min(self._across, max(1, TRIAL_SAMPLES // (TRIALS * TILE_PX * TILE_PX * self._samples)))
+        down = -(-self._height // TILE_PX)
+        rows = sorted({(2 * k + 1) * down // (2 * TRIALS) for k in range(TRIALS)})
+        index = dr.arange(mi.UInt32, count * TILE_PX * TILE_PX * self._samples)
+        dr.make_opaque(index)
+        seed = dr.opaque(mi.UInt32, self._seed)
+        found = []
+        for row in rows:
+            first = dr.opaque(mi.UInt32, row * self._across + (self._across - count) // 2)
+            found.append(self._tried.trial(index, first, (seed, seed), self._pose))
+        return psnr_db(*(np.concatenate(one) for one in zip(*found, strict=True)))
 
     def render(self, number: int, progress: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
@@ -234,14 +323,22 @@ def radiance_of(planes: list[Any], width: int) -> Radiance:
     return np.array(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
-def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all).
+def render_rays(
+    scene: Scene,
+    source: RaySource,
+    settings: Settings,
+    progress: Progress | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Rendered:
+    """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all), `note` with remarks.
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
     check_memory(source.width_px, source.height_px, settings)
     renderer = Renderer(scene, source, settings)
     prepare_seconds = renderer.prepare()
+    if note is not None and renderer.remark is not None:
+        note(renderer.remark)
     tiles = sum(renderer.tiles_of(number) for number in range(len(renderer.bands)))
     done = 0
 
@@ -269,57 +366,15 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
         prepare_seconds=prepare_seconds,
         samples_traced=traced,
         lost_percent=tuple(100.0 * sum(counts) / traced for counts in zip(*lost, strict=True)),
+        shading=renderer.shading,
     )
-
-
-def _program(scene: Scene, source: RaySource, settings: Settings) -> Callable[..., tuple[list[Any], list[Any]]]:
-    """Return the function that renders a chunk: its pixels' three colours, and the numbers of lost samples.
-
-    Its arguments are the numbers of the chunk's samples (UInt32), its first tile, the seeds of the chunk and of the
-    image, and the scene's `Pose`.
-    """
-    mi = mitsuba()
-    import drjit as dr
-
-    samples = settings.samples
-    integrator = make_integrator(scene, settings)
-    passes = passes_of(source.layout)
-    parts = [Part.of(boxes) for _, boxes in passes]
-
-    def trace(
-        index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose, parts: list[Part]
-    ) -> tuple[list[Any], list[Any]]:
-        place = index // samples
-        pixel, inside = pixel_of(first, place, source.width_px, source.height_px)
-        colours: list[Any] = []
-        losses: list[Any] = []
-        for (channels, _), part in zip(passes, parts, strict=True):
-            lines = lines_of(source, settings.samples, seeds[1], pixel, index - place * samples, part)
-            active = lines.active & inside
-            lost = [mask & inside for mask in lines.lost]
-            sampler = mi.load_dict({"type": "independent"})
-            sampler.seed(seeds[0], dr.width(index))
-            radiance, _, _ = integrator.sample(scene.mitsuba, sampler, pose.ray(lines), None, active)
-            # Not 0.0: where all is black, the recording would keep one tile's black for a picture of any size.
-            black = mi.Float(index >> 31)
-            colour = dr.select(active, mi.Color3f(radiance), black)
-            # Evaluated before the sums, because each sum would trace the rays again.
-            dr.eval(colour, lost)
-            for k in channels:
-                mean = dr.block_reduce(dr.ReduceOp.Add, colour[k], samples) * (1.0 / samples)
-                colours.append(colour[k] if samples == 1 else mean)
-            counts = [dr.count(mask) for mask in lost]
-            losses = [a + b for a, b in zip(losses, counts, strict=True)] if losses else counts
-        return colours, losses
-
-    program = Recorded(trace, scene) if source.recordable else trace
-    return lambda index, first, seeds, pose: program(index, first, seeds, pose, parts)
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
     """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
+    needed += SHARED_MEMORY_MB if settings.shading == "shared" else 0.0
     what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
@@ -386,13 +441,14 @@ def render_integral(
     progress: Progress | None = None,
     engine: Engine = "fast",
     fraction_bits: int | None = None,
+    note: Callable[[str], None] | None = None,
 ) -> Rendered:
     """Render the integral image of a scene for a display (see `render_rays`), with the rays of an engine.
 
     Raises InputError as `render_rays` and `lippmann.engines.trace`; MissingLibraryError when an engine lacks a tool.
     """
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
-    return render_rays(scene, source, settings, progress)
+    return render_rays(scene, source, settings, progress, note)
 
 
 def render_view(

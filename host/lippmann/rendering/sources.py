@@ -50,6 +50,8 @@ class RaySource:
     layout: Layout | None = None
     #: Whether `lines` stays in Dr.Jit, so that its program can be recorded.
     recordable: bool = True
+    #: The finest detail that an eye sees in it, mm: the lenslets' pitch; None where there are none.
+    detail_mm: float | None = None
 
 
 def lines_from_pixels(
@@ -98,7 +100,8 @@ def display_source(
         dx, dy, dz = (mi.Float(column) for column in rays.direction.astype(np.float32).T)
         return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
-    return RaySource(panel.width_px, panel.height_px, lines, layout_of(panel.subpixels), engine == "fast")
+    layout, finest = layout_of(panel.subpixels), display.array.finest_mm
+    return RaySource(panel.width_px, panel.height_px, lines, layout, engine == "fast", finest)
 
 
 @dataclass(frozen=True)

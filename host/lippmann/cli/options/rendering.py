@@ -13,13 +13,16 @@ from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Engine
 from lippmann.rendering.integral import ModelOption, RenderOptions
 from lippmann.rendering.placement import Arrange, Placement, placement_beside, usual_arrange
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.renderer import Settings, Shading
 from lippmann.rendering.sources import Aperture
 from lippmann.select.model import TOLERANCE
 
 SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)
 INTEGRATOR = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights")
 MAX_DEPTH = option("Surfaces that a ray may meet, 1 to 1000.", 4)
+SHADING = option(
+    "Whether rays share the light of diffuse surfaces; auto does where it pays and changes less than -45 dB.", "auto"
+)
 MEMORY_MB = option("Memory limit.  [default: four fifths of the free memory]", None)
 
 
@@ -36,8 +39,9 @@ def _render_options(
     integrator: str = INTEGRATOR,
     max_depth: int = MAX_DEPTH,
     memory_mb: float | None = MEMORY_MB,
+    shading: Shading = SHADING,
 ) -> RenderOptions:
-    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb)
+    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     return RenderOptions(model, tolerance, engine, fraction_bits, settings)
 
 

@@ -1,0 +1,282 @@
+"""Light that rays share: lattices by hand, pictures against those of each ray's own light, and when it is not."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lippmann.cli import run
+from lippmann.errors import InputError
+from lippmann.images import psnr_db
+from lippmann.observer import Eye, Window, observe
+from lippmann.rendering import renderer as renderers
+from lippmann.rendering.irradiance import Irradiance, Place, corners, from_octahedron, on_octahedron, place_of
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Renderer, Settings, render_integral
+from lippmann.rendering.scene import scene_of
+from lippmann.rendering.sources import display_source
+from scene_cases import focused_display, generator
+
+PAINT = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.2]}}
+BOTH = {"type": "twosided", "bsdf": PAINT}
+SETTINGS = Settings(samples=4, shading="shared")
+PLACED = Placement(near_mm=30.0, far_mm=-30.0)
+
+
+def lamp(position, power=4000.0):
+    return {"type": "point", "position": position, "intensity": {"type": "rgb", "value": [power, power, 0.8 * power]}}
+
+
+def wall(mi, z=-6.0, half=12.0, bsdf=BOTH):
+    to_world = mi.ScalarTransform4f().translate([0, 0, z]).scale([half, half, 1.0])
+    return {"type": "rectangle", "to_world": to_world, "bsdf": bsdf}
+
+
+def ball(x, y, z, radius, bsdf=PAINT):
+    return {"type": "sphere", "center": [x, y, z], "radius": radius, "bsdf": bsdf}
+
+
+def scene(**parts):
+    return scene_of({"type": "scene", **parts}, PLACED)
+
+
+@pytest.fixture(scope="module")
+def display():
+    """24 x 18 lenslets of 12 x 12 pixels."""
+    return focused_display("square", width_px=288, height_px=216, pixel_pitch=1.0 / 12.0)
+
+
+def both_ways(scene, display, settings=SETTINGS):
+    """The picture by shared light and by each ray's own."""
+    ways = (settings, replace(settings, shading="each"))
+    made = [render_integral(scene, display, "exact", way) for way in ways]
+    assert [one.shading for one in made] == [way.shading for way in ways]
+    return [one.radiance for one in made]
+
+
+def views_db(shared, each, display):
+    window = Window(24.0, 18.0, 160, 120)
+    eyes = [Eye((x, y, 60.0)) for x, y in ((0.0, 0.0), (6.0, -4.0))]
+    return min(psnr_db(*(observe(one, display, eye, window).radiance for one in (shared, each))) for eye in eyes)
+
+
+# ---- lattices ----
+
+
+@pytest.mark.parametrize("spacing", [0.3, 1.7, 50.0])
+def test_points_are_where_their_numbers_say(mi, spacing):
+    """A numbered point's place is its own corner, with all the weight; places between have their weights."""
+    import drjit as dr
+
+    light = Irradiance(scene(a=wall(mi), b=ball(0, 0, 0, 2.0), c=ball(4, 0, 1, 0.5), lamp=lamp([0, 20, 30])), spacing)
+    rng = generator(3, str(spacing))
+    number = rng.integers(0, 2 * light.points, 4000).astype(np.uint32)
+    place = place_of(light.lattices, mi.UInt32(number))
+    steps = np.array(dr.gather(mi.UInt32, light.lattices.steps, place.lattice))
+    u, v = np.array(place.u), np.array(place.v)
+    for along in (u, v):
+        np.testing.assert_allclose(along * steps, np.rint(along * steps), atol=1e-3)
+        assert along.min() >= 0.0
+        assert along.max() <= 1.0
+    points, weights = corners(light.lattices, place)
+    near = np.stack([np.array(weight) for weight in weights]).argmax(axis=0)
+    assert (np.stack([np.array(point) for point in points])[near, np.arange(4000)] == number).all()
+    np.testing.assert_allclose(np.stack([np.array(weight) for weight in weights]).max(axis=0), 1.0, atol=1e-3)
+    # Between: the weighted mean of the corners' places is the place.
+    sphere = (np.array(dr.gather(mi.UInt32, light.lattices.kind, place.lattice)) & 1) != 0
+    u, v = rng.random((2, 4000))
+    flip = ~sphere & (u + v > 1.0)
+    u, v = np.where(flip, 1.0 - u, u), np.where(flip, 1.0 - v, v)
+    between = Place(place.lattice, mi.Float(u), mi.Float(v), place.back)
+    points, weights = corners(light.lattices, between)
+    there = [place_of(light.lattices, point) for point in points]
+    assert all((np.array(one.lattice) == np.array(place.lattice)).all() for one in there)
+    assert all((np.array(one.back) == np.array(place.back)).all() for one in there)
+    for name, wanted in (("u", u), ("v", v)):
+        mean = sum(np.array(w) * np.array(getattr(one, name)) for w, one in zip(weights, there, strict=True))
+        np.testing.assert_allclose(mean, wanted, atol=2e-4)
+    assert min(np.array(weight).min() for weight in weights) > -1e-3
+
+
+def test_the_octahedron_covers_the_sphere(mi):
+    rng = generator(4)
+    there = rng.normal(size=(3, 5000))
+    there /= np.linalg.norm(there, axis=0)
+    u, v = on_octahedron(mi.Vector3f(there))
+    np.testing.assert_allclose(np.array(from_octahedron(u, v)), there, atol=1e-5)
+
+
+def lit_by_hand(point, normal, lamps):
+    """Light of lamps without shadows, divided by pi, in float64."""
+    total = np.zeros((len(point), 3))
+    for position, power in lamps:
+        way = np.asarray(position, np.float64) - point
+        distance = np.linalg.norm(way, axis=1)
+        cosine = np.maximum((way * normal).sum(axis=1) / distance, 0.0)
+        total += (power * cosine / distance**2)[:, None] * [1.0, 1.0, 0.8] / math.pi
+    return total
+
+
+def test_light_by_hand(mi):
+    """On a convex body alone: of a sphere the far side is dark; a wall is lit on the side of each lamp."""
+    lamps = [([3.0, 9.0, 12.0], 4000.0), ([-8.0, 2.0, -15.0], 1000.0)]
+    given = {f"lamp{k}": lamp(position, power) for k, (position, power) in enumerate(lamps)}
+    rng = generator(5)
+    # A sphere.
+    light = Irradiance(scene(b=ball(0.5, -0.3, 0.2, 2.0), **given), 0.05)
+    out = rng.normal(size=(3, 2000))
+    out /= np.linalg.norm(out, axis=0)
+    u, v = on_octahedron(mi.Vector3f(out))
+    no = mi.Bool(np.zeros(2000, bool))
+    found = light.between(Place(mi.UInt32(np.zeros(2000, np.uint32)), u, v, no), mi.Bool(np.ones(2000, bool)))
+    wanted = lit_by_hand(2.0 * out.T + [0.5, -0.3, 0.2], out.T, lamps)
+    np.testing.assert_allclose(np.array(found).T, wanted, atol=2e-3 * wanted.max())
+    # The two triangles of a wall, from both sides.
+    made = scene(a=wall(mi), **given)
+    (mesh,) = made.mitsuba.shapes()
+    corners_of = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
+    faces = np.array(mesh.faces_buffer()).reshape(-1, 3)
+    light = Irradiance(made, 0.25)
+    for back in (False, True):
+        u, v = rng.random((2, 2000))
+        u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+        which = rng.integers(0, 2, 2000).astype(np.uint32)
+        place = Place(mi.UInt32(which), mi.Float(u), mi.Float(v), mi.Bool(np.full(2000, back)))
+        found = light.between(place, mi.Bool(np.ones(2000, bool)))
+        ends = corners_of[faces[which]]
+        at = ends[:, 0] + u[:, None] * (ends[:, 1] - ends[:, 0]) + v[:, None] * (ends[:, 2] - ends[:, 0])
+        wanted = lit_by_hand(at, np.tile([0.0, 0.0, -1.0 if back else 1.0], (2000, 1)), lamps)
+        np.testing.assert_allclose(np.array(found).T, wanted, atol=1e-3 * wanted.max())
+
+
+# ---- pictures ----
+
+
+def test_pictures_are_those_of_each_rays_light(mi, display):
+    """Shadows, a mirror, glass, and one-sided paint from behind; light and dark."""
+    glass = {"type": "dielectric", "int_ior": 1.5}
+    made = scene(
+        wall=wall(mi), ball=ball(-3, 1, 0, 2.0), small=ball(3, 3, 2, 0.7, BOTH),
+        mirror=ball(4, -2, -1, 2.0, {"type": "conductor"}), glass=ball(-4, -4, 3, 1.0, glass),
+        behind=wall(mi, -4.0, 1.5, {"type": "diffuse"}), a=lamp([10, 25, 40]), b=lamp([-30, 5, 25], 2000.0),
+    )  # fmt: skip
+    shared, each = both_ways(made, display)
+    assert shared.max() > 0.3
+    assert psnr_db(shared, each) > 45.0
+    assert views_db(shared, each, display) > 45.0
+
+
+def test_gloss_is_not_shared(mi, display):
+    """Bit for bit the picture of each ray's light: gloss, a bump, a disk, and an instance have no lattice."""
+    heights = mi.Bitmap(generator(6).random((16, 16, 1)).astype(np.float32))
+    bump = {"type": "bumpmap", "arbitrary": {"type": "bitmap", "bitmap": heights, "raw": True}, "bsdf": PAINT}
+    shiny = {"type": "roughplastic", "alpha": 0.2}
+    disk = {"type": "disk", "to_world": mi.ScalarTransform4f().translate([3, 2, 1]).scale([3, 3, 1]), "bsdf": PAINT}
+    made = scene(
+        a=wall(mi, bsdf=shiny), b=ball(-3, 0, 0, 2.0, bump), c=disk, d=ball(50, 0, 0, 0.1), l=lamp([9, 25, 40])
+    )
+    shared, each = both_ways(made, display)
+    assert each.max() > 0.05
+    assert (shared == each).all()
+
+
+@pytest.mark.parametrize("subpixels", ["none", "rgb"])
+def test_pictures_do_not_depend_on_bands(mi, subpixels):
+    """Nor on their order: light is the same, whoever finds it first."""
+    display = focused_display("hex", width_px=96, height_px=64, pixel_pitch=1.0 / 8.0, subpixels=subpixels)
+    made = scene(wall=wall(mi), ball=ball(-1, 0, 0, 2.0), a=lamp([10, 25, 40]))
+    source = display_source(display, "exact", 4)
+    whole = Renderer(made, source, SETTINGS).render(0)[0]
+    parts = Renderer(made, source, SETTINGS, [range(first, first + 8) for first in range(0, 64, 8)])
+    found = {number: parts.render(number)[0] for number in reversed(range(8))}
+    assert (np.concatenate([found[number] for number in range(8)]) == whole).all()
+
+
+def random_scene(mi, seed):
+    rng = generator(seed)
+    parts = {"wall": wall(mi, rng.uniform(-9.0, -4.0))}
+    for k in range(rng.integers(2, 7)):
+        at, size = rng.uniform(-6.0, 6.0, 3) * [1.0, 0.7, 0.5], rng.uniform(0.5, 2.0)
+        if rng.random() < 0.5:
+            parts[f"ball{k}"] = ball(*at, size, BOTH if rng.random() < 0.5 else PAINT)
+        else:
+            turn = mi.ScalarTransform4f().translate(list(at)).rotate([1, 1, 0], rng.uniform(0, 90)).scale(size)
+            parts[f"cube{k}"] = {"type": "cube", "to_world": turn, "bsdf": BOTH}
+    for k in range(rng.integers(1, 5)):
+        away = rng.uniform([-30, -10, 15], [30, 40, 60])
+        parts[f"lamp{k}"] = lamp(list(away), rng.uniform(500.0, 4000.0))
+    return scene(**parts)
+
+
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=pytest.mark.full) for k in range(3, 20))])
+def test_the_tolerance_is_kept_on_random_scenes(mi, display, seed, monkeypatch):
+    """Where auto shares, views are as like as it promises."""
+    monkeypatch.setattr(renderers, "RAYS_A_POINT", 0.1)
+    made = random_scene(mi, 100 + seed)
+    auto = render_integral(made, display, "exact", replace(SETTINGS, shading="auto"))
+    each = render_integral(made, display, "exact", replace(SETTINGS, shading="each"))
+    if auto.shading == "each":
+        assert (auto.radiance == each.radiance).all()
+    else:
+        assert views_db(auto.radiance, each.radiance, display) >= renderers.SHARED_DB
+
+
+# ---- when light is not shared ----
+
+
+def grid(mi):
+    """Wires, thinner than a tenth of the lenslets' pitch, before a wall."""
+    wires = {}
+    for k in range(60):
+        to_world = mi.ScalarTransform4f().translate([0.4 * k - 12.0, 0, -5.5]).scale([0.04, 12.0, 1.0])
+        wires[f"wire{k}"] = {"type": "rectangle", "to_world": to_world, "bsdf": BOTH}
+    return wires
+
+
+def test_auto_leaves_thin_shadows_to_each_ray(mi, display, monkeypatch):
+    monkeypatch.setattr(renderers, "RAYS_A_POINT", 0.1)
+    told = []
+    made = scene(wall=wall(mi), **grid(mi), a=lamp([10, 3, 10], 900.0))
+    settings = replace(SETTINGS, shading="auto")
+    auto = render_integral(made, display, "exact", settings, note=told.append)
+    assert auto.shading == "each"
+    assert len(told) == 1
+    assert "light is not shared: it changes the picture by -" in told[0]
+    each = render_integral(made, display, "exact", replace(settings, shading="each"))
+    assert (auto.radiance == each.radiance).all()
+
+
+@pytest.mark.parametrize(
+    ("lamps", "integrator", "why"),
+    [
+        ({"sky": {"type": "constant"}}, "lights", "other lamps"),
+        ({}, "lights", "other lamps"),
+        ({"a": lamp([0, 0, 30])}, "direct", "the integrator direct draws lots"),
+        ({f"l{k}": lamp([k, 0, 30]) for k in range(32)}, "lights", "other lamps"),
+    ],
+)
+def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps, integrator, why):
+    told = []
+    settings = replace(SETTINGS, integrator=integrator, samples=1)
+    made = scene(wall=wall(mi), **lamps)
+    assert render_integral(made, display, "exact", settings, note=told.append).shading == "each"
+    assert len(told) == 1
+    assert told[0].startswith("light is not shared: ")
+    assert why in told[0]
+    told.clear()
+    render_integral(made, display, "exact", replace(settings, shading="auto"), note=told.append)
+    assert not told
+
+
+def test_small_pictures_do_not_share(mi, display):
+    made = scene(wall=wall(mi, half=200.0), a=lamp([0, 0, 30]))
+    assert render_integral(made, display, "exact", Settings(samples=1)).shading == "each"
+    assert render_integral(made, display, "exact", Settings(samples=64)).shading == "shared"
+
+
+def test_unknown_shading(tmp_path, capfd):
+    with pytest.raises(InputError, match="unknown shading 'none'; choose from auto, each, shared"):
+        Settings(shading="none")
+    words = ["render", "s.xml", "--display", "d.toml", "-o", "a.exr", "--shading", "none"]
+    assert run(words) == 2
+    assert "'none' is not one of 'auto', 'each', 'shared'" in capfd.readouterr().err
