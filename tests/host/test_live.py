@@ -50,7 +50,7 @@ def place(tmp_path, monkeypatch, mi):
 @pytest.fixture
 def made(place):
     display, scene = load_display("d.toml"), load_scene("s.xml")
-    picture = LivePicture(scene, display, "pinhole", Settings(seed=3))
+    picture = LivePicture(scene, display, "pinhole", Settings(seed=3, shading="each"))
     panel = display.panel
     return display, scene, picture, Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
 
@@ -82,7 +82,8 @@ def test_pictures_are_the_renderers(made, moves):
     near = picture._placement
     placed = placed.placed(near)
     for found, samples in ((quick, 1), (finer, 4)):
-        wanted = render_integral(placed, display, "pinhole", Settings(samples=samples, seed=3)).radiance
+        settings = Settings(samples=samples, seed=3, shading="each")
+        wanted = render_integral(placed, display, "pinhole", settings).radiance
         assert (found == wanted).all()
 
 
@@ -90,7 +91,7 @@ def test_a_resting_picture_becomes_finer(made):
     """Against 400 samples: each step of passes is nearer."""
     display, scene, picture, _ = made
     picture.quick(scene.placement)
-    exact = render_integral(scene, display, "pinhole", Settings(samples=400, seed=77)).radiance
+    exact = render_integral(scene, display, "pinhole", Settings(samples=400, seed=77, shading="each")).radiance
     found = [psnr_db(refined(picture), exact) for _ in range(16)]
     assert picture.samples == 64
     assert found[15] > found[0] + 4.0, found
@@ -296,18 +297,20 @@ def reel(place, request):
     (place / "s.xml").write_text(SCENE.replace('type="sphere"', 'type="sphere" id="ball"'))
     (place / "f.toml").write_text(request.param)
     display = load_display("d.toml")
-    shots = shots_of(load_film("f.toml"), display, RenderOptions(model="pinhole", settings=Settings(samples=4, seed=3)))
+    shots = shots_of(
+        load_film("f.toml"), display, RenderOptions(model="pinhole", settings=Settings(4, seed=3, shading="each"))
+    )
     return display, Reel(shots, 50.0)
 
 
 def test_a_films_frames_are_those_of_animate(reel):
     """All of them, the first time round and from memory; then one at rest, as fine as animate's, and moved by hand."""
     display, reel = reel
-    picture = LivePicture(scene_of_shot(reel.shots[0]), display, "pinhole", Settings(seed=3))
+    picture = LivePicture(scene_of_shot(reel.shots[0]), display, "pinhole", Settings(seed=3, shading="each"))
     hand = Hand(reel.shots[0].placement, picture.middle_mm, 0.1)
     wanted = []
     for shot in reel.shots:
-        one = replace(shot, options=replace(shot.options, settings=Settings(samples=1, seed=3)))
+        one = replace(shot, options=replace(shot.options, settings=Settings(samples=1, seed=3, shading="each")))
         wanted.append(panel_values(render_shot(one).radiance, display.panel.transfer, 8).astype(np.uint8))
     assert len({frame.tobytes() for frame in wanted}) == 4
     given = []

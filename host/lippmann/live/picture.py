@@ -43,7 +43,8 @@ class LivePicture:
     ) -> None:
         """Compile the programs; `block` of None finds one that is quick enough. Raises InputError as `Renderer`."""
         self._scene, self._panel = scene, display.panel
-        self._settings = replace(settings, samples=PASS_SAMPLES)
+        # A quick picture has fewer rays than there are points whose light they could share.
+        self._settings = replace(settings, samples=PASS_SAMPLES, shading="each")
         self._corners = _corners(scene)
         source = display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
