@@ -94,6 +94,7 @@ def command(
         "engine": made.metadata["engine"],
         "integrator": options.settings.integrator,
         "samples": options.settings.samples,
+        "shading": made.metadata.get("shading"),
         "seed": seed,
         "device": None if is_layers(scene_path) else current_device(),
         **made.measured,

@@ -110,7 +110,7 @@ def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTL
     def beside(distance: float, direction: int) -> Radiance:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
         shift = (distance * math.cos(angle), distance * math.sin(angle))
-        return render_rays(scene, shifted(source, shift), Settings()).radiance
+        return render_rays(scene, shifted(source, shift), Settings(shading="each")).radiance
 
     return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
@@ -210,7 +210,7 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
         scene = load_for(scenes / "seed/diffuse.xml", setup)
         theirs, _ = write_folder(scene, setup_view(setup), work / f"picture-{grid}").render_once()
         source = capture_source(setup)
-        ours = render_rays(scene, source, Settings()).radiance
+        ours = render_rays(scene, source, Settings(shading="each")).radiance
         difference, where = compare(theirs, ours, around(scene, source), setup)
         found.append(Pair(difference, theirs, ours, where))
     return found
@@ -226,7 +226,7 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
 
     def rows(samples: int, seed: int) -> Radiance:
         source = part(capture_source(setup), EVERY_ROW)
-        return render_rays(scene, source, Settings(samples=samples, seed=seed)).radiance
+        return render_rays(scene, source, Settings(samples=samples, seed=seed, shading="each")).radiance
 
     reference = rows(REFERENCE_SAMPLES, 1)
     allowed = noise_of(theirs[EVERY_ROW // 2 :: EVERY_ROW], reference)

@@ -66,12 +66,16 @@ def register_stages() -> None:
 def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
     """Time renders that do one stage more each, in turn; return each one's seconds, and pixels a second to the hits.
 
+    `shared_seconds` are those of all stages, with shared light.
+
     Compilation is left out, and so is what a stage adds to the next by making rays wait for each other.
     """
     register_stages()
+    each = replace(settings, shading="each")
     works = {
-        stage: timed(scene, display, replace(settings, integrator=integrator)) for stage, integrator in STAGES.items()
+        stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()
     }
+    works["shared"] = timed(scene, display, replace(settings, shading="shared"))
     seconds = {stage: float(np.median(times)) for stage, times in in_turn(works, ROUNDS).items()}
     pixels = display.panel.width_px * display.panel.height_px * settings.samples
     return {

@@ -157,7 +157,7 @@ def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], Non
         return round(small.panel.width_mm * small.panel.height_mm / (array.pitches_mm[0] * array.row_pitch_mm))
 
     panels = [resized(display, across) for across in plan.pixels_across]
-    one = Settings(seed=seed)
+    one = Settings(seed=seed, shading="each")
     works: dict[str, dict[int, Work]] = {
         "pixels": {_pixels(panel): timed(scene, panel, one) for panel in panels},
         "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n), one) for n in plan.lenslets_across},
@@ -320,7 +320,7 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
         yield {"what": what, **separately(device, fish, scenes / f"displays/{name}.toml", samples)}
     scene, display = load_scene(fish), load_display(scenes / "displays/paper-square.toml")
-    settings = {name: Settings(samples=4, integrator=name, seed=seed) for name in INTEGRATORS[::-1]}
+    settings = {name: Settings(samples=4, integrator=name, seed=seed, shading="each") for name in INTEGRATORS[::-1]}
     for name in ("fish", "chart", "knot"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
         for integrator in ("path", "lights"):
