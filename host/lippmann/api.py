@@ -440,7 +440,9 @@ def capture(
     metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(built.position_mm)}
     losses = {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
-    return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
+    # Its own memory, as of `render_image`.
+    radiance = np.require(captured.radiance, requirements="O")
+    return IntegralImage(radiance, built.display, metadata, {**losses, **captured.measured})
 
 
 def observe(

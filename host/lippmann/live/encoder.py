@@ -50,7 +50,10 @@ class Encoder:
         dr.make_opaque(self._least, self._values)
 
     def __call__(self, planes: list[Any]) -> Pixels:
-        """Return the values (height, width, 3) of red, green and blue planes, each of all pixels row by row."""
+        """Return the values (height, width, 3) of red, green and blue planes, each of all pixels row by row.
+
+        They may be Dr.Jit's memory, as in `radiance_of`.
+        """
         mi = mitsuba()
         import drjit
 
@@ -62,4 +65,4 @@ class Encoder:
                 0, dr.width(self._least), lambda i, plane=plane: dr.gather(mi.Float, self._least, i) <= plane
             )
             dr.scatter(found, dr.gather(self._byte, self._values, level), place + k)
-        return np.array(found).reshape(self._shape)  # a copy, as in `radiance_of`
+        return np.asarray(found).reshape(self._shape)

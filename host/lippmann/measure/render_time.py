@@ -72,9 +72,7 @@ def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, floa
     """
     register_stages()
     each = replace(settings, shading="each")
-    works = {
-        stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()
-    }
+    works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}
     works["shared"] = timed(scene, display, replace(settings, shading="shared"))
     seconds = {stage: float(np.median(times)) for stage, times in in_turn(works, ROUNDS).items()}
     pixels = display.panel.width_px * display.panel.height_px * settings.samples

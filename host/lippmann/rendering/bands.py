@@ -128,7 +128,8 @@ class Band:
 
     def render(self) -> Rendered:
         """Render it, on a worker."""
-        return _renderer(self.still).render(self.number)
+        radiance, lost = _renderer(self.still).render(self.number)
+        return np.require(radiance, requirements="O"), lost  # for other threads, as `render_image` does
 
 
 @functools.lru_cache(maxsize=1)

@@ -10,6 +10,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from lippmann import __version__
 from lippmann.display import Display
 from lippmann.errors import InputError
@@ -88,7 +90,8 @@ def render_image(
     rendered = render_integral(scene, display, model, settings, progress, options.engine, options.fraction_bits, note)
     settings = replace(settings, shading=rendered.shading)
     carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
-    return IntegralImage(rendered.radiance, display, carried, rendered.measured)
+    # Its own memory, for other threads (`radiance_of`).
+    return IntegralImage(np.require(rendered.radiance, requirements="O"), display, carried, rendered.measured)
 
 
 def pixels_identity(

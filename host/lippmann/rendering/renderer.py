@@ -197,7 +197,8 @@ class Renderer:
         why = why_not_shared(scene, source, settings.integrator)
         if why is not None or source.detail_mm is None:
             return "each", f"light is not shared: {why}" if wanted == "shared" else None
-        if wanted == "auto" and not self._fits(settings):
+        # A GPU traces a ray in less time than it needs to look for what is known.
+        if wanted == "auto" and (current_device() == "cuda" or not self._fits(settings)):
             return "each", None
         rays = self._width * self._height * self.rays
         most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, rays // RAYS_A_POINT)
@@ -229,7 +230,8 @@ class Renderer:
             keeps = decibels >= SHARED_DB
             self.shading = "shared" if keeps else "each"
             self._program = self._tried if keeps else self._each
-            self.remark = f"light is {'' if keeps else 'not '}shared: it changes the picture by {-decibels:.0f} dB"
+            change = f"by {-decibels:.0f} dB" if math.isfinite(decibels) else "nowhere"
+            self.remark = f"light is {'' if keeps else 'not '}shared: it changes the picture {change}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
@@ -315,12 +317,14 @@ class Renderer:
 
 
 def radiance_of(planes: list[Any], width: int) -> Radiance:
-    """Return planes of red, green and blue as an image (rows, width, 3)."""
+    """Return planes of red, green and blue as an image (rows, width, 3), which may be Dr.Jit's memory.
+
+    Copy it for other threads: who lets go of it waits for Dr.Jit, which may wait for Python in the thread that renders.
+    """
     mi = mitsuba()
     import drjit as dr
 
-    # A copy: who lets go of a view of Dr.Jit's memory waits for Dr.Jit, which may wait for Python in another thread.
-    return np.array(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
+    return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def render_rays(
