@@ -15,6 +15,7 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Renderer, Settings, render_integral
 from lippmann.rendering.scene import scene_of
 from lippmann.rendering.sources import display_source
+from lippmann.variant import current_device
 from scene_cases import focused_display, generator
 
 PAINT = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.2]}}
@@ -240,8 +241,9 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, monkeypatch):
     settings = replace(SETTINGS, shading="auto")
     auto = render_integral(made, display, "exact", settings, note=told.append)
     assert auto.shading == "each"
-    assert len(told) == 1
-    assert "light is not shared: it changes the picture by -" in told[0]
+    if current_device() == "llvm":  # a GPU does not try
+        (remark,) = told
+        assert "light is not shared: it changes the picture by -" in remark
     each = render_integral(made, display, "exact", replace(settings, shading="each"))
     assert (auto.radiance == each.radiance).all()
 
@@ -271,7 +273,8 @@ def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps,
 def test_small_pictures_do_not_share(mi, display):
     made = scene(wall=wall(mi, half=200.0), a=lamp([0, 0, 30]))
     assert render_integral(made, display, "exact", Settings(samples=1)).shading == "each"
-    assert render_integral(made, display, "exact", Settings(samples=64)).shading == "shared"
+    many = render_integral(made, display, "exact", Settings(samples=64)).shading
+    assert many == ("shared" if current_device() == "llvm" else "each")
 
 
 def test_unknown_shading(tmp_path, capfd):
