@@ -390,6 +390,21 @@ def test_the_board_shows_whole_frames_and_the_last_one(made):
         assert np.asarray(model.shown[-1], np.uint8).tobytes() == given[-1].tobytes()
 
 
+def test_a_board_without_a_desktop(made, monkeypatch, capfd):
+    """The film's frames, one after the other; no window is opened."""
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    panel = made[0].panel
+    with ModelBoard(panel.width_px, panel.height_px) as model:
+        words = ["--no-window", "--port", model.url, "--force", "--turn", "60", "--seconds", "1", "--samples", "4"]
+        assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm", *words, "--json"]) == 0
+        told = json.loads(capfd.readouterr().out)
+    assert told["board"]["frames"] >= 2
+    assert told["samples"] == 4
+    assert len(model.shown) >= 2
+
+
 def test_a_board_that_fails_ends_the_picture(made):
     display, *_ = made
     panel = display.panel
@@ -412,6 +427,9 @@ def test_mistakes(place, capfd):
         (["--monitor", "7"], 2, "no monitor 7"),
         (["--monitor", "0"], 2, "monitor 0 has 1024 x 768 pixels, the image 46 x 32"),
         (["--monitor", "0", "--port", "socket://127.0.0.1:1"], 2, "leave one out"),
+        (["--monitor", "0", "--window"], 2, "leave one out"),
+        (["--no-window"], 2, "give --port"),
+        (["--no-window", "--port", "socket://127.0.0.1:1", "--eye", "0,0,600"], 2, "leave out --eye"),
         (["--port", "socket://127.0.0.1:1"], 1, "127.0.0.1:1"),
     ):
         assert run([*common, *words]) == code

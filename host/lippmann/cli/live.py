@@ -24,7 +24,7 @@ from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
 from lippmann.live.reel import Reel
 from lippmann.live.run import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
-from lippmann.live.screens import screens
+from lippmann.live.screens import NoScreens, screens
 from lippmann.live.sender import Sender
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.arrange import load_placed
@@ -42,6 +42,11 @@ def command(
     scene_path: str = argument("SCENE"),
     display_path: str = DISPLAY,
     monitor: int | None = option("Fill this monitor: the panel.  [default: a window]", None, click.IntRange(0)),
+    window: bool | None = option(
+        "Show a window; --no-window leaves the picture to the board of --port.  [default: --window]",
+        None,
+        flag="--window/--no-window",
+    ),
     port: str | None = PORT,
     baud: int | None = BAUD,
     force: bool = option("Accept a board that drives another display.", False),
@@ -75,6 +80,10 @@ def command(
     check_memory(panel.width_px, panel.height_px, settings)
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
+    if window is not None and monitor is not None:
+        raise InputError("--monitor fills a monitor instead of a window; leave one out")
+    if window is False and (port is None or eye is not None):
+        raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
     if (turn or film) and turn_seconds is None and seconds is not None:
         turn_seconds = seconds
     start_mitsuba(device)
@@ -98,7 +107,7 @@ def command(
                 check_board(board, display, display_path, ", or show it with --force")
             board.check_no_pattern()
             sender = Sender(board)
-        shown = stack.enter_context(screens())
+        shown = NoScreens() if window is False else stack.enter_context(screens())
         opened = time.perf_counter()
         shown.open(PANEL, (panel.width_px, panel.height_px), monitor)
         if view is not None:

@@ -115,6 +115,27 @@ class Screens:
         self._windows.clear()
 
 
+class NoScreens(Screens):
+    """Nothing to look at, and no hand, where a board alone shows the picture."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+
+    def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
+        """Open nothing."""
+
+    def show(self, name: str, pixels: Pixels, title: str) -> None:
+        """Show nothing."""
+
+    def waiting(self) -> bool:
+        """Tell that nothing waits."""
+        return False
+
+    def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
+        """Go on."""
+        return True
+
+
 @contextmanager
 def screens() -> Iterator[Screens]:
     """Give the desktop's screens; all windows are closed after the block. DeviceError when there is no desktop."""
