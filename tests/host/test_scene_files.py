@@ -163,14 +163,21 @@ def test_colours_of_vertices_are_srgb(tmp_path, mi):
     assert fields(seen(tmp_path / "a.ply")) == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
 
 
-def test_colours_of_16_bits_keep_their_upper_bits(tmp_path, mi):
-    """257 times a byte is that byte's colour."""
-    kinds = [*((name, "f4") for name in "xyz"), *((name, "u2") for name in ("red", "green", "blue"))]
-    points = np.array([(*at, *(257 * int(byte) for byte in FIELDS[0, 0])) for at in CORNERS], kinds)
+@pytest.mark.parametrize("text", [False, True])
+@pytest.mark.parametrize(("kind", "times"), [("u1", 1), ("u2", 257), ("u2", 1), ("u4", 1), ("i4", 1), (None, 0)])
+def test_colours_of_any_whole_numbers(tmp_path, mi, text, kind, times):
+    """Of 16 bits, 257 times a byte is that byte's colour; so is a byte in a wider type. Text and binary files."""
+    kinds = [*((name, "f4") for name in "xyz"), *((name, kind) for name in ("red", "green", "blue") if kind)]
+    colours = [times * int(byte) for byte in FIELDS[0, 0]] if kind else []
+    points = np.array([(*at, *colours) for at in CORNERS], kinds)
     faces = np.array([(list(corners),) for corners in FACES], [("vertex_indices", "i4", (3,))])
     elements = [plyfile.PlyElement.describe(points, "vertex"), plyfile.PlyElement.describe(faces, "face")]
-    plyfile.PlyData(elements).write(str(tmp_path / "a.ply"))
-    assert fields(seen(tmp_path / "a.ply")) == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
+    plyfile.PlyData(elements, text=text).write(str(tmp_path / "a.ply"))
+    found = fields(seen(tmp_path / "a.ply"))
+    if kind is None:
+        assert found.min() > 0.1
+    else:
+        assert found == pytest.approx(np.full((2, 2, 3), LIGHT[0, 0]), abs=1e-3)
 
 
 def test_a_scene_of_hardly_any_size_is_not_fitted(tmp_path, mi):

@@ -86,6 +86,7 @@ def command(
         **image.measured,
         "integrator": integrator,
         "samples": samples,
+        "shading": image.metadata["shading"],
         "seed": seed,
         "device": current_device(),
         "peak_memory_mb": peak_memory_mb(),

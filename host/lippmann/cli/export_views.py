@@ -226,7 +226,9 @@ def _write_folder(seen: _Seen, eyes: Sequence[Eye], folder: Path, stem: str, lin
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
     others = sorted({path.name for path in folder.glob(f"{stem}_[0-9][0-9][0-9][0-9].*")} - set(names))
     if others:
-        raise input_error(str(folder), f"holds {others[0]} of another export", "remove it, or choose another -o")
+        raise input_error(
+            str(folder), f"holds {others[0]} of another export", "choose another -o, or remove the folder"
+        )
     with progress_bar("views") as progress:
         for name, eye in zip(names, counted(eyes, progress), strict=True):
             write_picture(folder / name, seen.sight(eye), {})

@@ -29,6 +29,7 @@ from lippmann.live.sender import Sender
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
+from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
 from lippmann.rendering.scene import check_scene_file
 from lippmann.variant import start_mitsuba
@@ -136,4 +137,5 @@ def _film_scale(moved: Moved) -> float | None:
         raise InputError(f"--{name.replace('_', '-')} does not place a film; use --scale or --fit, or its own [world]")
     if moved.fit and moved.scale is not None:
         raise InputError("--scale and --fit both place the film; leave one out")
-    return None if moved.fit else moved.scale or 1.0
+    scale = 1.0 if moved.scale is None else moved.scale
+    return None if moved.fit else Placement(scale).scale  # which refuses a scale out of range

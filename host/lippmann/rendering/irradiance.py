@@ -31,6 +31,8 @@ MOST_POINTS = 1 << 22
 #: Bit of the lamps' word of a point whose light is known; the others tell which lamps it sees.
 KNOWN = 1 << 31
 MOST_LAMPS = 31
+#: Lamps, by Mitsuba's names, whose light bends little between points.
+LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
 
 @dataclass
@@ -66,10 +68,13 @@ class Place:
 class Irradiance:
     """The light on a scene's lattices, found when it is first asked for."""
 
-    def __init__(self, scene: Scene, spacing: float) -> None:
-        """Lay the lattices, with points at most `spacing` apart, in units of the scene."""
+    def __init__(self, scene: Scene, spacing: float, most: int = MOST_POINTS) -> None:
+        """Lay the lattices, with points at most `spacing` apart, in units of the scene.
+
+        Of `most` points; the shapes that need most of them are left without.
+        """
         dr, mi = drjit(), mitsuba()
-        self.lattices, self.points = _laid(scene.mitsuba, spacing)
+        self.lattices, self.points = _laid(scene.mitsuba, spacing, most)
         self._light = [dr.zeros(mi.Float, 2 * self.points) for _ in range(3)]
         self._lamps, self._asker = (dr.zeros(mi.UInt32, 2 * self.points) for _ in range(2))
         emitters = list(scene.mitsuba.emitters())
@@ -132,10 +137,13 @@ class Irradiance:
 
 
 def has_point_lamps(scene: Any) -> bool:
-    """Tell whether a `mitsuba.Scene` has only lamps whose light does not depend on chance, and few enough."""
+    """Tell whether the lamps of a `mitsuba.Scene` are points, spots and directions without pictures, and few."""
     mi = mitsuba()
-    emitters = scene.emitters()
-    return 0 < len(emitters) <= MOST_LAMPS and all(mi.has_flag(one.flags(), mi.EmitterFlags.Delta) for one in emitters)
+    lamps = scene.emitters()
+    return 0 < len(lamps) <= MOST_LAMPS and all(
+        lamp.class_name() in LAMPS and not any("texture" in name for name in mi.traverse(lamp).keys())  # noqa: SIM118
+        for lamp in lamps
+    )
 
 
 def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
@@ -248,42 +256,43 @@ def _lit(scene: Any, emitters: list[Any], place: Place, known: Any, seen: Any, l
     return light * (1.0 / math.pi), lamps
 
 
-def _laid(scene: Any, spacing: float) -> tuple[Lattices, int]:
+def _laid(scene: Any, spacing: float, most: int) -> tuple[Lattices, int]:
     """Return the lattices of a scene's shapes, and the number of their points."""
     dr, mi = drjit(), mitsuba()
     parts: list[dict[str, Any]] = []
-    numbers: list[int] = []
-    total = 0
     for shape in scene.shapes():
         text = str(shape.bsdf())
         two = bool(TWO_SIDED.match(text))
         part = _of_shape(shape, spacing) if two or ONE_SIDED.match(text) else None
-        if part is None:
-            continue
-        number = int(np.asarray(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
-        numbers.append(number)
-        size = len(part["steps"])
-        part["kind"] = part["kind"] | (TWO if two else 0)
-        part["shape"] = np.full(size, number)
-        part["begin"] = total
-        total += size
-        parts.append(part)
+        if part is not None and part["steps"].max(initial=0) <= MOST_STEPS:
+            number = int(np.asarray(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
+            part["kind"] |= TWO if two else 0
+            part["shape"] = np.full(len(part["steps"]), number)
+            part["points"] = _points(part["steps"], part["kind"])
+            parts.append(part)
+    parts.sort(key=lambda part: part["points"].sum())
+    kept = np.searchsorted(np.cumsum([part["points"].sum() for part in parts]), most, side="right")
+    parts = parts[:kept]
     if not parts:
         return Lattices(*([None] * 8)), 0
-    joined = {key: np.concatenate([np.atleast_1d(part[key]) for part in parts]) for key in parts[0] if key != "begin"}
-    steps = joined["steps"].astype(np.int64)
-    counts = np.where(joined["kind"] & SPHERE, (steps + 1) ** 2, (steps + 1) * (steps + 2) // 2)
-    first = np.concatenate([[0], np.cumsum(counts)])
+    numbers = [int(part["shape"][0]) for part in parts]
+    begins = np.concatenate([[0], np.cumsum([len(part["steps"]) for part in parts])])
+    joined = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    first = np.concatenate([[0], np.cumsum(joined["points"])])
     of_shape = np.full(max(numbers) + 1, NONE, np.uint32)
-    for number, part in zip(numbers, parts, strict=True):
-        of_shape[number] = part["begin"]
+    of_shape[numbers] = begins[:-1]
     made = Lattices(
-        mi.UInt32(of_shape), mi.UInt32(first[:-1].astype(np.uint32)), mi.UInt32(steps.astype(np.uint32)),
+        mi.UInt32(of_shape), mi.UInt32(first[:-1].astype(np.uint32)), mi.UInt32(joined["steps"].astype(np.uint32)),
         mi.UInt32(joined["shape"].astype(np.uint32)), mi.UInt32(joined["triangle"].astype(np.uint32)),
         mi.UInt32(joined["kind"].astype(np.uint32)),
         mi.Float(joined["centre"].astype(np.float32).ravel()), mi.Float(joined["radius"].astype(np.float32)),
     )  # fmt: skip
     return made, int(first[-1])
+
+
+def _points(steps: Any, kind: Any) -> Any:
+    """Return the numbers of points of lattices."""
+    return np.where(kind & SPHERE, (steps + 1) ** 2, (steps + 1) * (steps + 2) // 2)
 
 
 def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
@@ -293,7 +302,7 @@ def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
         sides = points[faces] - points[np.roll(faces, 1, axis=1)]
         longest = np.sqrt((sides**2).sum(axis=2).max(axis=1, initial=0.0))
-        steps = np.clip(np.ceil(longest / spacing), LEAST_STEPS, MOST_STEPS)
+        steps = np.maximum(np.ceil(longest / spacing), LEAST_STEPS).astype(np.int64)
         count = len(faces)
         return {"steps": steps, "triangle": np.arange(count), "kind": np.zeros(count, np.int64),
                 "centre": np.zeros((count, 3)), "radius": np.zeros(count)}  # fmt: skip
@@ -301,7 +310,7 @@ def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
         box = shape.bbox()
         low, high = np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()
         radius = 0.5 * (high - low)[0]
-        steps = np.clip(np.ceil(math.pi * radius / spacing), LEAST_SPHERE_STEPS, MOST_STEPS)
+        steps = max(math.ceil(math.pi * radius / spacing), LEAST_SPHERE_STEPS)
         return {"steps": np.array([steps]), "triangle": np.zeros(1), "kind": np.array([SPHERE]),
                 "centre": 0.5 * (low + high)[None], "radius": np.array([radius])}  # fmt: skip
     return None

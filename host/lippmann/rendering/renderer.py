@@ -43,8 +43,6 @@ CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
 Shading = Literal["auto", "each", "shared"]
 SHADINGS: tuple[Shading, ...] = get_args(Shading)
-#: Spacings of the points where light is found, in pitches of the lenslets; the first that gives few enough points.
-SPACINGS = (1.0, 2.0, 4.0)
 #: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
 SHARED_MEMORY_MB = 250.0
 #: Shared light needs more memory for a sample: its chunks are so many times smaller.
@@ -52,8 +50,12 @@ SHARED_PARTS = 4
 #: Light is shared where that changes the picture by less, and there are so many rays for each point that light is found
 #: for at most.
 SHARED_DB, RAYS_A_POINT = 45.0, 4
-#: Stripes of the image in which that is tried, and samples in all of them.
-TRIALS, TRIAL_SAMPLES = 4, 1 << 18
+#: Shadow rays to fewer lamps take less time than to look for what is known (measured with the fish).
+LEAST_LAMPS = 3
+#: Parts of the image, each way, in each of which that is tried, and samples in all of them.
+TRIAL_PARTS, TRIAL_SAMPLES = 4, 1 << 18
+#: Share of the samples that may meet surfaces without a lattice.
+MOST_ALONE = 0.5
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
 MAX_SAMPLES = 65536
@@ -198,15 +200,14 @@ class Renderer:
         if why is not None or source.detail_mm is None:
             return "each", f"light is not shared: {why}" if wanted == "shared" else None
         # A GPU traces a ray in less time than it needs to look for what is known.
-        if wanted == "auto" and (current_device() == "cuda" or not self._fits(settings)):
+        few = len(scene.mitsuba.emitters()) < LEAST_LAMPS
+        if wanted == "auto" and (few or current_device() == "cuda" or not self._fits(settings)):
             return "each", None
         rays = self._width * self._height * self.rays
         most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, rays // RAYS_A_POINT)
-        spacings = (step * source.detail_mm for step in SPACINGS)
-        lights = (Irradiance(scene, spacing / scene.placement.scale) for spacing in spacings)
-        light = next((light for light in lights if 0 < light.points <= most), None)
-        if light is None:
-            why = f"its surfaces have no points, or more than {most}"
+        light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
+        if not light.points:
+            why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
             return "each", f"light is not shared: {why}" if wanted == "shared" else None
         shared = SharedProgram(scene, source, settings.samples, integrator, settings.max_depth, light)
         if wanted == "auto":
@@ -222,35 +223,42 @@ class Renderer:
     def prepare(self) -> float:
         """Compile the program by rendering one tile; return the seconds that it took.
 
-        Where light may be shared, it is, if that changes some stripes of the image by less than `SHARED_DB`.
+        Where light may be shared, it is, if that changes no part of the image by more than `SHARED_DB`.
         """
         started = time.perf_counter()
         if self.shading == "auto":
             decibels = self._trial()
-            keeps = decibels >= SHARED_DB
+            keeps = decibels is not None and decibels >= SHARED_DB
             self.shading = "shared" if keeps else "each"
             self._program = self._tried if keeps else self._each
-            change = f"by {-decibels:.0f} dB" if math.isfinite(decibels) else "nowhere"
-            self.remark = f"light is {'' if keeps else 'not '}shared: it changes the picture {change}"
+            if decibels is not None:
+                change = f"by {-decibels:.0f} dB" if math.isfinite(decibels) else "nowhere"
+                self.remark = f"light is {'' if keeps else 'not '}shared: on trial it changes the picture {change}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
-    def _trial(self) -> float:
-        """Return the likeness, dB, of some stripes with shared light to those with each sample's own."""
+    def _trial(self) -> float | None:
+        """Return the likeness, dB, of tiles all over the image with shared light to those with each sample's own.
+
+        It is that of the part of the image, of `TRIAL_PARTS` x `TRIAL_PARTS`, where they are least alike. None: most
+        samples meet surfaces without a lattice.
+        """
         mi = mitsuba()
         import drjit as dr
 
-        count = min(self._across, max(1, TRIAL_SAMPLES // (TRIALS * TILE_PX * TILE_PX * self._samples)))
-        down = -(-self._height // TILE_PX)
-        rows = sorted({(2 * k + 1) * down // (2 * TRIALS) for k in range(TRIALS)})
-        index = dr.arange(mi.UInt32, count * TILE_PX * TILE_PX * self._samples)
-        dr.make_opaque(index)
+        samples = TILE_PX * TILE_PX * self._samples
+        side = max(1, math.isqrt(TRIAL_SAMPLES // samples) // TRIAL_PARTS) * TRIAL_PARTS
+        middles = (np.arange(side) + 0.5) / side
+        down = min(-(-self._height // TILE_PX), (2**32 - 1) // (self._across * samples))
+        rows, columns = (middles * down).astype(np.int64), (middles * self._across).astype(np.int64)
+        tiles = (rows[:, None] * self._across + columns).ravel()
+        index = mi.UInt32((tiles[:, None] * samples + np.arange(samples)).ravel().astype(np.uint32))
         seed = dr.opaque(mi.UInt32, self._seed)
-        found = []
-        for row in rows:
-            first = dr.opaque(mi.UInt32, row * self._across + (self._across - count) // 2)
-            found.append(self._tried.trial(index, first, (seed, seed), self._pose))
-        return psnr_db(*(np.concatenate(one) for one in zip(*found, strict=True)))
+        *pair, alone = self._tried.trial(index, dr.opaque(mi.UInt32, 0), (seed, seed), self._pose)
+        if alone > MOST_ALONE:
+            return None
+        a, b = (one.reshape(TRIAL_PARTS, side // TRIAL_PARTS, TRIAL_PARTS, -1, 3) for one in pair)
+        return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
     def render(self, number: int, progress: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.

@@ -73,7 +73,7 @@ class SharedProgram:
             losses = _added(losses, lost)
         return colours, losses
 
-    def trial(self, index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose) -> tuple[Radiance, Radiance]:
+    def trial(self, index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose) -> tuple[Radiance, Radiance, float]:
         """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black."""
         dr, mi = drjit(), mitsuba()
 
@@ -83,7 +83,7 @@ class SharedProgram:
         for light in (self._light.between(place, on), self._light.at(place)):
             means = _means(dr.select(on, weight * light, 0.0), (0, 1, 2), self._samples)
             found.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
-        return found[0], found[1]
+        return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
 
 
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Any]:

@@ -283,12 +283,19 @@ def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Any) -> Any:
-    """Return the colours of 16 bits of a PLY file (N, 3), of which trimesh would keep the lower 8; None without."""
+    """Return the colours of more than 8 bits of a PLY file (N, 3), of which trimesh would keep 8; None without.
+
+    Numbers of 16 or 32 bits that are all below 256 are bytes in a wide type.
+    """
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    names = ("red", "green", "blue")
-    if raw is None or not set(names) <= set(raw.dtype.names or ()) or raw.dtype["red"].itemsize != 2:
+    try:
+        columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]
+    except (KeyError, ValueError, IndexError, TypeError):  # no data, none of these, or a list of rows
         return None
-    return np.stack([np.asarray(raw[name]).ravel() for name in names], axis=1)
+    wide = np.stack(columns, axis=1)
+    if wide.dtype.kind not in "iu" or wide.dtype.itemsize == 1 or wide.min(initial=0) < 0:
+        return None
+    return wide.astype(np.uint8) if wide.max(initial=0) <= 255 else wide
 
 
 def _write_mesh(path: Path, mesh: Any, matrix: Floats, uv: Any, colours: Floats | None) -> None:
