@@ -333,6 +333,22 @@ def test_the_trial_sees_all_of_the_picture(mi, display, middle, eager):
     assert shading == "each"
 
 
+@pytest.mark.parametrize("samples", [1, 5, 300])
+def test_the_trial_does_not_depend_on_how_it_is_done(mi, display, eager, samples, monkeypatch):
+    """All tiles at once, or one after the other; and it is that of these tiles in the two pictures."""
+    made = scene(wall=wall(mi), ball=ball(0, 0, 0, 2.0), a=lamp([2, 9, 40]), b=lamp([-20, 9, 40]))
+    source = display_source(display, "exact", samples)
+    settings = replace(SETTINGS, samples=samples, shading="auto")
+    likeness = []
+    for most in (renderers.TRIAL_SAMPLES, 16 * 64 * samples):
+        monkeypatch.setattr(renderers, "TRIAL_SAMPLES", most)
+        likeness.append(Renderer(made, source, settings)._trial())
+    monkeypatch.setattr(renderers, "TRIAL_SAMPLES", 7 * 64 * samples)  # too few for all at once: 16 single tiles
+    likeness.append(Renderer(made, source, settings)._trial())
+    assert likeness[1] == pytest.approx(likeness[2], abs=1e-6)
+    assert 45.0 < likeness[0] <= likeness[1] + 20.0
+
+
 def test_small_pictures_and_those_of_few_lamps_do_not_share(mi, display):
     lamps = {f"lamp{k}": lamp([9 * k, 5, 30]) for k in range(3)}
     made, few = scene(wall=wall(mi, half=200.0), **lamps), scene(wall=wall(mi, half=200.0), a=lamp([0, 0, 30]))

@@ -249,14 +249,18 @@ class Renderer:
         samples = TILE_PX * TILE_PX * self._samples
         side = max(1, math.isqrt(TRIAL_SAMPLES // samples) // TRIAL_PARTS) * TRIAL_PARTS
         middles = (np.arange(side) + 0.5) / side
-        down = min(-(-self._height // TILE_PX), (2**32 - 1) // (self._across * samples))
-        rows, columns = (middles * down).astype(np.int64), (middles * self._across).astype(np.int64)
+        rows, columns = ((middles * -(-size // TILE_PX)).astype(np.int64) for size in (self._height, self._width))
         tiles = (rows[:, None] * self._across + columns).ravel()
-        index = mi.UInt32((tiles[:, None] * samples + np.arange(samples)).ravel().astype(np.uint32))
-        seed = dr.opaque(mi.UInt32, self._seed)
-        *pair, alone = self._tried.trial(index, dr.opaque(mi.UInt32, 0), (seed, seed), self._pose)
-        if alone > MOST_ALONE:
+        # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
+        together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles[-1] + 1) * samples < 1 << 32
+        seed, found = dr.opaque(mi.UInt32, self._seed), []
+        for first, ours in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
+            index = mi.UInt32((ours[:, None] * samples + np.arange(samples)).ravel().astype(np.uint32))
+            found.append(self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), (seed, seed), self._pose))
+        shared, own, alone = zip(*found, strict=True)
+        if np.mean(alone) > MOST_ALONE:
             return None
+        pair = np.concatenate(shared), np.concatenate(own)
         a, b = (one.reshape(TRIAL_PARTS, side // TRIAL_PARTS, TRIAL_PARTS, -1, 3) for one in pair)
         return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
