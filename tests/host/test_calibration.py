@@ -254,6 +254,7 @@ def test_a_panel_of_640_pixels_is_known_as_well_as_promised(seed, tmp_path):
     assert judged.gap_percent < 1.0
 
 
+@pytest.mark.full
 def test_the_radius_is_found_where_asked(case, tmp_path, capfd):
     """Lenslets 3 % rounder than the file's: without --radius its radius stays."""
     array = case.built.array

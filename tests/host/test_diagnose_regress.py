@@ -306,6 +306,7 @@ def test_late_outputs_are_named(lag, says):
     assert says in verdict.fault
 
 
+@pytest.mark.full
 def test_one_wrong_ray_is_no_delay_and_no_stale_register():
     """Among rays that are nearly alike, and among others."""
     display = display_for("square")
@@ -394,6 +395,7 @@ def test_saturated_value_wrapped():
     assert "wrapped" in verdict.fault
 
 
+@pytest.mark.full
 def test_what_no_fault_explains_still_has_a_step():
     display = display_for("square")
     arrays = faulty_tracer.trace(display, *rays_for(display))

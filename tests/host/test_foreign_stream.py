@@ -134,7 +134,7 @@ def test_a_check_that_is_left_out_is_found(name, tmp_path):
         assert any("wrong status code" in str(verdict.fault) or "extent" in str(verdict.fault) for verdict in wrong)
 
 
-@pytest.mark.parametrize("case", ["fates", "total-reflection", "cell-edges"])
+@pytest.mark.parametrize("case", ["fates", "total-reflection", pytest.param("cell-edges", marks=pytest.mark.full)])
 def test_rays_on_an_edge_are_judged_too(case, tracer):
     """They may be golden's on either side, and nothing else."""
     answers = answered(tracer, asked(parse_display(DISPLAYS["plain"]), case, 0))
