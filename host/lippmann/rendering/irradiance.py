@@ -1,9 +1,10 @@
-"""What a scene's lamps send to its diffuse surfaces, found once for each point of a lattice over them.
+"""An irradiance cache: what lamps send to diffuse surfaces, found once for each point of a lattice over a surface.
 
-Thousands of lenslets look at the same square millimetre of a scene. A triangle has a lattice of points along its sides,
-a sphere one of the octahedron that is folded about it. Between three points the light is interpolated linearly; where a
-lamp lights some of the three and not all, a shadow's edge may pass, and the lattice tells nothing. So what it tells is
-wrong only for shadows, and lit gaps, that pass between its points.
+The lattices of this module lie on the scene's surfaces; the lenslets' is `lippmann.optics.lattice`. Thousands of
+lenslets look at the same square millimetre of a scene. A triangle has a lattice of points along its sides, a sphere one
+of the octahedron that is folded about it. Between three points the light is interpolated linearly; where a lamp lights
+some of the three and not all, a shadow's edge may pass, and the lattice tells nothing. So what it tells is wrong only
+for shadows, and lit gaps, that pass between its points.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ MOST_POINTS = 1 << 22
 #: Bit of the lamps' word of a point whose light is known; the others tell which lamps it sees.
 KNOWN = 1 << 31
 MOST_LAMPS = 31
+#: A spot's picture, as Mitsuba writes it; a spot without one has a uniform spectrum there.
+PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
 #: Lamps, by Mitsuba's names, whose light bends little between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
@@ -138,11 +141,9 @@ class Irradiance:
 
 def has_point_lamps(scene: Any) -> bool:
     """Tell whether the lamps of a `mitsuba.Scene` are points, spots and directions without pictures, and few."""
-    mi = mitsuba()
     lamps = scene.emitters()
     return 0 < len(lamps) <= MOST_LAMPS and all(
-        lamp.class_name() in LAMPS and not any("texture" in name for name in mi.traverse(lamp).keys())  # noqa: SIM118
-        for lamp in lamps
+        lamp.class_name() in LAMPS and not PICTURE.search(str(lamp)) for lamp in lamps
     )
 
 
