@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from lippmann.calibration import check
-from lippmann.calibration.bundle import WITHIN, Problem, jacobian
+from lippmann.calibration.bundle import WITHIN, Problem, jacobian, seam_powers
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.intervals import Moved, blur_of, interval, movement_of, read
 from lippmann.calibration.landing import inner_rays, landing_of, movement
@@ -21,6 +21,7 @@ from lippmann.calibration.photographs import positions
 from lippmann.calibration.radius import radius_of
 from lippmann.calibration.result import load_calibration
 from lippmann.calibration.shoot import shoot
+from lippmann.calibration.smooth import Smooth
 from lippmann.calibration.solve import calibrate
 from lippmann.cli import run
 from lippmann.display import display_text, load_display
@@ -156,6 +157,38 @@ def test_the_blur_of_readings_is_found_and_makes_points_finer(cell, pupil):
     assert abs(np.median(without)) > 4.0 * abs(np.median(error))
 
 
+@pytest.mark.parametrize("seed", [10, 11, 12, 13, 23])
+def test_where_a_camera_looks_is_a_sum_of_powers_of_its_slope(seed):
+    """Against exact rays at slopes that were not fitted, of steep lenslets on both grids, either side to the panel."""
+    display = random_case(seed).built
+    distance, turn = 4.0 * display.panel.width_mm, np.random.default_rng(seed)
+    way, steep = turn.uniform(0.0, 2.0 * math.pi, 40), 0.35 * np.sqrt(turn.uniform(0.0, 1.0, 40))
+    slopes = np.stack([steep * np.cos(way), steep * np.sin(way)], axis=1)
+    _, at, seen = inner_rays(display, slopes, distance)
+    exact = (at * seen[..., None]).sum(axis=1) / seen.sum(axis=1)[:, None]
+    found = landing_of(display, 0.36, distance).point(slopes, display.gap_mm)
+    error = np.hypot(*(found - exact).T) / min(display.panel.pitches_mm)
+    assert error.max() < 0.01
+    assert np.sqrt((error**2).mean()) < 0.003
+
+
+def test_smooth_errors_are_whitened():
+    """The covariance I + t^2 B B^T, made from the six polynomials, becomes the unit matrix."""
+    rng = np.random.default_rng(17)
+    places = rng.uniform(-3.0, 9.0, (60, 2))
+    shares = np.array([0.0, 0.1, 0.7, 3.0])
+    smooth = Smooth.of(places, shares)
+    u, v = (2.0 * (places - places.min(axis=0)) / np.ptp(places, axis=0) - 1.0).T
+    modes = np.stack([np.ones(60), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
+    every = smooth.whitened(np.broadcast_to(np.eye(60)[:, None, :], (60, 4, 60)))
+    for column, share in enumerate(shares):
+        covariance = np.eye(60) + share**2 * modes @ modes.T
+        whitening = every[:, column]
+        np.testing.assert_allclose(whitening @ covariance @ whitening.T, np.eye(60), atol=1e-9)
+        values = rng.normal(size=(60, 4))
+        np.testing.assert_allclose(smooth.whitened(values)[:, column], whitening @ values[:, column], atol=1e-12)
+
+
 @pytest.mark.parametrize("grid", ["square", "hex"])
 def test_the_movement_over_a_cell_is_that_of_exact_rays(request, grid):
     """Against rays at places and slopes that were not fitted; the cell's axis lies at an angle."""
@@ -197,7 +230,8 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
                     rng.normal(0.0, 0.1, (len(index), 2, 2)), np.eye(2), 1.0, 1.0)  # fmt: skip
     problem = Problem(display, [landing_of(display, 0.3, 350.0)], [view], (600, 800))
     pitch = display.array.pitches_mm[0]
-    x = np.array([pitch, pitch, 0.0, 0.0, 0.0, 0.0, display.gap_mm, 0.01, 0.01, 900.0, 400.0, 300.0, 0, 0, *camera])
+    seams = np.full(len(seam_powers("square")), 0.01)
+    x = np.array([pitch, pitch, 0.0, 0.0, 0.0, 0.0, display.gap_mm, *seams, 900.0, 400.0, 300.0, 0, 0, *camera])
     panel, photo = problem.seen(x, 0)
     half = rng.uniform(0.0, 0.3, (len(index), 2))
     ends = half * rng.choice([-1.0, 1.0], half.shape) + rng.normal(0.0, 1e-7, half.shape)

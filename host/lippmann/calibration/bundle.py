@@ -6,9 +6,9 @@ the camera is, but not which point is seen. The point is expected at the place w
 over the cell. Both are fitted at once, weighted by their own scatter. Weak priors keep what the data leave open where
 it usually is; a parameter whose uncertainty is that of its prior was not determined.
 
-The covariance is that of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the panel's
-pixels are coarse, so that single lenslets would promise too much. Beside it, a share of the scatter is taken as smooth
-over a whole position: what lens distortion and aberrations leave, and no average removes.
+A share of the scatter is taken as smooth over a whole position (`lippmann.calibration.smooth`), in the weights and in
+the covariance. That is one of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the
+panel's pixels are coarse, so that single lenslets would promise too much.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +24,10 @@ from scipy.optimize import least_squares
 
 from lippmann import interrupts
 from lippmann.calibration.camera import projected
-from lippmann.calibration.landing import Landing
+from lippmann.calibration.landing import FOLDS, Landing, powers
 from lippmann.calibration.lenslets import Lenslets, regular_places
-from lippmann.display import Display
+from lippmann.calibration.smooth import Smooth
+from lippmann.display import Display, Grid
 
 Floats = npt.NDArray[np.float64]
 #: The array's parameters, and the step of each for differences: mm, radians, shares.
@@ -33,11 +35,13 @@ ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "off
 GAP = {"gap": 1e-4}
 #: Height of the array over its mean, mm: tilts and curvatures, in half widths and half heights of the panel.
 BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy": 1e-4}
-#: What the lenslets' middles in a photograph lack, in pitches at the steepest slope, by powers of the slope: blur and
-#: aberrations move the seams of lenslets that are seen aside. No panel point depends on it.
-SEAMS = {"seams_5": 1e-4, "seams_9": 1e-4}
+#: What the lenslets' middles in a photograph lack, in pitches at the steepest slope: blur moves the seams of lenslets
+#: that are seen aside. The degrees of its powers, and the step of each number. No panel point depends on it.
+SEAMS, SEAMS_STEP = range(3, 10), 1e-4
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
+#: Beginnings of the names of parameters that do not change the rays.
+STILL = "seams", "turn", *LENS
 #: Priors: standard deviations of the pitches (shares of the file's), of the gap and of the bow (shares of D), ...
 PRIOR_PITCH, PRIOR_GAP, PRIOR_BOW = 0.01, 0.3, 0.1
 #: ... of the focal length (of its logarithm), principal point (share of the photograph's longer side), and distortion.
@@ -64,8 +68,25 @@ WITHIN = 0.03
 #: a photograph, in lenslets.
 POINTS, MIDDLES = 0.001, 0.0003
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
-LEAST_SCATTER = 0.005
+LEAST_SCATTER = 0.001
 SEED = 1911
+
+
+def seam_powers(grid: Grid) -> list[tuple[int, int]]:
+    """Return the powers (j, k) of slopes by which seams move the lenslets' middles in a photograph."""
+    return powers(FOLDS[grid], SEAMS)
+
+
+class Rays(NamedTuple):
+    """Of N lenslets that a position sees: slopes (N, 2), middles of outlines (N, 3) and panel points (N, 2), mm.
+
+    `bends` (N, 2, M) is what each number of the seams moves a middle by, in pitches.
+    """
+
+    slope: Floats
+    middles: Floats
+    points: Floats
+    bends: Floats
 
 
 @dataclass(frozen=True)
@@ -84,12 +105,18 @@ class Problem:
     def names(self) -> list[str]:
         """Names of the parameters, in order."""
         poses = [f"{name}_{k}" for k in range(len(self.views)) for name in POSE]
-        return [*ARRAY, *GAP, *(BOW if self.bow else ()), *SEAMS, *LENS, *poses]
+        return [*self.array_steps, *LENS, *poses]
+
+    @property
+    def array_steps(self) -> dict[str, float]:
+        """Names and steps of the parameters before the lens's."""
+        seams = {f"seams_{j}{k}": SEAMS_STEP for j, k in seam_powers(self.display.array.grid)}
+        return {**ARRAY, **GAP, **(BOW if self.bow else {}), **seams}
 
     @cached_property
     def steps(self) -> Floats:
         """The step of each parameter for differences."""
-        kinds = {**ARRAY, **GAP, **(BOW if self.bow else {}), **SEAMS, **LENS}
+        kinds = {**self.array_steps, **LENS}
         return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views))])
 
     @property
@@ -119,42 +146,37 @@ class Problem:
         return np.asarray(x[7:12] @ np.stack([u, v, u * u - 1.0 / 3.0, v * v - 1.0 / 3.0, u * v]))
 
     def seams(self, x: Floats) -> Floats:
-        """Return the numbers of `SEAMS`."""
+        """Return the numbers of `seam_powers`."""
         end = self.shared - len(LENS)
-        return x[end - len(SEAMS) : end]
-
-    def moved_by_seams(self, x: Floats, slope: Floats, steepest: float) -> Floats:
-        """Return how far the lenslets' middles in a photograph are moved, (N, 2) mm, for slopes (N, 2)."""
-        share = slope / steepest
-        square = (share**2).sum(axis=1, keepdims=True)
-        fifth, ninth = self.seams(x)
-        return np.asarray(x[0] * share * square**2 * (fifth + ninth * square**2))
+        return x[end - len(seam_powers(self.display.array.grid)) : end]
 
     def pose(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats]:
         """Return the lens, and the turn and the place of view k."""
         lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
         return lens, pose[:3], pose[3:]
 
-    def outlines(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats | float]:
-        """Return the slopes (N, 2) of view k's lenslets, the middles (N, 3) of their outlines, mm, and the heights."""
+    def rays(self, x: Floats, k: int) -> Rays:
+        """Trace the rays of view k, which need neither the lens nor the camera's turn."""
         place = self.pose(x, k)[2]
         landing, centres = self.landings[k], self.centres(x, self.places[k])
         high = self.heights(x, centres)
         z = landing.outline_mm + high
         slope = (place[:2] - centres) / np.reshape(place[2] - z, (-1, 1))
-        return slope, np.column_stack([centres + landing.outline(slope), np.broadcast_to(z, len(centres))]), high
+        outline, point, bends = landing.traced(slope, x[6] + high, seam_powers(self.display.array.grid))
+        middles = np.column_stack([centres + outline, np.broadcast_to(z, len(centres))])
+        return Rays(slope, middles, centres + point, bends)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
         """Return how far the places that were read are from the outlines' middles (N, 3), in cells of pitch 1."""
         return np.asarray((self.views[k].cell_px - projected(middles, *self.pose(x, k))) @ self.views[k].steps)
 
-    def seen(self, x: Floats, k: int) -> tuple[Floats, Floats]:
+    def seen(self, x: Floats, k: int, rays: Rays | None = None) -> tuple[Floats, Floats]:
         """Return the panel points (N, 2) mm and the pixels (N, 2) of the lenslets of view k."""
-        landing, (slope, middles, high) = self.landings[k], self.outlines(x, k)
-        moved = np.einsum("np,npa->na", self.aside(x, k, middles), self.views[k].moves)
-        panel = middles[:, :2] - landing.outline(slope) + landing.point(slope, x[6] + high) + moved
-        middles[:, :2] += self.moved_by_seams(x, slope, landing.steepest)
-        return panel, projected(middles, *self.pose(x, k))
+        rays = rays or self.rays(x, k)
+        moved = np.einsum("np,npa->na", self.aside(x, k, rays.middles), self.views[k].moves)
+        middles = rays.middles.copy()
+        middles[:, :2] += x[0] * (rays.bends @ self.seams(x))
+        return rays.points + moved, projected(middles, *self.pose(x, k))
 
     def residuals(self, x: Floats, k: int) -> Floats:
         """Return the residuals of view k, (N, 4): panel points in pixels of the panel, pixels of the photograph."""
@@ -162,9 +184,9 @@ class Problem:
         off[:, :2] -= (1.0 - WITHIN) * np.clip(off[:, :2], -self.views[k].half_px, self.views[k].half_px)
         return off
 
-    def offsets(self, x: Floats, k: int) -> Floats:
+    def offsets(self, x: Floats, k: int, rays: Rays | None = None) -> Floats:
         """Return the residuals of view k as if the middle of each interval had been measured, (N, 4)."""
-        panel, photo = self.seen(x, k)
+        panel, photo = self.seen(x, k, rays)
         view = self.views[k]
         return np.column_stack([(panel - view.panel_mm) / self.display.panel.pitches_mm, photo - view.photo_px])
 
@@ -252,6 +274,8 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
     ]
     if not robust_only:
         x = _minimised(problem, x, scatter, kept, False)
+        scatter = [_scatter(problem.residuals(x, k)) for k in range(len(problem.views))]
+        x = _minimised(problem, x, scatter, kept, False)
     return _judged(problem, x, scatter, kept)
 
 
@@ -291,6 +315,7 @@ def _minimised(
 ) -> Floats:
     """Return the parameters of least squares; `robust` weighs a large residual by its size, not by its square."""
     chosen = np.arange(len(x)) if free is None else np.flatnonzero(free)
+    smooth = [] if robust else [_smooth(problem, scatter, kept, k) for k in range(len(problem.views))]
 
     def whole(part: Floats) -> Floats:
         at = x.copy()
@@ -301,14 +326,35 @@ def _minimised(
         interrupts.check()
         at = whole(part)
         parts = [_weighted(problem, at, scatter, kept, k) for k in range(len(problem.views))]
+        if not robust:
+            parts = [smooth[k].whitened(part.reshape(-1, 4)).ravel() for k, part in enumerate(parts)]
         return np.concatenate([*parts, problem.priors(at)])
 
+    def slopes(part: Floats) -> Floats:
+        matrix = jacobian(problem, whole(part), scatter, kept)[:, chosen]
+        if not robust:
+            row = 0
+            for one in smooth:
+                rows = slice(row, row := row + 4 * len(one.modes))
+                matrix[rows] = one.whitened(matrix[rows].reshape(-1, 4, len(chosen))).reshape(-1, len(chosen))
+        return matrix
+
     found = least_squares(
-        residuals, x[chosen], lambda part: jacobian(problem, whole(part), scatter, kept)[:, chosen], x_scale="jac",
+        residuals, x[chosen], slopes, x_scale="jac",
         loss="soft_l1" if robust else "linear", f_scale=ROBUST, ftol=SETTLED, xtol=1e-12, gtol=1e-12,
         max_nfev=MOST_STEPS,
     )  # fmt: skip
     return whole(found.x)
+
+
+def _smooth(
+    problem: Problem, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]], k: int
+) -> Smooth:
+    """Return the smooth errors of view k."""
+    places, view = problem.places[k][kept[k]], problem.views[k]
+    across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
+    least = np.repeat([POINTS / scatter[k][0], MIDDLES * across / scatter[k][1]], 2)
+    return Smooth.of(places, np.maximum(SMOOTH, least))
 
 
 def jacobian(
@@ -322,13 +368,15 @@ def jacobian(
     factors = [problem.gains(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
     first = np.concatenate([[0], np.cumsum(sizes)])
     matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
-    for at, step in enumerate(problem.steps):
+    here = [problem.rays(x, k) for k in range(len(sizes))]
+    for at, (name, step) in enumerate(zip(problem.names, problem.steps, strict=True)):
         up, down = x.copy(), x.copy()
         up[at] += step
         down[at] -= step
         own = range(len(sizes)) if at < problem.shared else [(at - problem.shared) // len(POSE)]
         for k in own:
-            change = problem.offsets(up, k)[kept[k]] - problem.offsets(down, k)[kept[k]]
+            rays = here[k] if name.startswith(STILL) else None
+            change = problem.offsets(up, k, rays)[kept[k]] - problem.offsets(down, k, rays)[kept[k]]
             matrix[first[k] : first[k + 1], at] = (factors[k] * change / (2.0 * step)).ravel()
         if at < problem.shared:
             matrix[first[-1] :, at] = (problem.priors(up) - problem.priors(down)) / (2.0 * step)
@@ -343,14 +391,21 @@ def _judged(
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     matrix /= scale
     priors = matrix[matrix.shape[0] - len(problem.priors(x)) :]
-    inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
     meat, row, groups = priors.T @ priors, 0, 0
     squares = [0.0, 0.0, 0.0]
-    for k, view in enumerate(problem.views):
+    for k in range(len(problem.views)):
         residual = _weighted(problem, x, scatter, kept, k).reshape(-1, 4)
-        part = matrix[row : row + residual.size].reshape(-1, 4, len(x))
-        row += residual.size
-        scores = (part * residual[..., None]).sum(axis=1)
+        rows = slice(row, row := row + residual.size)
+        plain = residual * np.repeat(scatter[k], 2)
+        squares = [
+            squares[0] + float((plain[:, :2] ** 2).sum()),
+            squares[1] + float((plain[:, 2:] ** 2).sum()),
+            squares[2] + len(plain),
+        ]
+        smooth = _smooth(problem, scatter, kept, k)
+        part = smooth.whitened(matrix[rows].reshape(-1, 4, len(x)))
+        matrix[rows] = part.reshape(-1, len(x))
+        scores = (part * smooth.whitened(residual)[..., None]).sum(axis=1)
         places = problem.places[k][kept[k]]
         low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
         block = np.minimum((BLOCKS * (places - low) / size).astype(int), BLOCKS - 1) @ [BLOCKS, 1]
@@ -358,19 +413,11 @@ def _judged(
             score = scores[block == one].sum(axis=0)
             meat += np.outer(score, score)
             groups += 1
-        u, v = (2.0 * (places - low) / size - 1.0).T
-        across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-        least = np.repeat([POINTS / scatter[k][0], MIDDLES * across / scatter[k][1]], 2)
-        shares = np.maximum(SMOOTH, least)
-        for mode in (np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0):
-            smooth = shares[:, None] * np.einsum("n,nrp->rp", mode, part)
-            meat += smooth.T @ smooth
-        plain = residual * np.repeat(scatter[k], 2)
-        squares = [
-            squares[0] + float((plain[:, :2] ** 2).sum()),
-            squares[1] + float((plain[:, 2:] ** 2).sum()),
-            squares[2] + len(plain),
-        ]
+        for mode in smooth.modes.T:
+            errors = smooth.whitened(np.outer(mode, smooth.shares))
+            moved = np.einsum("nr,nrp->rp", errors, part)
+            meat += moved.T @ moved
+    inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
     few = groups / max(1.0, groups - float(len(x)))
     sandwich = few * inverse @ meat @ inverse
     # Never less than the scatter of single lenslets promises.

@@ -3,23 +3,23 @@
 A camera sees the lenslet with the vertex L on a plane at the height h: the outline's sides are seams, which are below
 the vertices of domes that face the viewer, and behind glass else. With the slope s = (C - L) / (Cz - h), the middle of
 the outline is at L + c(s) on this plane, and the rays through the inner cell around it land on the panel, on average,
-at L + w(s). By symmetry both are close to polynomials. With s = x + i y along the array's axes, s* = x - i y, and n = 4
-for square cells, 6 for hexagonal ones, they are
+at L + w(s). A cell looks alike in n directions, 4 or 6, and in a mirror, so both are sums of few powers. With
+s = x + i y along the array's axes, s* = x - i y, and real numbers c, a and b,
 
-    c(s) = s (c0 + c1 |s|^2 + c2 |s|^4 + c3 |s|^6) + (s*)^(n-1) (c4 + c5 |s|^2),
-    w(s) = -s (a0 + a1 |s|^2 + a2 |s|^4 + a3 |s|^6) - (s*)^(n-1) (a4 + a5 |s|^2) - gap (the same with b0 to b5).
+    c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 
 The numbers are fitted to exact rays: Snell's law at each face. They contain what a paraxial D leaves out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.lattice import NEAR
+from lippmann.calibration.lattice import NEAR, within
 from lippmann.calibration.lenslets import INNER, MIDDLE
 from lippmann.display import Display
 from lippmann.engines import trace_to_panel
@@ -34,8 +34,10 @@ Floats = npt.NDArray[np.float64]
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 #: Directions in which a cell looks alike.
 FOLDS = {"square": 4, "hex": 6}
-#: Rays across the inner cell; slopes; their directions.
-ACROSS, SLOPES, DIRECTIONS = 13, 9, 16
+#: The j + k: the outlines of steep lenslets bend all at once.
+DEGREES = range(1, 12)
+#: Rays across the inner cell; slopes; their directions, a prime number: no fold repeats one.
+ACROSS, SLOPES, DIRECTIONS = 13, 9, 17
 #: An outline: points across the middle of the cell, those on the edge, halvings that find them, rounds, and twice the
 #: distance within which the edge is, in pitches.
 INSIDE, EDGE_POINTS, HALVINGS, ROUNDS, AROUND = 12, 96, 11, 3, 2.4
@@ -52,7 +54,7 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class Landing:
-    """The numbers a, b and c of the module's formulas, and the plane of outlines, mm."""
+    """The numbers a, b and c of the module's formulas, for slopes as shares of the steepest, and a plane."""
 
     fixed: Floats
     per_gap: Floats
@@ -66,27 +68,34 @@ class Landing:
     #: Largest distance of exact means from the formula of w, mm.
     error_mm: float
 
-    def point(self, slope: Floats, gap_mm: Floats | float) -> Floats:
-        """Return w for slopes (N, 2) and a gap for all or for each, (N, 2) mm."""
-        return -self._sum(slope, self.fixed) - np.reshape(gap_mm, (-1, 1)) * self._sum(slope, self.per_gap)
+    def traced(
+        self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return c and w, (N, 2) mm, for slopes (N, 2) and a gap for all or for each, and some (j, k), (N, 2, M)."""
+        every, turn = powers(self.folds, DEGREES), np.exp(1j * np.deg2rad(self.rotation_deg))
+        each = turn * terms((slope[:, 0] + 1j * slope[:, 1]) / (self.steepest * turn), every)
+        c, fixed, per_gap = (each @ np.stack([self.aside, self.fixed, self.per_gap], axis=1)).T
+        w = -fixed - gap_mm * per_gap
+        some = each[:, [every.index(one) for one in others]]
+        outline, point, rest = (np.stack([one.real, one.imag], axis=1) for one in (c, w, some))
+        return outline, point, rest
 
-    def outline(self, slope: Floats) -> Floats:
-        """Return c for slopes (N, 2), (N, 2) mm."""
-        return self._sum(slope, self.aside)
-
-    def _sum(self, slope: Floats, numbers: Floats) -> Floats:
-        """Return the sum of `_terms` for slopes along the panel's axes."""
-        turn = np.exp(1j * np.deg2rad(self.rotation_deg))
-        found = turn * (_terms((slope[:, 0] + 1j * slope[:, 1]) / turn, self.folds) @ numbers)
-        return np.stack([found.real, found.imag], axis=1)
+    def point(self, slope: Floats, gap_mm: float) -> Floats:
+        """Return w for slopes (N, 2), (N, 2) mm."""
+        return self.traced(slope, gap_mm, ())[1]
 
 
-def _terms(slope: npt.NDArray[np.complex128], folds: int) -> npt.NDArray[np.complex128]:
-    """Return what the numbers a, b and c are multiplied with, for slopes (N,) along the array's axes, (N, 6)."""
-    square = abs(slope) ** 2
-    round_ = [slope * square**k for k in range(4)]
-    folded = [slope.conj() ** (folds - 1) * square**k for k in range(2)]
-    return np.stack([*round_, *folded], axis=1)
+def powers(folds: int, degrees: range) -> list[tuple[int, int]]:
+    """Return the (j, k) of the module's formulas with j + k among some degrees."""
+    return [(n - k, k) for n in degrees for k in range(n + 1) if (n - 2 * k - 1) % folds == 0]
+
+
+def terms(slope: npt.NDArray[np.complex128], wanted: Sequence[tuple[int, int]]) -> npt.NDArray[np.complex128]:
+    """Return s^j (s*)^k for slopes (N,) along the array's axes and each (j, k), (N, terms)."""
+    most = max(map(sum, wanted))
+    power = np.cumprod([np.ones_like(slope), *[slope] * most], axis=0)
+    other = power.conj()
+    return np.stack([power[j] * other[k] for j, k in wanted], axis=1)
 
 
 def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
@@ -99,8 +108,8 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
 
     middles = _middles(plain, slopes, height, distance_mm)
     folds = FOLDS[display.array.grid]
-    terms = _terms(slopes[:, 0] + 1j * slopes[:, 1], folds)
-    parts = np.concatenate([terms.real, terms.imag])
+    each = terms((slopes[:, 0] + 1j * slopes[:, 1]) / radii[-1], powers(folds, DEGREES))
+    parts = np.concatenate([each.real, each.imag])
     aside = np.linalg.lstsq(parts, middles.T.ravel(), rcond=None)[0]
     offset = (parts @ aside).reshape(2, -1).T
 
@@ -115,7 +124,7 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
         errors.append(float(np.hypot(*(means.T + (parts @ numbers).reshape(2, -1))).max()))
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
     turn = display.array.rotation_deg
-    return Landing(fits[0] - gaps[0] * per_gap, per_gap, aside, folds, turn, height, steepest, max(errors))
+    return Landing(fits[0] - gaps[0] * per_gap, per_gap, aside, folds, turn, height, radii[-1], max(errors))
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
@@ -159,8 +168,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
     lattice = Lattice.of(display.array)
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
     to_steps, grown = np.linalg.inv(axes), 1.0 + display.aperture_distance_mm / distance_mm
-    side = MIDDLE * (2.0 * np.arange(INSIDE) + 1.0 - INSIDE) / INSIDE
-    inside = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2) @ axes
+    inside = _cell(display, MIDDLE, INSIDE)
     # Directions that no seam repeats, others for each slope.
     angles = 2.0 * np.pi / EDGE_POINTS * (np.arange(EDGE_POINTS) + R2_STEPS[0] * np.arange(len(slopes))[:, None] % 1.0)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
@@ -177,7 +185,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
-            there = seen & (abs(own - shift[:, None]) < NEAR).all(axis=2)  # given to the lenslet
+            there = seen & within(own - shift[:, None], display.array.grid, NEAR)  # given to the lenslet
             low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)
@@ -201,11 +209,16 @@ def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
 
 def _inner(display: Display) -> Floats:
     """Return points all over a lenslet's inner cell, (N, 2) mm."""
-    side = (np.arange(ACROSS) + 0.5) / ACROSS
+    return _cell(display, INNER, ACROSS)
+
+
+def _cell(display: Display, share: float, across: int) -> Floats:
+    """Return points all over a lenslet's cell made smaller, (N, 2) mm."""
+    side = (np.arange(across) + 0.5) / across
     s, t = (one.ravel() for one in np.meshgrid(side, side))
     if display.array.grid == "hex":  # equal areas of the three rhombi
         s, t = (np.repeat(np.arange(3), len(s)) + np.tile(s, 3)) / 3.0, np.tile(t, 3)
-    return INNER * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
+    return share * np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
 
 
 def _traced(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.display import Display, Grid
 from lippmann.errors import InputError, input_error
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -25,8 +25,8 @@ MOST_ROTATION_DEG = 8.0
 MOST_STRETCH = 0.05
 #: Radius of the first region, in pitches, and the factor to the next.
 FIRST_RADIUS, GROWTH = 4.0, 1.5
-#: A point this far from a lattice point, in steps of the lattice, belongs to none.
-NEAR = 0.3
+#: A point outside the cell that is smaller by this factor, around a lattice point, belongs to none.
+NEAR = 0.6
 #: Least share of points that are near lattice points; of random points about a third are.
 LEAST_NEAR = 0.55
 #: Share at which no other start is tried.
@@ -45,6 +45,7 @@ class SeenLattice:
 
     origin: Floats
     basis: Floats
+    grid: Grid
 
     def steps(self, points_mm: Floats) -> Floats:
         """Return points (N, 2) in steps (i, j) of the lattice, not rounded."""
@@ -58,7 +59,16 @@ class SeenLattice:
         """Return the nearest lattice points (i, j) of points, (N, 2), and which points are near theirs, (N,)."""
         steps = self.steps(points_mm)
         index = np.round(steps)
-        return index.astype(np.int64), np.asarray((abs(steps - index) < NEAR).all(axis=1))
+        return index.astype(np.int64), within(steps - index, self.grid, NEAR)
+
+
+def within(steps: Floats, grid: Grid, share: float) -> npt.NDArray[np.bool_]:
+    """Tell which points (..., 2), in steps of the lattice from a lattice point, are in its cell made smaller."""
+    i, j = steps[..., 0], steps[..., 1]
+    if grid == "square":
+        return np.asarray(np.maximum(abs(i), abs(j)) < 0.5 * share)
+    # Along the lines to the six neighbours, as a cell's sides are.
+    return np.asarray(np.maximum(np.maximum(abs(i + 0.5 * j), abs(0.5 * i + j)), 0.5 * abs(i - j)) < 0.5 * share)
 
 
 def steps_of(display: Display) -> Floats:
@@ -79,7 +89,7 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
     for middle in _middles(points_mm):
-        found = _followed(points_mm, middle, nominal, pitch, growth)
+        found = _followed(points_mm, middle, nominal, display.array.grid, pitch, growth)
         if found is not None and (best is None or found[0] > best[0]):
             best = found
         if best is not None and best[0] > SURELY_NEAR:
@@ -110,7 +120,7 @@ def _middles(points_mm: Floats) -> list[Floats]:
 
 
 def _followed(
-    points_mm: Floats, middle: Floats, nominal: Floats, pitch: float, growth: float
+    points_mm: Floats, middle: Floats, nominal: Floats, grid: Grid, pitch: float, growth: float
 ) -> tuple[float, SeenLattice] | None:
     """Find the lattice around a middle and follow it outwards; return the share of points near it, and the lattice."""
     distance = np.hypot(*(points_mm - middle).T)
@@ -118,7 +128,7 @@ def _followed(
     if len(first) < FEWEST:
         return None
     basis, origin = _searched(_some(first)[:10_000], middle, nominal, growth)
-    found, radius, farthest = SeenLattice(origin, basis), FIRST_RADIUS, distance.max() / pitch
+    found, radius, farthest = SeenLattice(origin, basis, grid), FIRST_RADIUS, distance.max() / pitch
     while True:
         region = _some(points_mm[distance < radius * pitch])
         for _ in range(3):
@@ -164,7 +174,7 @@ def _fitted(points_mm: Floats, found: SeenLattice) -> SeenLattice | None:
     design = np.column_stack([np.ones(int(near.sum())), index[near] - middle])
     solved = np.linalg.lstsq(design, points_mm[near], rcond=None)[0]
     basis = solved[1:].T
-    return SeenLattice(solved[0] - basis @ middle, basis)
+    return SeenLattice(solved[0] - basis @ middle, basis, found.grid)
 
 
 def _check_reach(name: str, found: SeenLattice, nominal: Floats, growth: float) -> None:

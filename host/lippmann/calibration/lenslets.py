@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.calibration.decode import Decoded
-from lippmann.calibration.lattice import NEAR, SeenLattice
+from lippmann.calibration.lattice import NEAR, SeenLattice, within
 from lippmann.calibration.outline import fit_outline, grouped, regular
 from lippmann.display import Display
 from lippmann.errors import input_error
@@ -20,8 +20,8 @@ INNER = 0.7
 ROUNDS = 3
 #: Distance of a pixel from its lenslet's middle, in steps of the lattice, from which on it is wrong.
 FAR = 0.7
-#: Distance from the cell's middle, in steps of the lattice, up to which points move evenly.
-MIDDLE = 0.35
+#: Part of a cell in which points move evenly.
+MIDDLE = 0.7
 #: Pixels in the middle of a cell from which on their mean counts.
 FEW = 3
 #: Most readings that a position keeps: 30 for each of 100,000 lenslets.
@@ -102,12 +102,12 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
-        some = np.asarray((abs(across) < MIDDLE).all(axis=1) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1))
+        some = within(across, grid, MIDDLE) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
         off = panel_steps[some] - np.round(at[some])
         moves = np.linalg.lstsq(across[some], off - off.mean(axis=0), rcond=None)[0]
         own = _centred((panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves), at, some)
         index = np.round(own).astype(np.int64)
-        near = np.asarray((abs(own - index) < NEAR).all(axis=1))
+        near = within(own - index, grid, NEAR)
     home, local = outline.located(decoded.photo_px)
     # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent. Not
     # those far aside, which are wrong.

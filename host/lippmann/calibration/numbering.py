@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.bundle import SEAMS
+from lippmann.calibration.bundle import seam_powers
 from lippmann.calibration.camera import Lens, first_lens, first_pose
 from lippmann.calibration.landing import Landing, landing_of
 from lippmann.calibration.lattice import SeenLattice
 from lippmann.calibration.lenslets import Lenslets
-from lippmann.display import Display
+from lippmann.display import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 
 Floats = npt.NDArray[np.float64]
@@ -41,12 +41,11 @@ class Start:
     lens: Lens
     poses: list[tuple[Floats, Floats]]
 
-    @property
-    def numbers(self) -> Floats:
-        """The parameters in the order of `bundle.Problem`, without a bow."""
+    def numbers(self, grid: Grid) -> Floats:
+        """Return the parameters in the order of `bundle.Problem`, without a bow."""
         lens = [self.lens.focal_px, *self.lens.middle_px, *self.lens.distortion]
         poses = [one for turn, place in self.poses for one in (*turn, *place)]
-        return np.array([*self.array, self.gap_mm, *np.zeros(len(SEAMS)), *lens, *poses])
+        return np.array([*self.array, self.gap_mm, *np.zeros(len(seam_powers(grid))), *lens, *poses])
 
 
 def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:

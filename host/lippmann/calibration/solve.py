@@ -102,7 +102,7 @@ def solve_views(
     for number, start in enumerate(likely):
         progress("numbering", number, len(likely))
         problem = Problem(nominal, [landing] * len(views), start.views, shape).thinned(TRIAL)
-        x = first_fit(problem, start.numbers)
+        x = first_fit(problem, start.numbers(nominal.array.grid))
         trial = solve(problem, x, robust_only=True)
         tried.append((_cost(trial), start, trial.x))
     _, start, x = min(tried, key=lambda one: one[0])
@@ -166,7 +166,7 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
         distance = max(1.0, float(place[2]))
         landings.append(landing_of(built, landing.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
-        aside = whole.aside(solution.x, k, whole.outlines(solution.x, k)[1])
+        aside = whole.aside(solution.x, k, whole.rays(solution.x, k).middles)
         views.append(refined(view, built, slopes, aside, movement_of(built, turn, slopes, distance)))
     return replace(whole, landings=landings, views=views)
 

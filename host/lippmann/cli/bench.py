@@ -291,7 +291,7 @@ def calibration(
             "solids": one(range(first, first + solids), solids=True),
             "bowed": one(range(first, first + bowed), BOWED),
             "large": largest(folder, bench.scenes, first) if large else (),
-            "sweep": sweep(folder, range(first, first + swept)),
+            "sweep": sweep(folder, range(first, first + swept), jobs),
             "views": views(folder, bench.scenes, ("vga-square", "vga-hex"), first),
         }
         tables = {name: bench.collect(rows) for name, rows in measured.items()}

@@ -10,10 +10,8 @@ import math
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +26,7 @@ from lippmann.engines import trace_to_panel
 from lippmann.errors import LippmannError
 from lippmann.images import Radiance, psnr_db
 from lippmann.limits import proc_mb
+from lippmann.measure.processes import processes
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -321,7 +320,7 @@ def measure(
     if jobs == 1:
         yield from map(one, seeds)
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+    with processes(jobs) as pool:
         yield from pool.map(one, seeds)
 
 
@@ -357,7 +356,7 @@ def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     photographs = case.shoot(folder / case.name, seed)
     camera = case.cameras[0]
     size = {"megapixels": camera.width_px * camera.height_px / 1e6, "photographs": _count(photographs)}
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    with processes(1) as pool:
         yield {**pool.submit(_weighed, case, photographs).result(), **size}
     shutil.rmtree(folder / case.name)
 
@@ -366,37 +365,45 @@ def _weighed(case: Case, photographs: Path) -> dict[str, Any]:
     return {**solve_case(case, photographs), "peak_mb": proc_mb("self/status", "VmHWM")}
 
 
-def sweep(folder: Path, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
+def sweep(folder: Path, seeds: Sequence[int], jobs: int = 1) -> Iterator[dict[str, Any]]:
     """Solve random displays from more and fewer photographs, positions and with more noise; yield a row for each.
 
     `over` is what changes, `value` what it is, `photographs` their number; `eye_px` is how far (px, rms) the panel
-    points that an eye at the first camera sees are from those expected there.
+    points that an eye at the first camera sees are from those expected there. `jobs` processes share the solutions.
     """
-    for seed in seeds:
-        case = random_case(seed, positions=max(SWEPT["positions"]))
-        for over, values in SWEPT.items():
-            for value in values:
-                tried = {"positions": POSITIONS, "steps": STEPS, "noise": 1} | {over: value}
-                sensor = replace(
-                    case.sensor,
-                    full_well_e=case.sensor.full_well_e / tried["noise"] ** 2,
-                    read_noise_e=case.sensor.read_noise_e / tried["noise"],
-                )
-                one = replace(case, cameras=case.cameras[: tried["positions"]], sensor=sensor)
-                place = folder / f"{case.name}-{over}-{value}"
-                photographs = one.shoot(place, seed, steps=tried["steps"])
-                row = {"display": case.name, "over": over, "value": value, "photographs": _count(photographs)}
-                try:
-                    found = calibrate(photographs, case.nominal)
-                except LippmannError as error:
-                    yield {**row, "refused": str(error)}
-                else:
-                    x, y, z = found.cameras[0]["place_mm"]
-                    eye = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
-                    judged = judge(found.display, case.built)._asdict()
-                    yield {**row, **judged, "eye_px": float(np.sqrt((eye**2).mean()))}
-                finally:
-                    shutil.rmtree(place)
+    tried = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
+    with processes(jobs) as pool:
+        # What all three begin with is solved once.
+        found = {one: pool.submit(_swept, folder, *one) for one in dict.fromkeys(map(_settings, tried))}
+        for one in tried:
+            display, over, value = f"case-{one[0]}", *one[1:]
+            yield {"display": display, "over": over, "value": value, **found[_settings(one)].result()}
+
+
+def _settings(tried: tuple[int, str, int]) -> tuple[int, int, int, int]:
+    """Return the seed, the number of positions, the pictures for each direction, and the factor of the noise."""
+    seed, over, value = tried
+    chosen = {"positions": POSITIONS, "steps": STEPS, "noise": 1} | {over: value}
+    return seed, chosen["positions"], chosen["steps"], chosen["noise"]
+
+
+def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> dict[str, Any]:
+    case = random_case(seed, positions=max(SWEPT["positions"]))
+    sensor = replace(
+        case.sensor, full_well_e=case.sensor.full_well_e / noise**2, read_noise_e=case.sensor.read_noise_e / noise
+    )
+    place = folder / f"{case.name}-{positions}-{steps}-{noise}"
+    photographs = replace(case, cameras=case.cameras[:positions], sensor=sensor).shoot(place, seed, steps=steps)
+    row = {"photographs": _count(photographs)}
+    try:
+        found = calibrate(photographs, case.nominal)
+    except LippmannError as error:
+        return {**row, "refused": str(error)}
+    finally:
+        shutil.rmtree(place)
+    x, y, z = found.cameras[0]["place_mm"]
+    eye = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
+    return {**row, **judge(found.display, case.built)._asdict(), "eye_px": float(np.sqrt((eye**2).mean()))}
 
 
 def _count(photographs: Path) -> int:

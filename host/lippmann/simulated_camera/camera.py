@@ -19,8 +19,8 @@ from lippmann.errors import InputError
 from lippmann.optics.rays import Floats
 
 Point = tuple[float, float, float]
-#: Newton's steps that invert the distortion: more than enough where it can be inverted.
-NEWTON_STEPS = 12
+#: Most of Newton's steps that invert the distortion, and the slope below which the last one settles it.
+NEWTON_STEPS, SETTLED = 12, 1e-14
 #: Share of the picture's width or height that `framed` fills with the panel.
 FILL = 0.9
 #: Exponent of the cosine by which a simple lens darkens to the edge.
@@ -104,7 +104,10 @@ class Camera:
             square = r * r
             slope = 1.0 + square * (3.0 * self.k1 + 5.0 * self.k2 * square)
             slope = np.where(np.abs(slope) > 1e-3, slope, 1e-3)
-            r = r - (r * (1.0 + square * (self.k1 + self.k2 * square)) - shown) / slope
+            step = (r * (1.0 + square * (self.k1 + self.k2 * square)) - shown) / slope
+            r -= step
+            if np.abs(step).max(initial=0.0) < SETTLED:
+                break
         scale = np.divide(r, shown, out=np.ones_like(r), where=shown > 0.0)
         return x * scale, y * scale
 
