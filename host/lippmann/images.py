@@ -6,12 +6,13 @@ folder and renamed at the end.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,7 +137,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {known}")
     if path.suffix.lower() in SUFFIXES:
         # Raises now, not after the render, when the library is missing.
-        _openimageio()
+        openimageio()
     if path.is_dir():
         raise input_error(str(path), "is a folder", "give a file name")
     folder = path.parent
@@ -183,7 +184,7 @@ def write_picture(
 
     Raises InputError when the file cannot be written.
     """
-    oiio = _openimageio()
+    oiio = openimageio()
     path = check_output(path)
     suffix = path.suffix.lower()
     height, width = radiance.shape[:2]
@@ -276,7 +277,7 @@ def read_picture(
 
     Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
-    oiio = _openimageio()
+    oiio = openimageio()
     path = check_input(path)
     try:
         with silent_stderr():
@@ -289,6 +290,24 @@ def _read(
     oiio: Any, path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
 ) -> Picture:
     """Read a file that is there; the rest of `read_picture`."""
+    with opened(oiio, path, limit, accept) as (source, metadata):
+        spec = source.spec()
+        what = f"{spec.width} x {spec.height} pixels"
+        check_expanded(str(path), what, spec.width * spec.height * (spec.nchannels + 3) * 4, "take a smaller image")
+        pixels = source.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise broken(path, source)
+        values = three_colours(pixels)
+    for first in range(0, len(values), BAND_ROWS):
+        decode_rows(path, values[first : first + BAND_ROWS], metadata)
+    return Picture(values, metadata)
+
+
+@contextlib.contextmanager
+def opened(
+    oiio: Any, path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
+) -> Iterator[tuple[Any, dict[str, str]]]:
+    """Open an image file that is there; yield OpenImageIO's input and our metadata. See `read_picture`."""
     _check_texts(path)
     source = oiio.ImageInput.open(str(path))
     if source is None:
@@ -303,32 +322,38 @@ def _read(
             _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
             raise input_error(str(path), f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
-        what = f"{spec.width} x {spec.height} pixels"
-        check_expanded(str(path), what, spec.width * spec.height * (spec.nchannels + 3) * 4, "take a smaller image")
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)
-        pixels = source.read_image(oiio.FLOAT)
-        if pixels is None:
-            trouble = _first_line(source.geterror(), path)
-            raise input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
+        yield source, metadata
     finally:
         source.close()
-    values = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
+
+
+def broken(path: Path, source: Any) -> InputError:
+    """Return the error of a file whose rows OpenImageIO cannot read."""
+    trouble = _first_line(source.geterror(), path)
+    return input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
+
+
+def three_colours(pixels: npt.NDArray[Any]) -> Radiance:
+    """Return (height, width, 3) of values (height, width, 1 to 4)."""
+    values = np.asarray(pixels, np.float32)
     if values.shape[2] < 3:
         values = np.repeat(values[:, :, :1], 3, axis=2)
-    values = np.ascontiguousarray(values[:, :, :3])
+    return np.ascontiguousarray(values[:, :, :3])
+
+
+def decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
+    """Make a file's values linear, in place; refuse those that are not finite."""
+    if not np.isfinite(rows).all():
+        raise input_error(str(path), "contains pixels that are not finite", "render it again")
     # The transfer curve in a linear file's metadata is the panel's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
-    for first in range(0, spec.height, BAND_ROWS):
-        rows = values[first : first + BAND_ROWS]
-        if not np.isfinite(rows).all():
-            raise input_error(str(path), "contains pixels that are not finite", "render it again")
-        try:
-            rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-    return Picture(values, metadata)
+    try:
+        rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
@@ -371,7 +396,8 @@ def _metadata_of(spec: Any) -> dict[str, str]:
     return found
 
 
-def _openimageio() -> Any:
+def openimageio() -> Any:
+    """Return the library; MissingLibraryError without it."""
     try:
         with interrupts.held():  # an exception while its types load aborts the process
             import OpenImageIO

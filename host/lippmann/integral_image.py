@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from lippmann.display import Display, display_at
 from lippmann.errors import DeviceError, InputError, input_error
 from lippmann.fullscreen import show_window
 from lippmann.images import ENCODED_SUFFIXES, Radiance, encoded_values, png_bytes, read_picture, write_picture
+from lippmann.stored_rows import StoredRows
 from lippmann.tones import transfer_name, transfer_text
 
 
@@ -69,7 +71,7 @@ class IntegralImage(Showable):
     Attributes
     ----------
     radiance
-        (height, width, 3) float32 of the panel's pixels, linear.
+        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` of an image that was loaded `stored`.
     display
         The display that it was made for.
     metadata
@@ -114,7 +116,9 @@ class IntegralImage(Showable):
         write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
 
     @classmethod
-    def load(cls, path: str | Path, display: str | Path | Display, force: bool = False) -> IntegralImage:
+    def load(
+        cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
+    ) -> IntegralImage:
         """Read an image that was made for a display. Version 0.1 saved no bits, which are then not checked.
 
         Parameters
@@ -125,6 +129,8 @@ class IntegralImage(Showable):
             A display file, or what `load_display` returned.
         force
             Accept an image for another display, or one that names none.
+        stored
+            Leave the pixels in the file: `observe` reads the rows that it needs, and anything else all of them.
 
         Raises
         ------
@@ -138,7 +144,11 @@ class IntegralImage(Showable):
             if not force:
                 _check(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
 
-        picture = read_picture(path, (built.panel.width_px, built.panel.height_px), accept)
+        size = built.panel.width_px, built.panel.height_px
+        if stored:
+            rows = StoredRows(path, size, accept)
+            return cls(cast(Radiance, rows), built, rows.metadata)
+        picture = read_picture(path, size, accept)
         return cls(picture.radiance, built, picture.metadata)
 
 

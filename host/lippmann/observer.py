@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
-from lippmann.images import Radiance, write_picture
+from lippmann.images import Radiance, Rows, write_picture
 from lippmann.integral_image import Showable
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.pixel_rays import pixels_from_rays
@@ -92,7 +91,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 
 
 def observe(
-    radiance: npt.NDArray[Any],
+    radiance: Rows,
     display: Display,
     eye: Eye,
     window: Window,
@@ -103,8 +102,9 @@ def observe(
 ) -> View:
     """Return what an eye sees of a display, perhaps a misaligned one, whose panel shows `radiance`.
 
-    `radiance` is (height, width, 3), linear. The view covers the window, with `samples` rays for each of its pixels.
-    Without `crosstalk`, rays that land in a neighbour's cell see black.
+    `radiance` is (height, width, 3), linear; of one on disk (`StoredRows`), only the rows that a part of the view sees
+    are in memory. The view covers the window, with `samples` rays for each of its pixels. Without `crosstalk`, rays
+    that land in a neighbour's cell see black.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def observe(
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
     b = DrJitBackend(current_device())
     system, layout = System.of(display), layout_of(panel.subpixels)
-    light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
+    whole = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel()) if isinstance(radiance, np.ndarray) else None
     total = window.width_px * window.height_px
     out = np.empty((total, 3), np.float32)
     counts = np.zeros(len(Status), np.int64)
@@ -141,8 +141,11 @@ def observe(
         )
         column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
         row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-        place = (row * panel.width_px + column) * 3
-        colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
+        if whole is None:
+            dr.eval(seen, column, row, hits.u, hits.v, hits.status)
+        lit, top = (whole, 0) if whole is not None else _seen_rows(radiance, seen, row)
+        place = ((row - top) * panel.width_px + column) * 3
+        colour = [dr.gather(mi.Float, lit, place + k, seen) for k in range(3)]
         if panel.black:
             colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
         if layout is not None:
@@ -166,6 +169,17 @@ def observe(
         counts += np.bincount(np.asarray(status), minlength=len(Status))
     share = {status.name.lower(): float(counts[status]) / (total * samples) for status in Status}
     return View(out.reshape(window.height_px, window.width_px, 3), share)
+
+
+def _seen_rows(radiance: Rows, seen: Any, row: Any) -> tuple[Any, Any]:
+    """Return the light of the rows that some rays see, and the first of them."""
+    mi = mitsuba()
+    import drjit as dr
+
+    last_row = radiance.shape[0] - 1
+    first = int(dr.min(dr.select(seen, row, last_row))[0])
+    last = int(dr.max(dr.select(seen, row, first))[0])
+    return mi.Float(radiance[first : last + 1].ravel()), dr.opaque(mi.UInt32, first)
 
 
 def eye_rays(

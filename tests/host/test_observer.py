@@ -7,9 +7,11 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.errors import InputError
+from lippmann.integral_image import IntegralImage
 from lippmann.observer import Eye, View, observe, whole_window
 from lippmann.optics.rays import MODELS
 from lippmann.rendering.sources import Window
+from lippmann.stored_rows import StoredRows
 from optics_cases import GRIDS, KEYS, SIDES, kinds, random_display
 from scene_cases import centres, focused_display, generator
 
@@ -314,3 +316,36 @@ def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
     pieces = see(mi, noise, display, eye, seed=3)
     np.testing.assert_array_equal(pieces.radiance, first.radiance)
     assert pieces.status_share == first.status_share
+
+
+@pytest.mark.usefixtures("four_threads")
+@pytest.mark.parametrize("suffix", ["exr", "png", "tif"])
+@pytest.mark.parametrize("eye", [Eye((20.0, 13.0, 600.0)), Eye((-30.0, 5.0, 200.0), 4.0, 10.0)])
+def test_an_image_on_disk_is_seen_alike_by_parts(mi, monkeypatch, tmp_path, suffix, eye):
+    display = display_for(grid="hex")
+    noise = generator(SEED, "stored").random((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    path = tmp_path / f"noise.{suffix}"
+    IntegralImage(noise, display).save(path)
+    read = IntegralImage.load(path, display)
+    rows: list[int] = []
+    get = StoredRows.__getitem__
+    monkeypatch.setattr(StoredRows, "__getitem__", lambda self, at: rows.append(at.stop - at.start) or get(self, at))
+    stored = IntegralImage.load(path, display, stored=True)
+    assert not rows
+    np.testing.assert_array_equal(np.asarray(stored.radiance), read.radiance)
+    rows.clear()
+    wanted = see(mi, read.radiance, display, eye, seed=3)
+    monkeypatch.setattr("lippmann.observer.CHUNK_RAYS", 16 * 37)
+    found = see(mi, stored.radiance, display, eye, seed=3)
+    np.testing.assert_array_equal(found.radiance, wanted.radiance)
+    assert found.status_share == wanted.status_share
+    # 37 of 19 x 11 lenslets: three rows of them, and what a wide pupil adds.
+    assert max(rows) <= 5 * UNDER < display.panel.height_px
+
+
+def test_a_stored_image_that_is_cut_is_told(mi, tmp_path):
+    display, path = display_for(), tmp_path / "cut.exr"
+    IntegralImage(painted(display), display).save(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"cut\.exr"):
+        see(mi, IntegralImage.load(path, display, stored=True).radiance, display)

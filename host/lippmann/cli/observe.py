@@ -24,6 +24,8 @@ from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memor
 
 MAX_VIEW_PX = 16384
 SWEEP_FRAMES = 21
+#: Pixels of a panel beyond which the image stays in its file, and each part of a view reads the rows that it sees.
+STORED_PX = 1 << 26
 
 
 @make_command("observe")
@@ -68,15 +70,19 @@ def command(
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
     built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
+    stored = panel.width_px * panel.height_px > STORED_PX
     # The panel's light on the host and on the device, and each view as numbers and as a frame.
-    values = 2 * panel.width_px * panel.height_px + 2 * len(eyes) * window.width_px * window.height_px
+    values = (
+        2 * (STORED_PX if stored else panel.width_px * panel.height_px)
+        + 2 * len(eyes) * window.width_px * window.height_px
+    )
     check_memory_mb(
         BASE_MEMORY_MB + 3 * 4 * values / 1e6,
         None,
         f"{len(eyes)} views of {window.width_px} x {window.height_px} pixels",
         "give a smaller --width or fewer --frames",
     )
-    image = IntegralImage.load(image_path, display, force)
+    image = IntegralImage.load(image_path, display, force, stored)
     with progress_bar("observe") as progress:
         views = [
             api.observe(
