@@ -232,10 +232,7 @@ def _some(view: Lenslets, at: npt.NDArray[np.int64]) -> Lenslets:
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, their covariance, the scatter of points in each view (panel, photograph; pixels), and what was kept.
-
-    `prior_share` is the share of each parameter's information that its prior gave, 0 to 1.
-    """
+    """Parameters, covariance, scatter of points in each view (panel, photograph; pixels), and what was kept."""
 
     problem: Problem
     x: Floats
