@@ -32,6 +32,8 @@ from lippmann.viewing import FARTHEST_EYE_MM
 
 #: Rays traced at once.
 CHUNK_RAYS = 1 << 21
+#: Bytes of the rows of an image on disk that are read at once.
+STORED_BYTES = 1 << 27
 
 
 @dataclass(frozen=True)
@@ -143,9 +145,10 @@ def observe(
         row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
         if whole is None:
             dr.eval(seen, column, row, hits.u, hits.v, hits.status)
-        lit, top = (whole, 0) if whole is not None else _seen_rows(radiance, seen, row)
-        place = ((row - top) * panel.width_px + column) * 3
-        colour = [dr.gather(mi.Float, lit, place + k, seen) for k in range(3)]
+            colour = _stored_light(radiance, seen, column, row)
+        else:
+            place = (row * panel.width_px + column) * 3
+            colour = [dr.gather(mi.Float, whole, place + k, seen) for k in range(3)]
         if panel.black:
             colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
         if layout is not None:
@@ -159,6 +162,10 @@ def observe(
         return mean, hits.status
 
     chunk = max(1, CHUNK_RAYS // samples)
+    if whole is None:
+        # The rows that a row of the view sees, but for a lenslet's.
+        row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
+        chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
     for start in range(0, total, chunk):
         interrupts.check()
         count = min(chunk, total - start)
@@ -171,15 +178,23 @@ def observe(
     return View(out.reshape(window.height_px, window.width_px, 3), share)
 
 
-def _seen_rows(radiance: Rows, seen: Any, row: Any) -> tuple[Any, Any]:
-    """Return the light of the rows that some rays see, and the first of them."""
+def _stored_light(radiance: Rows, seen: Any, column: Any, row: Any) -> list[Any]:
+    """Return the light of an image on disk where some rays see it; only the parts with such rays are read."""
     mi = mitsuba()
     import drjit as dr
 
-    last_row = radiance.shape[0] - 1
-    first = int(dr.min(dr.select(seen, row, last_row))[0])
-    last = int(dr.max(dr.select(seen, row, first))[0])
-    return mi.Float(radiance[first : last + 1].ravel()), dr.opaque(mi.UInt32, first)
+    _, width, _ = radiance.shape
+    rows = max(1, STORED_BYTES // (12 * width))
+    part = row // rows
+    colour: list[Any] = [mi.Float(0.0)] * 3
+    for number in np.unique(np.asarray(part)[np.asarray(seen)]):
+        first = int(number) * rows
+        light = mi.Float(radiance[first : first + rows].ravel())
+        place = ((row - dr.opaque(mi.UInt32, first)) * width + column) * 3
+        here = seen & (part == dr.opaque(mi.UInt32, int(number)))
+        colour = [c + dr.gather(mi.Float, light, place + k, here) for k, c in enumerate(colour)]
+        dr.eval(colour)
+    return colour
 
 
 def eye_rays(
