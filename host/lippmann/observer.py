@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
-from lippmann.images import Radiance, Rows, write_picture
+from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import Showable
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.pixel_rays import pixels_from_rays
@@ -26,6 +27,7 @@ from lippmann.optics.rays import Model, Status
 from lippmann.optics.sampling import points_in_square
 from lippmann.optics.system import System
 from lippmann.rendering.sources import Window
+from lippmann.stored_rows import StoredRows
 from lippmann.subpixels import layout_of
 from lippmann.variant import current_device, mitsuba
 from lippmann.viewing import FARTHEST_EYE_MM
@@ -93,7 +95,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 
 
 def observe(
-    radiance: Rows,
+    radiance: npt.NDArray[Any] | StoredRows,
     display: Display,
     eye: Eye,
     window: Window,
@@ -127,7 +129,8 @@ def observe(
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
     b = DrJitBackend(current_device())
     system, layout = System.of(display), layout_of(panel.subpixels)
-    whole = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel()) if isinstance(radiance, np.ndarray) else None
+    stored = isinstance(radiance, StoredRows)
+    light = mi.Float(0.0) if stored else mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
     total = window.width_px * window.height_px
     out = np.empty((total, 3), np.float32)
     counts = np.zeros(len(Status), np.int64)
@@ -143,12 +146,12 @@ def observe(
         )
         column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
         row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-        if whole is None:
+        if isinstance(radiance, StoredRows):
             dr.eval(seen, column, row, hits.u, hits.v, hits.status)
             colour = _stored_light(radiance, seen, column, row)
         else:
             place = (row * panel.width_px + column) * 3
-            colour = [dr.gather(mi.Float, whole, place + k, seen) for k in range(3)]
+            colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
         if panel.black:
             colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
         if layout is not None:
@@ -162,7 +165,7 @@ def observe(
         return mean, hits.status
 
     chunk = max(1, CHUNK_RAYS // samples)
-    if whole is None:
+    if stored:
         # The rows that a row of the view sees, but for a lenslet's.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
@@ -178,7 +181,7 @@ def observe(
     return View(out.reshape(window.height_px, window.width_px, 3), share)
 
 
-def _stored_light(radiance: Rows, seen: Any, column: Any, row: Any) -> list[Any]:
+def _stored_light(radiance: StoredRows, seen: Any, column: Any, row: Any) -> list[Any]:
     """Return the light of an image on disk where some rays see it; only the parts with such rays are read."""
     mi = mitsuba()
     import drjit as dr

@@ -19,7 +19,7 @@ from lippmann.stderr import silent_stderr
 class StoredRows:
     """Linear radiance (height, width, 3) float32 that stays in its file: only the rows that are asked for are read.
 
-    `numpy.asarray` reads it whole.
+    It is indexed like an array, by rows first. What it returns cannot be written; `numpy.asarray` reads it whole.
     """
 
     dtype = np.dtype(np.float32)
@@ -43,9 +43,17 @@ class StoredRows:
         except UnicodeDecodeError:  # OpenImageIO quotes a broken header
             raise input_error(str(self._path), "is broken", "render it again") from None
 
-    def __getitem__(self, rows: slice, /) -> Radiance:
-        """Return some rows; those of the last call are not read again, so that reading goes forwards."""
+    def __getitem__(self, index: Any, /) -> Radiance:
+        """Return a part; a range of rows is all that is read of the file."""
+        rows, *rest = index if isinstance(index, tuple) else (index,)
+        if not isinstance(rows, slice) or rows.step not in (None, 1):
+            return np.asarray(np.asarray(self)[index], np.float32)
         first, last, _ = rows.indices(self.shape[0])
+        found = self._read(first, max(first, last))
+        return np.asarray(found[(slice(None), *rest)], np.float32) if rest else found
+
+    def _read(self, first: int, last: int) -> Radiance:
+        """Return rows; those of the last call are not read again, so that reading goes forwards."""
         kept = self._rows[max(0, first - self._first) :] if first >= self._first else self._rows[:0]
         start = first + len(kept)
         parts = [kept[: last - first]]
@@ -61,10 +69,13 @@ class StoredRows:
                 decode_rows(self._path, values, self.metadata)
                 parts.append(values)
         self._first, self._rows = first, np.concatenate(parts)
+        self._rows.setflags(write=False)
         return self._rows
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
         """Return all rows."""
         height, width, _ = self.shape
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
-        return np.asarray(self[0:height], dtype)
+        whole = self._read(0, height)
+        self._rows = whole[:0]  # the caller's memory now, and not this object's too
+        return np.array(whole, dtype, copy=bool(copy))

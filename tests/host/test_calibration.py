@@ -15,8 +15,9 @@ from lippmann.calibration.bundle import WITHIN, Problem, jacobian, seam_powers
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.intervals import Moved, blur_of, interval, movement_of, read
 from lippmann.calibration.landing import inner_rays, landing_of, movement
-from lippmann.calibration.lattice import find_lattice, steps_of
+from lippmann.calibration.lattice import find_lattice, steps_of, within
 from lippmann.calibration.lenslets import Lenslets, Readings
+from lippmann.calibration.outline import regular
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.radius import radius_of
 from lippmann.calibration.result import load_calibration
@@ -27,6 +28,8 @@ from lippmann.cli import run
 from lippmann.display import display_text, load_display
 from lippmann.errors import InputError
 from lippmann.measure.calibration import eye_difference, judge, random_case
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
 from lippmann.report.calibration import digits
 
 SEED = 2
@@ -157,12 +160,24 @@ def test_the_blur_of_readings_is_found_and_makes_points_finer(cell, pupil):
     assert abs(np.median(without)) > 4.0 * abs(np.median(error))
 
 
+@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize("share", [1.0, 0.6])
+def test_points_within_a_cell_are_those_of_its_lenslet(grid, share):
+    """Of a cell made smaller: the points whose images in the whole cell the lenslets' own search finds in it."""
+    lattice, axes = Lattice(grid, 1.0), regular(grid, np.eye(2))
+    steps = np.random.default_rng(18).uniform(-1.0, 1.0, (4000, 2))
+    i, j, *_ = lattice.locate(NumpyBackend(), *(steps @ axes / share).T)
+    inside = (i == 0.0) & (j == 0.0)
+    assert 0.05 < inside.mean() < 0.5
+    np.testing.assert_array_equal(within(steps, grid, share), inside)
+
+
 @pytest.mark.parametrize("seed", [10, 11, 12, 13, 23])
 def test_where_a_camera_looks_is_a_sum_of_powers_of_its_slope(seed):
     """Against exact rays at slopes that were not fitted, of steep lenslets on both grids, either side to the panel."""
     display = random_case(seed).built
-    distance, turn = 4.0 * display.panel.width_mm, np.random.default_rng(seed)
-    way, steep = turn.uniform(0.0, 2.0 * math.pi, 40), 0.35 * np.sqrt(turn.uniform(0.0, 1.0, 40))
+    distance, rng = 4.0 * display.panel.width_mm, np.random.default_rng(seed)
+    way, steep = rng.uniform(0.0, 2.0 * math.pi, 40), 0.35 * np.sqrt(rng.uniform(0.0, 1.0, 40))
     slopes = np.stack([steep * np.cos(way), steep * np.sin(way)], axis=1)
     _, at, seen = inner_rays(display, slopes, distance)
     exact = (at * seen[..., None]).sum(axis=1) / seen.sum(axis=1)[:, None]

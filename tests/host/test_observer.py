@@ -343,6 +343,35 @@ def test_an_image_on_disk_is_seen_alike_by_parts(mi, monkeypatch, tmp_path, suff
     assert max(rows) <= 2 * UNDER < display.panel.height_px
 
 
+def test_an_image_on_disk_is_indexed_and_shown_like_an_array(mi, tmp_path):
+    display, path = display_for(), tmp_path / "noise.exr"
+    noise = generator(SEED, "indexed").random((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    IntegralImage(noise, display).save(path)
+    read, stored = IntegralImage.load(path, display), IntegralImage.load(path, display, stored=True)
+    parts = (
+        np.s_[40:70],
+        np.s_[30:60],
+        np.s_[-5:],
+        np.s_[60:60],
+        np.s_[9:99, 3:70, 1],
+        np.s_[::2],
+        np.s_[7],
+        np.s_[3, 4],
+    )
+    for part in (*parts, *reversed(parts)):
+        found = stored.radiance[part]
+        np.testing.assert_array_equal(found, read.radiance[part])
+        assert found.dtype == np.float32
+    with pytest.raises(ValueError, match="read-only"):
+        stored.radiance[0:3][0] = 0.0
+    again = tmp_path / "again.exr"
+    stored.save(again)
+    np.testing.assert_array_equal(IntegralImage.load(again, display).radiance, read.radiance)
+    assert stored._repr_png_() == read._repr_png_()
+    pages = [lippmann.view(image, tmp_path / f"{k}.html").read_bytes() for k, image in enumerate((stored, read))]
+    assert pages[0] == pages[1]
+
+
 def test_a_stored_image_that_is_cut_is_told(mi, tmp_path):
     display, path = display_for(), tmp_path / "cut.exr"
     IntegralImage(painted(display), display).save(path)

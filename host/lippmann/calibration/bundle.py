@@ -26,7 +26,7 @@ from lippmann import interrupts
 from lippmann.calibration.camera import projected
 from lippmann.calibration.landing import FOLDS, Landing, powers
 from lippmann.calibration.lenslets import Lenslets, regular_places
-from lippmann.calibration.smooth import Smooth
+from lippmann.calibration.smooth import Smooth, spread_out
 from lippmann.display import Display, Grid
 
 Floats = npt.NDArray[np.float64]
@@ -78,12 +78,11 @@ def seam_powers(grid: Grid) -> list[tuple[int, int]]:
 
 
 class Rays(NamedTuple):
-    """Of N lenslets that a position sees: slopes (N, 2), middles of outlines (N, 3) and panel points (N, 2), mm.
+    """Of N lenslets that a position sees: the middles of outlines (N, 3) and the panel points (N, 2), mm.
 
     `bends` (N, 2, M) is what each number of the seams moves a middle by, in pitches.
     """
 
-    slope: Floats
     middles: Floats
     points: Floats
     bends: Floats
@@ -164,7 +163,7 @@ class Problem:
         slope = (place[:2] - centres) / np.reshape(place[2] - z, (-1, 1))
         outline, point, bends = landing.traced(slope, x[6] + high, seam_powers(self.display.array.grid))
         middles = np.column_stack([centres + outline, np.broadcast_to(z, len(centres))])
-        return Rays(slope, middles, centres + point, bends)
+        return Rays(middles, centres + point, bends)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
         """Return how far the places that were read are from the outlines' middles (N, 3), in cells of pitch 1."""
@@ -310,7 +309,10 @@ def _minimised(
     robust: bool,
     free: npt.NDArray[np.bool_] | None = None,
 ) -> Floats:
-    """Return the parameters of least squares; `robust` weighs a large residual by its size, not by its square."""
+    """Return the parameters of least squares; `robust` weighs a large residual by its size, not by its square.
+
+    Otherwise smooth errors are in the weights. Robust weights are those of single lenslets.
+    """
     chosen = np.arange(len(x)) if free is None else np.flatnonzero(free)
     smooth = [] if robust else [_smooth(problem, scatter, kept, k) for k in range(len(problem.views))]
 
@@ -323,17 +325,16 @@ def _minimised(
         interrupts.check()
         at = whole(part)
         parts = [_weighted(problem, at, scatter, kept, k) for k in range(len(problem.views))]
-        if not robust:
-            parts = [smooth[k].whitened(part.reshape(-1, 4)).ravel() for k, part in enumerate(parts)]
+        if smooth:
+            parts = [one.whitened(part.reshape(-1, 4)).ravel() for one, part in zip(smooth, parts, strict=True)]
         return np.concatenate([*parts, problem.priors(at)])
 
     def slopes(part: Floats) -> Floats:
         matrix = jacobian(problem, whole(part), scatter, kept)[:, chosen]
-        if not robust:
-            row = 0
-            for one in smooth:
-                rows = slice(row, row := row + 4 * len(one.modes))
-                matrix[rows] = one.whitened(matrix[rows].reshape(-1, 4, len(chosen))).reshape(-1, len(chosen))
+        row = 0
+        for one in smooth:
+            rows = slice(row, row := row + 4 * len(one.modes))
+            matrix[rows] = one.whitened_rows(matrix[rows])
         return matrix
 
     found = least_squares(
@@ -400,12 +401,11 @@ def _judged(
             squares[2] + len(plain),
         ]
         smooth = _smooth(problem, scatter, kept, k)
-        part = smooth.whitened(matrix[rows].reshape(-1, 4, len(x)))
-        matrix[rows] = part.reshape(-1, len(x))
+        matrix[rows] = smooth.whitened_rows(matrix[rows])
+        part = matrix[rows].reshape(-1, 4, len(x))
         scores = (part * smooth.whitened(residual)[..., None]).sum(axis=1)
-        places = problem.places[k][kept[k]]
-        low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
-        block = np.minimum((BLOCKS * (places - low) / size).astype(int), BLOCKS - 1) @ [BLOCKS, 1]
+        places = spread_out(problem.places[k][kept[k]])
+        block = np.minimum((BLOCKS * places).astype(int), BLOCKS - 1) @ [BLOCKS, 1]
         for one in np.unique(block):
             score = scores[block == one].sum(axis=0)
             meat += np.outer(score, score)

@@ -36,8 +36,7 @@ class Smooth:
     @classmethod
     def of(cls, places: Floats, shares: Floats) -> Smooth:
         """Return those of lenslets at places (N, 2) on the array, with a share for each column."""
-        low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
-        u, v = (2.0 * (places - low) / size - 1.0).T
+        u, v = (2.0 * spread_out(places) - 1.0).T
         modes = np.stack([np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
         basis, values, _ = np.linalg.svd(modes, full_matrices=False)
         return cls(modes, shares, basis, 1.0 - 1.0 / np.sqrt(1.0 + np.outer(shares, values) ** 2))
@@ -47,3 +46,13 @@ class Smooth:
         flat = values.reshape(len(values), 4, -1)
         part = np.einsum("nk,ncm->kcm", self.basis, flat) * self.lost.T[..., None]
         return np.asarray((flat - np.einsum("nk,kcm->ncm", self.basis, part)).reshape(values.shape))
+
+    def whitened_rows(self, rows: Floats) -> Floats:
+        """Return W times the rows (4 N, M) of a matrix of derivatives, four for each lenslet."""
+        return self.whitened(rows.reshape(-1, 4, rows.shape[1])).reshape(rows.shape)
+
+
+def spread_out(places: Floats) -> Floats:
+    """Return places (N, 2) from 0 to 1 across all of them."""
+    low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
+    return np.asarray((places - low) / size)

@@ -2,9 +2,9 @@
 
 The lattices of this module lie on the scene's surfaces; the lenslets' is `lippmann.optics.lattice`. Thousands of
 lenslets look at the same square millimetre of a scene. A triangle has a lattice of points along its sides, a sphere one
-of the octahedron that is folded about it. Between three points the light is interpolated linearly; where a lamp lights
-some of the three and not all, a shadow's edge may pass, and the lattice tells nothing. So what it tells is wrong only
-for shadows, and lit gaps, that pass between its points.
+of the octahedron that is folded about it. Between three points the light is interpolated linearly. Where a lamp lights
+some of the three but not all, a shadow's edge may lie between them, and a ray to the lamp decides. So the light is
+wrong only in shadows, and in lit gaps, that are narrower than the points are apart.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -132,5 +133,5 @@ def panel_light(path: Path, panel: Panel) -> Light:
 def _save(path: Path, values: npt.NDArray[np.unsignedinteger[Any]]) -> Path:
     with replacing(path) as partial:
         # Noise has no runs to be found: Huffman's code alone is as small, and quicker.
-        Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=2)
+        Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return path
