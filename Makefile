@@ -121,6 +121,9 @@ report-depth: $(READY) ## depths and views of the founding paper's set-ups, into
 report-layers: $(READY) ## drawn layers and the streamed frame against the full render, into docs/reports
 	$(BIN)/lippmann bench layers --report docs/reports > /dev/null
 
+report-shading: $(READY) ## time against error of light that rays share, into docs/reports
+	$(BIN)/lippmann bench shading --report docs/reports > /dev/null
+
 report-content: $(READY) ## the gallery of other tools' content, and its views against the scene, into docs/reports
 	$(BIN)/lippmann bench content --report docs/reports > /dev/null
 

@@ -22,7 +22,7 @@ class StoredRows:
     It is indexed like an array, by rows first. What it returns cannot be written; `numpy.asarray` reads it whole.
     """
 
-    dtype = np.dtype(np.float32)
+    dtype, ndim = np.dtype(np.float32), 3
 
     def __init__(
         self, path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None] | None = None
@@ -34,6 +34,7 @@ class StoredRows:
             self._open = contextlib.ExitStack()
             self._source, self.metadata = self._open.enter_context(opened(self._oiio, self._path, limit, accept))
         self.shape = (limit[1], limit[0], 3)
+        self.size = 3 * limit[0] * limit[1]
 
     @contextlib.contextmanager
     def _quiet(self) -> Iterator[None]:
@@ -43,9 +44,15 @@ class StoredRows:
         except UnicodeDecodeError:  # OpenImageIO quotes a broken header
             raise input_error(str(self._path), "is broken", "render it again") from None
 
+    def __len__(self) -> int:
+        return self.shape[0]
+
     def __getitem__(self, index: Any, /) -> Radiance:
-        """Return a part; a range of rows is all that is read of the file."""
+        """Return a part; a row, or a range of rows, is all that is read of the file."""
         rows, *rest = index if isinstance(index, tuple) else (index,)
+        if isinstance(rows, int | np.integer):
+            row = range(self.shape[0])[rows]  # or IndexError
+            return np.asarray(self._read(row, row + 1)[(0, *rest)], np.float32)
         if not isinstance(rows, slice) or rows.step not in (None, 1):
             return np.asarray(np.asarray(self)[index], np.float32)
         first, last, _ = rows.indices(self.shape[0])
@@ -78,4 +85,4 @@ class StoredRows:
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
         whole = self._read(0, height)
         self._rows = whole[:0]  # the caller's memory now, and not this object's too
-        return np.array(whole, dtype, copy=bool(copy))
+        return np.asarray(whole, dtype) if copy is None else np.array(whole, dtype, copy=copy)

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import shutil
 from statistics import NormalDist
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from lippmann.calibration import check
+from lippmann.calibration import solve as solver
 from lippmann.calibration.bundle import WITHIN, Problem, jacobian, seam_powers
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.intervals import Moved, blur_of, interval, movement_of, read
@@ -98,7 +100,7 @@ def test_a_lattice_is_found_among_wrong_points(request, grid):
     off = np.linalg.solve(steps, found.origin - origin)
     np.testing.assert_allclose(off, np.round(off), atol=0.02)
     far = display.misaligned(rotation_deg=-9.0, pitch_scale=1.08)
-    with pytest.raises(InputError, match=r"position-1: .* may be off by 8 degrees, 5 % of pitch"):
+    with pytest.raises(InputError, match=r"position-1: .* off by 5 degrees, pitch by 1 % and gap by 20 %"):
         find_lattice("position-1", points, far)
 
 
@@ -599,25 +601,47 @@ def test_a_number_has_the_digits_that_its_uncertainty_has(number, half, text):
     assert digits(number, half) == text
 
 
-def zoomed(picture, share=0.7):
-    """The picture of a lens of a shorter focal length."""
-    small = cv2.resize(picture, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-    down, across = (a - b for a, b in zip(picture.shape[:2], small.shape[:2], strict=True))
-    sides = down // 2, down - down // 2, across // 2, across - across // 2
-    return cv2.copyMakeBorder(small, *sides, cv2.BORDER_CONSTANT, value=float(picture[:4, :4].mean()))
+def magnified(picture, share):
+    """The picture of a lens of another focal length, of the same size."""
+    height, width = picture.shape[:2]
+    middle = [(1.0 - share) * (side - 1) / 2.0 for side in (width, height)]
+    turn = np.array([[share, 0.0, middle[0]], [0.0, share, middle[1]]])
+    return cv2.warpAffine(picture, turn, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
-def test_photographs_that_contradict_each_other_are_told(case, photos, tmp_path, capfd):
-    """A zoom between the places, which one lens for all cannot explain: exit code 4, and no file."""
-    shutil.copytree(photos, tmp_path / "photos")
-    for path in (tmp_path / "photos" / "position-1").glob("*.png"):
-        changed(path, zoomed)
-    (tmp_path / "d.toml").write_text(display_text(case.nominal))
-    out = tmp_path / "out.toml"
-    words = ["calibrate", "solve", str(tmp_path / "photos"), "--display", str(tmp_path / "d.toml"), "-o", str(out)]
-    assert run(words) == 4
-    assert "the photographs do not fit a display like" in capfd.readouterr().err
+def refused_solve(photos, nominal, folder, capfd):
+    """What `solve` says that ends with exit code 4 and writes nothing."""
+    (folder / "d.toml").write_text(display_text(nominal))
+    out = folder / "out.toml"
+    assert run(["calibrate", "solve", str(photos), "--display", str(folder / "d.toml"), "-o", str(out)]) == 4
     assert not out.exists()
+    return capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("position", "share", "percents", "which"),
+    [
+        (3, 1.02, r"(1\.9|2\.0|2\.1) % more", "position-1"),
+        pytest.param(1, 0.98, r"(1\.9|2\.0|2\.1) % less", "the other positions", marks=pytest.mark.full),
+        pytest.param(1, 0.7, r"[34]\d\.\d % less", "the other positions", marks=pytest.mark.full),
+    ],
+)
+def test_a_zoom_between_positions_is_told(case, photos, tmp_path, capfd, position, share, percents, which):
+    """Pitch and gap would take up a small zoom, each by more than its interval."""
+    shutil.copytree(photos, tmp_path / "photos")
+    for path in (tmp_path / "photos" / f"position-{position}").glob("*.png"):
+        changed(path, lambda picture: magnified(picture, share))
+    said = refused_solve(tmp_path / "photos", case.nominal, tmp_path, capfd)
+    assert re.search(f"position-{position}: the lens magnifies {percents} than in {which}; fix zoom", said)
+
+
+@pytest.mark.full
+def test_panel_points_that_scatter_are_told(case, photos, tmp_path, monkeypatch, capfd):
+    """Those of any photographs do, by a limit below what the camera's noise allows."""
+    monkeypatch.setattr(solver, "MOST_SCATTER_PX", 1e-4)
+    monkeypatch.setattr(solver, "MOST_SCATTER", 1e-6)
+    said = refused_solve(photos, case.nominal, tmp_path, capfd)
+    assert "the photographs do not fit a display like" in said
 
 
 def test_a_simulated_camera_photographs_the_display_as_built(case, tmp_path, capfd):

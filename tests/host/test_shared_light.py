@@ -52,6 +52,7 @@ def eager(monkeypatch):
     """Let auto share light in small pictures, of few lamps."""
     monkeypatch.setattr(renderers, "RAYS_A_POINT", 0.1)
     monkeypatch.setattr(renderers, "LEAST_LAMPS", 1)
+    monkeypatch.setattr(renderers, "LEAST_RAYS", 1)
 
 
 def both_ways(scene, display, settings=SETTINGS):

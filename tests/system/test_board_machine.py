@@ -46,6 +46,10 @@ from lippmann.sim import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 STEPS_A_RUN = 25
+#: Patience on a good line, and on one with faults, where a step may fail, s.
+PATIENCE_S, FAULTS_S = 5.0, 0.5
+#: A small panel with short pauses, whose frames take little time to simulate; tiles at its edges are cut.
+SIZE, PAUSES = (72, 48), (8, 8, 16, 2, 2, 4, 1, 0)
 LOOK, LENS = BOARD_REGISTERS["display"].address, BOARD_REGISTERS["lens"].address
 
 by_byte, by_packet = st.floats(1e-5, 2e-3), st.floats(0.01, 0.3)
@@ -100,8 +104,10 @@ class BoardMachine(RuleBasedStateMachine):
         self.allowed.add(self.picture())
         if faults != NO_FAULTS:
             self.line.down = self.line.up = faults
+            self.board.patience_s = FAULTS_S
             with contextlib.suppress(DeviceError):
                 action()
+            self.board.patience_s = PATIENCE_S
             self.line.restore()
             self.board.hello()
         action()
@@ -120,7 +126,7 @@ class BoardMachine(RuleBasedStateMachine):
             path.unlink()
 
     def open(self):
-        self.board = Board.open(self.line.url, patience_s=5.0)
+        self.board = Board.open(self.line.url, patience_s=PATIENCE_S)
         self.scene = SceneBoard(self.board)
 
     def set_up(self):
@@ -295,11 +301,12 @@ class BoardMachine(RuleBasedStateMachine):
 @pytest.mark.parametrize(
     "steps", [50, pytest.param(int(os.environ.get("LIPPMANN_STEPS", "1000")), id="long", marks=pytest.mark.full)]
 )
-def test_any_order_of_commands(tmp_path, steps):
+def test_any_order_of_commands(tmp_path, monkeypatch, steps):
     print(f"seed {SEED}")
     folder = tmp_path / "frames"
     folder.mkdir()
-    display = display_of("square")
+    monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, SIZE, PAUSES)
+    display = display_of("square", SIZE)
     with virtual_board.running(display, capture=folder, scene=USUAL) as running:
         running.display, running.folder = display, folder
         BoardMachine.virtual, BoardMachine.done = running, Counter()

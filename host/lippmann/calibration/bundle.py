@@ -40,12 +40,16 @@ BOW = {"tilt_x": 1e-4, "tilt_y": 1e-4, "bow_xx": 1e-4, "bow_yy": 1e-4, "bow_xy":
 SEAMS, SEAMS_STEP = range(3, 10), 1e-4
 LENS = {"focal": 1e-2, "middle_x": 1e-2, "middle_y": 1e-2, "k1": 1e-5, "k2": 1e-5}
 POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_y": 1e-2, "place_z": 1e-2}
-#: Beginnings of the names of parameters that do not change the rays.
-STILL = "seams", "turn", *LENS
+#: Step of the zoom of each view but the first: how much larger its focal length is, a share.
+ZOOM = 1e-5
+#: Beginnings of the names of parameters that change where a photograph shows a point, and not which rays it sees.
+STILL = "seams_", "turn_", "zoom_", *LENS
 #: Priors: standard deviations of the pitches (shares of the file's), of the gap and of the bow (shares of D), ...
 PRIOR_PITCH, PRIOR_GAP, PRIOR_BOW = 0.01, 0.3, 0.1
 #: ... of the focal length (of its logarithm), principal point (share of the photograph's longer side), and distortion.
 PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.7, 0.02, 0.3
+#: Prior of a zoom: its standard deviation.
+PRIOR_ZOOM = 0.1
 #: Prior of the numbers of the seams: their standard deviation, pitches.
 PRIOR_SEAMS = 0.03
 #: That of a gap that is held.
@@ -99,12 +103,19 @@ class Problem:
     bow: bool = False
     #: The gap stays that of the file: the photographs do not determine it.
     held: bool = False
+    #: Each position has a focal length of its own.
+    zoom: bool = False
 
     @cached_property
     def names(self) -> list[str]:
         """Names of the parameters, in order."""
         poses = [f"{name}_{k}" for k in range(len(self.views)) for name in POSE]
-        return [*self.array_steps, *LENS, *poses]
+        return [*self.array_steps, *LENS, *poses, *self.zooms]
+
+    @property
+    def zooms(self) -> list[str]:
+        """Names of the zooms, which come last."""
+        return [f"zoom_{k}" for k in range(1, len(self.views))] if self.zoom else []
 
     @property
     def array_steps(self) -> dict[str, float]:
@@ -116,12 +127,12 @@ class Problem:
     def steps(self) -> Floats:
         """The step of each parameter for differences."""
         kinds = {**self.array_steps, **LENS}
-        return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views))])
+        return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views)), *([ZOOM] * len(self.zooms))])
 
     @property
     def shared(self) -> int:
         """Number of parameters before those of the poses."""
-        return len(self.names) - len(POSE) * len(self.views)
+        return len(self.array_steps) + len(LENS)
 
     @cached_property
     def places(self) -> list[Floats]:
@@ -152,6 +163,8 @@ class Problem:
     def pose(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats]:
         """Return the lens, and the turn and the place of view k."""
         lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
+        if self.zoom and k > 0:
+            lens = lens * [1.0 + x[self.names.index(f"zoom_{k}")], 1.0, 1.0, 1.0, 1.0]
         return lens, pose[:3], pose[3:]
 
     def rays(self, x: Floats, k: int) -> Rays:
@@ -206,7 +219,7 @@ class Problem:
             np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL,
             (mx - 0.5 * self.shape[1]) / (PRIOR_MIDDLE * longer), (my - 0.5 * self.shape[0]) / (PRIOR_MIDDLE * longer),
             k1 / PRIOR_DISTORTION, k2 / PRIOR_DISTORTION,
-            *(self.seams(x) / PRIOR_SEAMS),
+            *(self.seams(x) / PRIOR_SEAMS), *(x[len(x) - len(self.zooms) :] / PRIOR_ZOOM),
         ])  # fmt: skip
 
     def thinned(self, most: int) -> Problem:
@@ -358,7 +371,7 @@ def _smooth(
 def jacobian(
     problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]]
 ) -> Floats:
-    """Return the derivatives by central differences; a pose moves its own view only.
+    """Return the derivatives by central differences; a pose and a zoom change their own view only.
 
     The differences are those of the offsets: across an end of an interval, they would be those of neither side.
     """
@@ -371,12 +384,12 @@ def jacobian(
         up, down = x.copy(), x.copy()
         up[at] += step
         down[at] -= step
-        own = range(len(sizes)) if at < problem.shared else [(at - problem.shared) // len(POSE)]
+        own = range(len(sizes)) if at < problem.shared else [int(name.rpartition("_")[2])]
         for k in own:
             rays = here[k] if name.startswith(STILL) else None
             change = problem.offsets(up, k, rays)[kept[k]] - problem.offsets(down, k, rays)[kept[k]]
             matrix[first[k] : first[k + 1], at] = (factors[k] * change / (2.0 * step)).ravel()
-        if at < problem.shared:
+        if at < problem.shared or problem.zoom:
             matrix[first[-1] :, at] = (problem.priors(up) - problem.priors(down)) / (2.0 * step)
     return matrix
 

@@ -51,7 +51,8 @@ def rings(display: Display) -> Values:
     for row in range(panel.height_px):
         places = Pixels(display, columns, np.array([[row]]), (0, 0), None).places
         x, y = lattice.centre(places.i, places.j)
-        ring = np.floor(np.hypot(x, y) / (RING * display.array.coarsest_mm)) % 2
+        # No lenslet's middle lies on the edge of a ring: 2.5, 5.5, ... are no distances of a lattice.
+        ring = np.floor((np.hypot(x, y) / display.array.coarsest_mm + 0.5) / RING) % 2
         light[row] = ((ring == 0) & places.present)[0, :, None]
     return light
 
@@ -80,6 +81,8 @@ class Verdict:
 
 def judge_folder(folder: Path) -> Verdict:
     """Judge the photographs 1-white and 2-dark of a folder, taken from the place of the eye."""
+    if not folder.is_dir():
+        raise input_error(str(folder), "there is no such folder", "name that of the photographs")
     found = []
     for name in NAMES[:2]:
         files = [one for suffix in SUFFIXES if (one := folder / f"{name}{suffix}").is_file()]

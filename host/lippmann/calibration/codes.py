@@ -25,7 +25,7 @@ import numpy.typing as npt
 from lippmann import __version__, toml
 from lippmann.display import Display, Side
 from lippmann.errors import InputError, input_error
-from lippmann.files import replacing
+from lippmann.files import make_folder, replacing
 from lippmann.integral_image import IntegralImage
 from lippmann.toml import key
 
@@ -176,10 +176,7 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
 
     Raises InputError when the file system refuses.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise input_error(str(folder), f"cannot be made ({error.strerror})", "choose another folder") from None
+    make_folder(folder)
     files = []
     for pattern in patterns.patterns:
         files.append(folder / f"{pattern.stem}.png")

@@ -108,8 +108,8 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
 def reach_text() -> str:
     """Return the remedy for a nominal file that is too far off: how far it may be."""
     return (
-        "check grid, pitch and gap in the display file, which may be off by "
-        f"{MOST_ROTATION_DEG:g} degrees, {100.0 * MOST_STRETCH:g} % of pitch and 30 % of gap"
+        "check the panel's width_px and dpi, and grid, pitch_mm and gap_mm in the display file; rotation may be "
+        "off by 5 degrees, pitch by 1 % and gap by 20 %"
     )
 
 
@@ -185,6 +185,6 @@ def _check_reach(name: str, found: SeenLattice, nominal: Floats, growth: float) 
     beyond = not -MOST_STRETCH < stretch < (1.0 + MOST_STRETCH) * (1.0 + growth) - 1.0
     if abs(turn) > MOST_ROTATION_DEG or beyond:
         raise InputError(
-            f"{name}: the array is turned by {turn:.2f} degrees and stretched by {100.0 * stretch:.2f} % against the "
-            f"display file; {reach_text()}"
+            f"{name}: the points seen on the panel are turned by {turn:.2f} degrees, and their distances "
+            f"(pitch times magnification) differ by {100.0 * stretch:.2f} %, against the display file; {reach_text()}"
         )

@@ -16,7 +16,7 @@ from lippmann import interrupts
 from lippmann.calibration.codes import PatternSet
 from lippmann.display import Display
 from lippmann.errors import DeviceError
-from lippmann.files import replacing
+from lippmann.files import make_folder, replacing
 from lippmann.images import encoded_values
 
 Pixels = npt.NDArray[np.uint8]
@@ -68,7 +68,7 @@ def shoot(
 
     Raises DeviceError when the camera gives no picture.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     files = []
     for pattern in patterns.patterns:
         interrupts.check()

@@ -42,11 +42,14 @@ MOST_POINTS = 3_000_000
 #: Half of the gap's 95 % interval, as a share of D, beyond which the gap stays that of the file.
 GAP_KNOWN = 0.1
 #: Most scatter of the panel points of a result that is trusted, the larger of pixels and pitches; and most outliers.
-#: Random displays scatter by up to 0.3 px; a zoomed position among three by 0.7 px and more.
+#: Random displays scatter by up to 0.3 px.
 MOST_SCATTER_PX, MOST_SCATTER = 0.5, 0.03
 MOST_OUTLIERS = 0.35
 #: A bow is told when it is this many standard deviations, and this high, mm.
 BOW_DEVIATIONS, LEAST_BOW_MM = 6.0, 0.004
+#: A zoom between positions is told when it is this many standard deviations, and this large. Unchanged lenses have
+#: seemed to differ by 1 deviation, lenses that were changed by half a per cent by 5 and more.
+ZOOM_DEVIATIONS, LEAST_ZOOM = 4.0, 0.002
 #: Rounds in which panel points become finer than pixels.
 REFINEMENTS = 3
 #: Growth of the scatter, and pixels of it, from which on points have become worse: a gap that is not known moves points
@@ -132,6 +135,7 @@ def solve_views(
         doubt = solve(beside.thinned(MOST_LENSLETS), solution.x).x - solution.x
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
+    _check_zoom(bowed)
     progress("least squares", 2, 3)
     if whole.held:
         solution, bowed = released(solution), released(bowed)
@@ -186,6 +190,27 @@ def _with_bow(solution: Solution) -> Solution:
     """Fit again with tilts and curvatures of the array."""
     x = np.concatenate([solution.x[:7], np.zeros(len(BOW)), solution.x[7:]])
     return solve(replace(solution.problem, bow=True), x)
+
+
+def _check_zoom(solution: Solution) -> None:
+    """Refuse positions whose photographs are magnified otherwise: one lens for all would put it into pitch and gap."""
+    problem = replace(solution.problem, zoom=True)
+    zoomed = solve(problem, np.concatenate([solution.x, np.zeros(len(problem.zooms))]))
+    zooms = {name: zoomed.value(name) for name in problem.zooms}
+    sure = [
+        name for name, zoom in zooms.items() if abs(zoom) > max(ZOOM_DEVIATIONS * zoomed.deviation(name), LEAST_ZOOM)
+    ]
+    if not sure:
+        return
+    views = [view.name for view in problem.views]
+    # When all others differ from the first alike, it is the first.
+    first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
+    worst = max(sure, key=lambda name: abs(zooms[name]))
+    odd, zoom = (views[0], -zooms[worst]) if first else (views[problem.zooms.index(worst) + 1], zooms[worst])
+    raise DoubtError(
+        f"{odd}: the lens magnifies {100.0 * abs(zoom):.1f} % {'more' if zoom > 0.0 else 'less'} than in "
+        f"{'the other positions' if first else views[0]}; fix zoom and focus, and take all positions again"
+    )
 
 
 def _widened(solution: Solution, off: Floats) -> Solution:

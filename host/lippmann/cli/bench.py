@@ -264,6 +264,21 @@ def content(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     return {"rows": rows}, benches.content_page(bench.origin, rows, views)
 
 
+@measurement(page="shading")
+def shading(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+    """Measure time against error of light that each ray finds, that a pixel's surfaces share, and that lenslets share.
+
+    Example: lippmann bench shading
+    """
+    from lippmann.measure.shading import curves, error_map, likeness
+
+    with scratch_folder() as folder:
+        rows = bench.collect(curves(bench.scenes, folder, bench.seed))
+    pairs = bench.collect(likeness(bench.scenes, bench.seed))
+    views = None if bench.report is None else error_map(bench.scenes, bench.seed)
+    return {"curves": rows, "likeness": pairs}, benches.shading_page(bench.origin, rows, pairs, views)
+
+
 @measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))
 def calibration(
     bench: Bench,
@@ -298,5 +313,5 @@ def calibration(
     return tables, benches.calibration_page(bench.origin, tables, width_px)
 
 
-for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, content, calibration):
+for _one in (*(_rows_command(name) for name in ROWS), fixed, link, depth, hard, layers, content, shading, calibration):
     command.add_command(_one)

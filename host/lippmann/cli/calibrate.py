@@ -21,6 +21,7 @@ from lippmann.cli.options.port import BAUD, check_board, chosen_port
 from lippmann.cli.output import counted, emit, log, progress_bar
 from lippmann.display import Display, load_display
 from lippmann.errors import InputError, input_error
+from lippmann.files import make_folder
 from lippmann.fullscreen import full_screen
 from lippmann.variant import own_variant
 from lippmann.viewing import status_share
@@ -256,7 +257,7 @@ def check_command(
             f"--eye {eye[0]:g},{eye[1]:g},{eye[2]:g}", what, "choose a place nearer to the axis, or farther away"
         )
     folder = Path(output)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with own_variant(device):
         made = pictures(display, eye)
     for name, image in made.items():

@@ -9,9 +9,14 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -24,16 +29,17 @@ from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.bench import Bench, measurement
 from lippmann.dev.seed import ANTIALIAS, SETUPS, TEMPLATES, fastest, load_for, with_window
 from lippmann.images import Radiance, encode
-from lippmann.measure.figures import row_of
+from lippmann.measure.figures import in_turn, row_of
+from lippmann.measure.pictures import every_row
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
-from lippmann.povray.export import write_folder
+from lippmann.povray.export import Exported, write_folder
 from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY, Run
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.sources import Lines, RaySource
+from lippmann.rendering.sources import RaySource
 from lippmann.report.pages import Page
 from lippmann.report.plots import Plot
 from lippmann.variant import mitsuba
@@ -55,6 +61,8 @@ OUTLINE_DIRECTIONS = 16
 #: Side of the part of the pictures on the page, px, and the difference that is white on its maps.
 SHOWN_PX = 300
 MAP_WHITE = 32.0
+#: Times that whole processes are timed, in turn.
+WHOLE_ROUNDS = 3
 #: Where POV-Ray's files and pictures are kept.
 WORK = Path("out/peers")
 
@@ -83,15 +91,6 @@ class PictureDifference:
     seams: float
     #: Share of all pixels that differ for another reason.
     unexplained: float
-
-
-def part(source: RaySource, every: int) -> RaySource:
-    """Return a part of a picture: every so many rows, from the middle of the first group of rows on."""
-
-    def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
-        return source.lines(b, u, v + b.floor(v) * (every - 1.0) + every // 2, square)
-
-    return replace(source, height_px=source.height_px // every, lines=lines)
 
 
 def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
@@ -184,6 +183,8 @@ class TimeAtNoise:
     #: Noise of POV-Ray and of Lippmann, of 255.
     povray_noise: float
     noise: float
+    #: Wall-clock times of whole processes in turn, medians: of POV-Ray, and of `capture` by its ways to shade.
+    whole: Mapping[str, float]
 
     @property
     def ratio(self) -> float:
@@ -225,7 +226,7 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
     """Return the fewest samples with which Lippmann has no more noise than POV-Ray, and the noise of both."""
 
     def rows(samples: int, seed: int) -> Radiance:
-        source = part(capture_source(setup), EVERY_ROW)
+        source = every_row(capture_source(setup), EVERY_ROW)
         return render_rays(scene, source, Settings(samples=samples, seed=seed, shading="each")).radiance
 
     reference = rows(REFERENCE_SAMPLES, 1)
@@ -242,10 +243,31 @@ def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)
     scene = load_for(scenes / "seed/full.xml", setup)
-    theirs, run = write_folder(scene, setup_view(setup), work / "time").render_once(*ANTIALIAS)
+    exported = write_folder(scene, setup_view(setup), work / "time")
+    theirs, run = exported.render_once(*ANTIALIAS)
     samples, allowed, noise = samples_for(scene, setup, theirs)
     ours = fastest(scene, capture_source(setup), samples)
-    return TimeAtNoise(run, ours.seconds, ours.cpu_seconds, samples, allowed, noise)
+    times = in_turn(_processes(scenes, exported, samples), WHOLE_ROUNDS)
+    whole = {name: float(np.median(seconds)) for name, seconds in times.items()}
+    return TimeAtNoise(run, ours.seconds, ours.cpu_seconds, samples, allowed, noise, whole)
+
+
+def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Callable[[], float]]:
+    """Return functions that run whole processes and return their seconds."""
+
+    def captured(shading: str) -> float:
+        with TemporaryDirectory() as folder:
+            setup = scenes / f"setups/{SETUPS['square']}.toml"
+            words = ["capture", str(scenes / "seed/full.xml"), "--setup", str(setup), "--shading", shading]
+            started = time.perf_counter()
+            subprocess.run(
+                [sys.executable, "-m", "lippmann", *words, "--samples", str(samples), "-o", f"{folder}/full.exr"],
+                check=True, capture_output=True,
+            )  # fmt: skip
+            return time.perf_counter() - started
+
+    ways = {shading: partial(captured, shading) for shading in ("each", "auto")}
+    return {"POV-Ray": lambda: exported.render(*ANTIALIAS)[1].seconds, **ways}
 
 
 def shown(pair: Pair) -> Plot:
@@ -264,7 +286,16 @@ def shown(pair: Pair) -> Plot:
 def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -> Page:
     """Return the page."""
     rows = [row_of(pair.difference) for pair in pairs]
-    names = ("SETUPS", "PICTURE_PX", "TIME_PX", "THRESHOLD", "MAP_WHITE", "REFERENCE_SAMPLES", "EVERY_ROW")
+    names = (
+        "SETUPS",
+        "PICTURE_PX",
+        "TIME_PX",
+        "THRESHOLD",
+        "MAP_WHITE",
+        "REFERENCE_SAMPLES",
+        "EVERY_ROW",
+        "WHOLE_ROUNDS",
+    )
     context = {"rows": rows, "times": times, **{name: globals()[name] for name in names}}
     return Page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context, TEMPLATES)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.renderer import Settings, render_integral, render_view
 from lippmann.rendering.scene import Scene, load_scene
-from lippmann.rendering.sources import Aperture
+from lippmann.rendering.sources import Aperture, Lines, RaySource
 
 #: Position of the eye: off the axis, within the viewing angle of the displays that ship.
 EYE_MM = (20.0, -20.0, 600.0)
@@ -36,6 +37,15 @@ def noise_levels(one: Radiance, other: Radiance) -> float:
     """
     apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
     return float(np.sqrt((apart**2).mean() / 2.0))
+
+
+def every_row(source: RaySource, every: int) -> RaySource:
+    """Return a part of a picture: every so many rows, from the middle of the first group of rows on."""
+
+    def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
+        return source.lines(b, u, v + b.floor(v) * (every - 1.0) + every // 2, square)
+
+    return replace(source, height_px=source.height_px // every, lines=lines)
 
 
 @dataclass(frozen=True)

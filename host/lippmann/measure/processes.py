@@ -13,11 +13,12 @@ from multiprocessing import active_children, get_context, parent_process
 @contextlib.contextmanager
 def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Yield `jobs` processes; an exception in the block, Ctrl-C too, ends them at once."""
+    others = set(active_children())
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), _end_with_parent)
     try:
         yield pool
     except BaseException:
-        for one in active_children():
+        for one in set(active_children()) - others:
             one.terminate()
         raise
     finally:

@@ -54,6 +54,8 @@ SHARED_DB, RAYS_A_POINT = 45.0, 4
 LEAST_LAMPS = 3
 #: Parts of the image, each way, in each of which that is tried, and samples in all of them.
 TRIAL_PARTS, TRIAL_SAMPLES = 4, 1 << 18
+#: Rays of a picture for which the trial pays, at least.
+LEAST_RAYS = 8 * TRIAL_SAMPLES
 #: Share of the samples that may meet surfaces without a lattice.
 MOST_ALONE = 0.5
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
@@ -159,9 +161,17 @@ class Renderer:
     """Renders bands of the image of a source of rays, in any order, by one program."""
 
     def __init__(
-        self, scene: Scene, source: RaySource, settings: Settings, bands: Sequence[range] | None = None
+        self,
+        scene: Scene,
+        source: RaySource,
+        settings: Settings,
+        bands: Sequence[range] | None = None,
+        program: type[SharedProgram] = SharedProgram,
     ) -> None:
-        """Raise InputError when there is no such integrator; `bands` are the rows of each, None: `bands_of`."""
+        """Raise InputError when there is no such integrator; `bands` are the rows of each, None: `bands_of`.
+
+        `program` is what lights samples where light is shared.
+        """
         self._samples, self._seed = settings.samples, settings.seed
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
@@ -173,7 +183,7 @@ class Renderer:
         #: Rays for each pixel.
         self.rays = settings.samples * len(passes_of(source.layout))
         #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
-        self.shading, self.remark = self._chosen(scene, source, settings, integrator)
+        self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
 
     def _fits(self, settings: Settings) -> bool:
         """Tell whether shared light is within the memory limit."""
@@ -190,7 +200,7 @@ class Renderer:
         return max(1, most // (self._samples * TILE_PX * TILE_PX))
 
     def _chosen(
-        self, scene: Scene, source: RaySource, settings: Settings, integrator: Any
+        self, scene: Scene, source: RaySource, settings: Settings, integrator: Any, program: type[SharedProgram]
     ) -> tuple[Shading, str | None]:
         """Return how to shade, and a remark."""
         wanted = settings.shading
@@ -204,12 +214,14 @@ class Renderer:
         if wanted == "auto" and (few or current_device() == "cuda" or not self._fits(settings)):
             return "each", None
         rays = self._width * self._height * self.rays
+        if wanted == "auto" and rays < LEAST_RAYS:
+            return "each", None
         most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, rays // RAYS_A_POINT)
         light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
         if not light.points:
             why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
             return "each", f"light is not shared: {why}" if wanted == "shared" else None
-        shared = SharedProgram(scene, source, settings.samples, integrator, settings.max_depth, light)
+        shared = program(scene, source, settings.samples, integrator, settings.max_depth, light)
         if wanted == "auto":
             self._tried = shared
         else:
@@ -345,13 +357,16 @@ def render_rays(
     settings: Settings,
     progress: Progress | None = None,
     note: Callable[[str], None] | None = None,
+    program: type[SharedProgram] = SharedProgram,
 ) -> Rendered:
     """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all), `note` with remarks.
+
+    `program` is what lights samples where light is shared.
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
     check_memory(source.width_px, source.height_px, settings)
-    renderer = Renderer(scene, source, settings)
+    renderer = Renderer(scene, source, settings, program=program)
     prepare_seconds = renderer.prepare()
     if note is not None and renderer.remark is not None:
         note(renderer.remark)

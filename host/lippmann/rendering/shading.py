@@ -49,7 +49,7 @@ class SharedProgram:
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Any, max_depth: int, light: Irradiance
     ) -> None:
-        self._light, self._samples = light, samples
+        self.light, self.samples = light, samples
         self._passes = passes_of(source.layout)
         self._parts = [Part.of(boxes) for _, boxes in self._passes]
         self._traced = _colour_of_each(scene, source, samples, integrator)
@@ -62,26 +62,30 @@ class SharedProgram:
         colours: list[Any] = []
         losses: list[Any] = []
         for (channels, _), part in zip(self._passes, self._parts, strict=True):
-            weight, place, fate, *lost = self._met(index, first, seeds, pose, part, self._light.lattices)
+            weight, place, fate, *lost = self._met(index, first, seeds, pose, part, self.light.lattices)
             shared = fate == SHARED
-            colour = dr.select(shared, weight * self._light.between(place, shared), 0.0)
+            colour = dr.select(shared, weight * self.light_of(place, shared), 0.0)
             alone = dr.compress(fate == ALONE)
             if dr.width(alone):
                 own, *_ = self._traced(dr.gather(mi.UInt32, index, alone), first, seeds, pose, part)
                 dr.scatter(colour, own, alone)
-            colours += _means(colour, channels, self._samples)
+            colours += _means(colour, channels, self.samples)
             losses = _added(losses, lost)
         return colours, losses
+
+    def light_of(self, place: Place, shared: Any) -> Any:
+        """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
+        return self.light.between(place, shared)
 
     def trial(self, index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose) -> tuple[Radiance, Radiance, float]:
         """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black."""
         dr, mi = drjit(), mitsuba()
 
-        weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts[0], self._light.lattices)
+        weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts[0], self.light.lattices)
         on = fate == SHARED
         found = []
-        for light in (self._light.between(place, on), self._light.at(place)):
-            means = _means(dr.select(on, weight * light, 0.0), (0, 1, 2), self._samples)
+        for light in (self.light.between(place, on), self.light.at(place)):
+            means = _means(dr.select(on, weight * light, 0.0), (0, 1, 2), self.samples)
             found.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
         return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
 

@@ -17,7 +17,7 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
 from lippmann.layers.cost import FULL_SAMPLES
 from lippmann.layers.cut import SLOT
-from lippmann.measure import content, depth, fixed, layers
+from lippmann.measure import content, depth, fixed, layers, shading
 from lippmann.measure.calibration import photo_width
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
@@ -114,6 +114,15 @@ def content_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[s
         "eye_mm": round(content.EYE_MM),
     }  # fmt: skip
     return Page("content", origin, _sheet("content", views, 4), {"content": rows}, context)
+
+
+def shading_page(
+    origin: Origin, rows: Rows, pairs: Rows, views: tuple[list[Radiance], list[str]] | None = None
+) -> Page:
+    """Return the page of `lippmann bench shading`; `views` are the pictures of its sheet, and captions."""
+    drawn = [plots.shading(rows), *_sheet("shading-map", views, 3)]
+    tables = {"shading": rows, "shading-likeness": pairs}
+    return Page("shading", origin, drawn, tables, {"rows": rows, "pairs": pairs, "shading": shading})
 
 
 def link_page(origin: Origin, efficiency: Rows, frames: Rows) -> Page:

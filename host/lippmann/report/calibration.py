@@ -55,10 +55,10 @@ def histogram_plot(field: Floats) -> Plot:
     return Plot("calibration-histogram", finish(picture))
 
 
-def views(nominal: Display, display: Display, eye: Eye) -> tuple[Plot, dict[str, float]]:
+def views(nominal: Display, display: Display, eye: Eye) -> Plot:
     """Draw what an eye sees of the rings: made for the nominal file, for the calibrated one, and on a perfect display.
 
-    Both are seen through the calibrated array. Return decibels of the first two against the last, too.
+    The first two are seen through the calibrated array; their titles give the decibels against the last.
     """
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = drawn(1, 3, (4.0, 3.2))
@@ -69,9 +69,9 @@ def views(nominal: Display, display: Display, eye: Eye) -> tuple[Plot, dict[str,
         seen[name] = observe(rings(made), through, eye, window, SAMPLES).radiance
     for axis, (name, light) in zip(axes[0], seen.items(), strict=True):
         axis.imshow(np.clip(light, 0.0, 1.0) ** (1.0 / 2.2))
-        axis.set(title=name, xticks=[], yticks=[])
-    decibels = {name: psnr_db(seen[name], seen["ideal"]) for name in ("before", "after")}
-    return Plot("calibration-views", finish(picture)), decibels
+        title = name if name == "ideal" else f"{name}: {psnr_db(light, seen['ideal']):.1f} dB"
+        axis.set(title=title, xticks=[], yticks=[])
+    return Plot("calibration-views", finish(picture))
 
 
 def digits(number: float, half: float) -> str:
@@ -91,7 +91,7 @@ def calibration_page(
     """Return the page of a calibration; the eye is the first camera's place, unless it is given."""
     nominal = parse_display(nominal_text, "nominal")
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
-    seen, _ = views(nominal, display, Eye((place[0], place[1], place[2])))
+    seen = views(nominal, display, Eye((place[0], place[1], place[2])))
     rows = []
     for one in summary["parameters"]:
         half = one["uncertainty"]

@@ -226,6 +226,17 @@ def layers(rows: Rows) -> Plot:
     return Plot("layers", finish(picture))
 
 
+def shading(rows: Rows) -> Plot:
+    """Draw the error of ways to shade over their time, a picture for each number of lamps."""
+    kinds = groups(rows, "lamps")
+    picture, axes = drawn(1, len(kinds), (3.4, 3.2))
+    for axis, kind in zip(axes[0], kinds, strict=True):
+        lines(axis, kind, "way", "seconds", "panel_db")
+        lamps = kind[0]["lamps"]
+        axis.set(xscale="log", xlabel="seconds", ylabel="panel, dB", title=f"{lamps} lamp{'s' if lamps > 1 else ''}")
+    return Plot("shading", finish(picture))
+
+
 def calibration_sweep(rows: Rows) -> Plot:
     """Draw the errors of a calibration over the photographs, the positions and the noise, one picture for each."""
     solved = [row for row in rows if "refused" not in row]

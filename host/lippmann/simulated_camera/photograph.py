@@ -14,7 +14,7 @@ from PIL import Image
 from lippmann import interrupts
 from lippmann.display import Display, Panel
 from lippmann.errors import input_error
-from lippmann.files import replacing
+from lippmann.files import make_folder, replacing
 from lippmann.images import decode
 from lippmann.simulated_camera.camera import Camera
 from lippmann.simulated_camera.disturbances import (
@@ -92,7 +92,7 @@ def photograph_folder(
     # The camera's light for the panel's white: that of the exposure.
     added *= sensor.exposure / max(gain, 1e-30)
     written = []
-    output.mkdir(parents=True, exist_ok=True)
+    make_folder(output)
     for number, name in enumerate(names):
         interrupts.check()
         light = without_dead(panel_light(name, display.panel), disturbances.dead_pixels, disturbances.seed)

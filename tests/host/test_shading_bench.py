@@ -1,0 +1,69 @@
+"""`lippmann bench shading`: its ways to light samples, its scenes and its page, on a small display."""
+
+import numpy as np
+import pytest
+from lippmann.images import psnr_db
+from lippmann.measure import shading
+from lippmann.rendering.renderer import Settings, render_rays
+from lippmann.rendering.scene import load_scene
+from lippmann.rendering.sources import display_source
+from lippmann.report.benches import shading_page
+from lippmann.sim.tools import repository
+from scene_cases import focused_display
+
+SCENES = repository() / "scenes"
+
+
+@pytest.fixture(scope="module")
+def display():
+    return focused_display("square", width_px=144, height_px=96, pixel_pitch=1.0 / 12.0)
+
+
+@pytest.fixture
+def fish(mi, tmp_path):
+    return load_scene(shading.with_lamps(SCENES / "fish/fish.xml", 2, tmp_path))
+
+
+def drawn(scene, display, samples, way):
+    shares, program = shading.WAYS[way]
+    source = display_source(display, "exact", samples, "chief", "fast", None)
+    return render_rays(scene, source, Settings(samples, shading=shares), program=program).radiance
+
+
+def test_a_scene_has_as_many_lamps_as_asked_and_their_power(fish, mi):
+    lamps = [mi.traverse(lamp) for lamp in fish.mitsuba.emitters()]
+    assert len(lamps) == 2
+    power = [np.array(lamp["intensity.value"]).ravel() for lamp in lamps]
+    np.testing.assert_allclose(np.sum(power, axis=0), shading.POWER, rtol=1e-5)
+    np.testing.assert_allclose(np.array(lamps[0]["position"]).ravel()[2], shading.HEIGHT_MM)
+
+
+def test_one_sample_is_decoupled_from_nothing(fish, display):
+    """It finds its own light: only the rounding of its place on the surface differs."""
+    assert psnr_db(drawn(fish, display, 1, "decoupled"), drawn(fish, display, 1, "each")) > 50.0
+
+
+def test_samples_of_a_pixel_share_the_light_of_its_first(fish, display):
+    """With more samples it differs from each one's own, and less than a picture of one sample does."""
+    each, decoupled = (drawn(fish, display, 8, way) for way in ("each", "decoupled"))
+    alike, rough = psnr_db(decoupled, each), psnr_db(drawn(fish, display, 1, "each"), each)
+    assert rough + 3.0 < alike < 45.0
+
+
+def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
+    monkeypatch.setattr(shading, "load_display", lambda path: display)
+    for name, value in (("LAMPS", (1, 2)), ("SAMPLES", (1, 2)), ("SCENES", ("fish",)), ("CAPTURED", ())):
+        monkeypatch.setattr(shading, name, value)
+    rows = list(shading.curves(SCENES, tmp_path, 1))
+    assert [(row["lamps"], row["way"], row["samples"]) for row in rows[:7]] == [
+        *((1, way, samples) for way in shading.WAYS for samples in (1, 2)), (2, "each", 1)
+    ]  # fmt: skip
+    # Twice the samples, half the noise's power: 3 dB.
+    assert 1.0 < rows[1]["panel_db"] - rows[0]["panel_db"] < 5.0
+    (pair,) = shading.likeness(SCENES, 1)
+    assert pair["scene"] == "fish"
+    assert min(pair["panel_db"], pair["view_db"]) > 40.0
+    page = shading_page({"machine": "one"}, rows, [pair], shading.error_map(SCENES, 1))
+    assert {path.name for path in page.write(tmp_path / "page")} == {
+        "shading.md", "shading.csv", "shading-likeness.csv", "shading.png", "shading-map.png",
+    }  # fmt: skip
