@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from lippmann.images import psnr_db
-from lippmann.measure import shading
+from lippmann.measure import adaptive, shading
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import display_source
@@ -61,9 +61,32 @@ def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
     # Twice the samples, half the noise's power: 3 dB.
     assert 1.0 < rows[1]["panel_db"] - rows[0]["panel_db"] < 5.0
     (pair,) = shading.likeness(SCENES, 1)
-    assert pair["scene"] == "fish"
+    assert (pair["scene"], pair["auto"]) == ("fish", "each")  # the picture is small
     assert min(pair["panel_db"], pair["view_db"]) > 40.0
-    page = shading_page({"machine": "one"}, rows, [pair], shading.error_map(SCENES, 1))
+    saved = [{"scene": "fish", "samples": 4, "pixel": 2.0, "tile": 1.2, "found": 1.1}]
+    tables = {"shading": rows, "shading-likeness": [pair], "shading-adaptive": saved}
+    page = shading_page({"machine": "one"}, tables, shading.error_map(SCENES, 1))
     assert {path.name for path in page.write(tmp_path / "page")} == {
-        "shading.md", "shading.csv", "shading-likeness.csv", "shading.png", "shading-map.png",
+        *(f"{name}.csv" for name in tables), "shading.md", "shading.png", "shading-map.png",
     }  # fmt: skip
+
+
+def test_samples_go_where_the_noise_is():
+    """Half of the pixels with 9 times the variance of the others, by hand; nothing is saved where all are alike."""
+    true = np.array([1.0, 9.0])
+    # n = c and 3 c: noise (1 / c + 3 / c) / 2 = 5 / 8, so c = 3.2, and 6.4 samples instead of 8.
+    assert adaptive.spread(true, true, 8.0, 1.0) == pytest.approx(6.4)
+    assert adaptive.spread(true, np.array([2.0, 18.0]), 8.0, 1.0) == pytest.approx(6.4)
+    # At least 5 each: the other one needs 9 / n = 10 / 8 - 1 / 5.
+    assert adaptive.spread(true, true, 8.0, 5.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
+    assert adaptive.spread(np.ones(3), np.ones(3), 8.0, 1.0) == pytest.approx(8.0)
+    assert adaptive.spread(true, np.array([1.0, 0.0]), 8.0, 1.0) == 8.0
+
+
+@pytest.mark.full
+def test_what_is_known_saves_more_than_what_is_found(mi, monkeypatch):
+    monkeypatch.setattr(adaptive, "SCENES", ("fish",))
+    monkeypatch.setattr(adaptive, "SIDE_PX", 160)
+    for row in adaptive.measure(SCENES, 1):
+        assert row["pixel"] >= row["tile"] >= 1.0
+        assert row["pixel"] >= row["found"] >= 1.0

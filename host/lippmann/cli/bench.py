@@ -268,15 +268,20 @@ def content(bench: Bench) -> tuple[Mapping[str, Any], Page]:
 def shading(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     """Measure time against error of light that each ray finds, that a pixel's surfaces share, and that lenslets share.
 
+    And what samples could save that go where the noise is.
+
     Example: lippmann bench shading
     """
+    from lippmann.measure import adaptive
     from lippmann.measure.shading import curves, error_map, likeness
 
     with scratch_folder() as folder:
         rows = bench.collect(curves(bench.scenes, folder, bench.seed))
     pairs = bench.collect(likeness(bench.scenes, bench.seed))
+    saved = bench.collect(adaptive.measure(bench.scenes, bench.seed))
     views = None if bench.report is None else error_map(bench.scenes, bench.seed)
-    return {"curves": rows, "likeness": pairs}, benches.shading_page(bench.origin, rows, pairs, views)
+    tables = {"shading": rows, "shading-likeness": pairs, "shading-adaptive": saved}
+    return tables, benches.shading_page(bench.origin, tables, views)
 
 
 @measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -16,8 +16,18 @@ from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.arrange import fitting
 from lippmann.rendering.integral import RenderOptions, pixels_identity, render_image
-from lippmann.rendering.placement import Placement, placement_beside
-from lippmann.rendering.scene import Move, Scene, box_of, depths_of, digest_of, in_front_of, load_scene
+from lippmann.rendering.placement import Matrix, Placement, placement_beside
+from lippmann.rendering.scene import (
+    Move,
+    Scene,
+    bounds_of,
+    box_of,
+    depths_of,
+    digest_of,
+    in_front_of,
+    load_scene,
+    placed_box,
+)
 from lippmann.toml import documented, key
 
 
@@ -105,7 +115,8 @@ def _reaching(scene: Scene, shot: Shot) -> Scene:
 
     A depth that the film gives holds.
     """
-    rest = depths_of(_at_rest(shot.film.scene, shot.digest), scene.placement)
+    low, high = placed_box(_bounds_at_rest(shot.film.scene, shot.digest), scene.placement)
+    rest = low[2], high[2]
     moved = depths_of(scene.mitsuba, scene.placement)
     far, near = scene.depth_range_mm
     if shot.film.near_mm is None and moved[1] > rest[1]:
@@ -116,6 +127,6 @@ def _reaching(scene: Scene, shot: Shot) -> Scene:
 
 
 @functools.lru_cache(maxsize=1)
-def _at_rest(path: Path, digest: str) -> Any:
-    """Return the scene without any motion."""
-    return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba
+def _bounds_at_rest(path: Path, digest: str) -> tuple[Matrix, Matrix]:
+    """Return the bounds of the scene without any motion, which is not kept: programs hold the code of all scenes."""
+    return bounds_of(load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba)

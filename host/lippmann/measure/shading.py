@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as Xml
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from lippmann.measure.pictures import EYE_MM, VIEW_SAMPLES, every_row
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.irradiance import NONE, Place
 from lippmann.rendering.placement import placement_beside
-from lippmann.rendering.renderer import Settings, Shading, render_integral, render_rays
+from lippmann.rendering.renderer import Rendered, Settings, Shading, render_integral, render_rays
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.rendering.shading import SharedProgram
 from lippmann.rendering.sources import display_source
@@ -33,6 +33,7 @@ REFERENCE_SAMPLES, EVERY_ROW, OTHER_SEED = 64, 16, 1
 RADIUS_MM, HEIGHT_MM, POWER = 1000.0, 850.0, 1.2e7
 #: Scenes whose pictures by shared light are compared with the others', the set-up of the paper's, and their samples.
 SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse", "full"), "fig8a", 4
+SHADINGS: tuple[Shading, ...] = ("each", "shared", "auto")
 #: Factor on the differences of the map.
 MAP_GAIN = 50.0
 
@@ -114,35 +115,41 @@ def _drawn(scene: Scene, display: Display, settings: Settings, way: str) -> tupl
 
 
 def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield `scene`, and `panel_db` and `view_db` of its pictures by shared light and by each ray's own."""
+    """Yield `scene`, and `panel_db` and `view_db` of its pictures by shared light and by each ray's own.
+
+    `auto` is the way that `--shading auto` takes.
+    """
     for name in (*SCENES, *CAPTURED):
-        each, shared, display = _pair(scenes, name, seed)
-        seen = [_seen(one, display) for one in (each, shared)]
-        yield {"scene": name, "panel_db": psnr_db(shared, each), "view_db": psnr_db(seen[1], seen[0])}
+        (each, shared, auto), display = _drawn_scene(scenes, name, seed, SHADINGS)
+        found = {"panel_db": psnr_db(shared.radiance, each.radiance)}
+        found["view_db"] = psnr_db(_seen(shared.radiance, display), _seen(each.radiance, display))
+        yield {"scene": name, **found, "auto": auto.shading}
 
 
 def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
     """Return the eye's view of the fish by each ray's own light, by shared light, and their difference; captions."""
-    each, shared, display = _pair(scenes, SCENES[0], seed)
-    seen = [_seen(one, display) for one in (each, shared)]
+    drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
+    seen = [_seen(one.radiance, display) for one in drawn]
     difference = np.abs(seen[1] - seen[0]) * np.float32(MAP_GAIN)
-    return [*seen, difference], ["each ray's own light", "shared light", f"difference, {MAP_GAIN:g} times"]
+    # One pixel for each lenslet, magnified.
+    return [np.kron(one, np.ones((3, 3, 1), np.float32)) for one in (*seen, difference)], [
+        "each ray's own light",
+        "shared light",
+        f"difference, {MAP_GAIN:g} times",
+    ]
 
 
-def _pair(scenes: Path, name: str, seed: int) -> tuple[Radiance, Radiance, Display]:
-    """Return a scene's pictures by each ray's own light and by shared light, and the display that shows them."""
-    settings = Settings(COMPARED_SAMPLES, seed=seed)
-    ways = (replace(settings, shading="each"), replace(settings, shading="shared"))
+def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]) -> tuple[list[Rendered], Display]:
+    """Return a scene's pictures by some ways to shade, and the display that shows them."""
+    ways = [Settings(COMPARED_SAMPLES, seed=seed, shading=shading) for shading in shadings]
     if name in CAPTURED:
         setup = load_setup(scenes / f"setups/{SETUP}.toml")
         path = scenes / f"seed/{name}.xml"
         scene = load_scene(path, placement_before(setup, path))
-        each, shared = (capture(scene, setup, one, rotate=True).radiance for one in ways)
-        return each, shared, setup.display
+        return [capture(scene, setup, one, rotate=True) for one in ways], setup.display
     display = load_display(scenes / f"displays/{DISPLAY}.toml")
     scene = load_scene(scenes / f"{name}/{name}.xml")
-    each, shared = (render_integral(scene, display, "exact", one).radiance for one in ways)
-    return each, shared, display
+    return [render_integral(scene, display, "exact", one) for one in ways], display
 
 
 def _seen(picture: Radiance, display: Display) -> Radiance:

@@ -67,7 +67,7 @@ class Scene:
     @property
     def width_mm(self) -> float:
         """Largest side of the placed scene's bounding box, mm; 0 without any surface."""
-        low, high = _bounds(self.mitsuba)
+        low, high = bounds_of(self.mitsuba)
         return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
     @property
@@ -283,7 +283,7 @@ def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def _bounds(scene: Any) -> tuple[Matrix, Matrix]:
+def bounds_of(scene: Any) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
 
     A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out, such as a
@@ -312,9 +312,17 @@ def _closed(scene: Any, low: Matrix, high: Matrix) -> bool:
 def box_of(scene: Any, placement: Placement) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
 
-    A closed shape around all others is left out (`_bounds`). The corners are infinite if the box is unbounded or empty.
+    A closed shape around all others is left out (`bounds_of`). The corners are infinite as those of `placed_box`.
     """
-    low, high = _bounds(scene)
+    return placed_box(bounds_of(scene), placement)
+
+
+def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,), mm, of a placed box, whose corners are in the scene's units.
+
+    The corners are infinite if the box is unbounded or empty.
+    """
+    low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
     corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]

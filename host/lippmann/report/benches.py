@@ -17,7 +17,7 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.images import Radiance
 from lippmann.layers.cost import FULL_SAMPLES
 from lippmann.layers.cut import SLOT
-from lippmann.measure import content, depth, fixed, layers, shading
+from lippmann.measure import adaptive, content, depth, fixed, layers, shading
 from lippmann.measure.calibration import photo_width
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
@@ -117,12 +117,15 @@ def content_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[s
 
 
 def shading_page(
-    origin: Origin, rows: Rows, pairs: Rows, views: tuple[list[Radiance], list[str]] | None = None
+    origin: Origin, tables: Mapping[str, Rows], views: tuple[list[Radiance], list[str]] | None = None
 ) -> Page:
     """Return the page of `lippmann bench shading`; `views` are the pictures of its sheet, and captions."""
-    drawn = [plots.shading(rows), *_sheet("shading-map", views, 3)]
-    tables = {"shading": rows, "shading-likeness": pairs}
-    return Page("shading", origin, drawn, tables, {"rows": rows, "pairs": pairs, "shading": shading})
+    drawn = [plots.shading(tables["shading"]), *_sheet("shading-map", views, 3)]
+    context = {
+        "rows": tables["shading"], "pairs": tables["shading-likeness"], "saved": tables["shading-adaptive"],
+        "shading": shading, "adaptive": adaptive,
+    }  # fmt: skip
+    return Page("shading", origin, drawn, tables, context)
 
 
 def link_page(origin: Origin, efficiency: Rows, frames: Rows) -> Page:

@@ -233,7 +233,9 @@ def shading(rows: Rows) -> Plot:
     for axis, kind in zip(axes[0], kinds, strict=True):
         lines(axis, kind, "way", "seconds", "panel_db")
         lamps = kind[0]["lamps"]
-        axis.set(xscale="log", xlabel="seconds", ylabel="panel, dB", title=f"{lamps} lamp{'s' if lamps > 1 else ''}")
+        axis.set(
+            xlim=(0.0, None), xlabel="seconds", ylabel="panel, dB", title=f"{lamps} lamp{'s' if lamps > 1 else ''}"
+        )
     return Plot("shading", finish(picture))
 
 
