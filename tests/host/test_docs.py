@@ -72,7 +72,7 @@ NOT_RUN = {
     r"make bitstream|lippmann board program": "an hour; tests/rtl/boards makes bitstreams; and no board is here",
     r"verilator --binary |lippmann vectors .*(build/bench|stream_cocotb\.py)": "test_foreign_rtl.py runs these lines",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",
-    r"lippmann calibrate |cp scenes/displays/vga|sed -e 's/\^gap": (
+    r"lippmann calibrate |lippmann observe check|cp scenes/displays/vga|sed -e 's/\^gap": (
         "minutes of photographs; test_calibration.py runs the same steps on a small panel"
     ),
 }

@@ -7,6 +7,7 @@ import weakref
 
 import numpy as np
 import pytest
+from lippmann.rendering import recorded as recording
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.scene import load_scene
 from lippmann.sim.tools import repository
@@ -84,6 +85,7 @@ WITH_GARBAGE = """
 import sys
 from pathlib import Path
 import drjit as dr
+from lippmann.rendering import recorded as recording
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.scene import load_scene
 from lippmann.variant import mitsuba, start_mitsuba
@@ -118,3 +120,34 @@ def test_garbage_is_kept_while_a_program_is_recorded():
     scene = repository() / "scenes/chart/chart.xml"
     done = subprocess.run([sys.executable, "-c", WITH_GARBAGE, scene], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "whole\n"), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("lamp", "recorded"),
+    [
+        ('<emitter type="point"/>', True),
+        ('<emitter type="spot"/>', True),
+        ('<emitter type="constant"/>', True),
+        ('<emitter type="spot"><texture type="bitmap" name="texture">{}</texture></emitter>', False),
+        ('<emitter type="projector"><texture type="bitmap" name="irradiance">{}</texture></emitter>', False),
+        ('<emitter type="envmap"><string name="filename" value="stripes.png"/></emitter>', False),
+    ],
+)
+def test_a_gpu_records_no_lamp_with_a_picture(mi, tmp_path, monkeypatch, lamp, recorded):
+    """Dr.Jit ends the process that replays one (projector and spot, on an H200)."""
+    mi.Bitmap(np.full((8, 16, 3), 200, np.uint8)).write(str(tmp_path / "stripes.png"))
+    monkeypatch.setattr(recording, "current_device", lambda: "cuda")
+    lamp = lamp.format('<string name="filename" value="stripes.png"/>')
+    path = tmp_path / "lit.xml"
+    path.write_text(f'<scene version="3.0.0"><shape type="sphere"/>{lamp}</scene>')
+    hidden = Hidden()
+
+    def doubled(numbers):
+        hidden.traced.append(1)
+        return 2 * numbers
+
+    program = Recorded(doubled, load_scene(path))
+    for _ in range(3):
+        numbers = mi.UInt32([1, 2])
+        np.testing.assert_array_equal(np.asarray(program(numbers)), [2, 4])
+    assert len(hidden.traced) == (1 if recorded else 3)

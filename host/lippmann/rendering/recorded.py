@@ -8,11 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import re
 import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from lippmann.rendering.scene import Scene
+from lippmann.variant import current_device
+
+#: A lamp that shows a picture, as Mitsuba writes it: Dr.Jit 1.5 ends the process that replays one on a GPU.
+PICTURE = re.compile(r"BitmapTexture|EnvironmentMap")
 
 
 class Recorded:
@@ -32,7 +37,8 @@ class Recorded:
 
         frozen: Any = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        self._recordable = True
+        lamps = scene.mitsuba.emitters()
+        self._recordable = current_device() != "cuda" or not any(PICTURE.search(str(lamp)) for lamp in lamps)
         # Their Python objects belong to what tells one recording from another: made now, not in the first recording.
         self._emitters = scene.mitsuba.emitters()
         weakref.finalize(self, held.release, frozen)
