@@ -147,6 +147,32 @@ def test_other_settings_are_another_picture(place, mi, change):
     assert one.identity == same.identity
 
 
+def test_bands_of_another_picture_are_removed_and_told(place, narrow):
+    one, scene = still(place, SETTINGS[0])
+    other = replace(one, options=replace(one.options, settings=replace(SETTINGS[0], seed=5)))
+    for whole, removed in ((one, 0), (one, 0), (other, 5)):
+        told = []
+        render_bands(place / "a.exr", whole, here(whole, scene), quiet, told.append)
+        assert len(told) == (removed > 0)
+        assert all(f"a.exr.bands: {removed} bands are removed" in line for line in told)
+
+
+def test_a_scheduler_that_is_not_there_leaves_nothing(place, mi, capfd):
+    words = ["--display", str(place / "small.toml"), "-o", str(place / "a.exr"), "--scheduler", "tcp://127.0.0.1:1"]
+    before = set(place.iterdir())
+    assert run(["render", str(place / "three.xml"), *words]) == 2
+    assert "tcp://127.0.0.1:1" in capfd.readouterr().err
+    assert set(place.iterdir()) == before
+
+
+def test_a_still_counts_the_rays_of_its_subpixels(place, mi):
+    """Three for a pixel whose red, green and blue are beside each other."""
+    whole, _ = still(place, SETTINGS[0])
+    striped = replace(whole, display=replace(whole.display, panel=replace(whole.display.panel, subpixels="rgb")))
+    assert (whole.rays, striped.rays) == (3, 9)
+    assert striped.renderer().rays == 9
+
+
 def test_a_limit_below_one_band_is_refused(place, narrow):
     whole, scene = still(place, Settings())
     small = replace(whole, options=replace(whole.options, settings=Settings(memory_mb=100.0)))

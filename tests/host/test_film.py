@@ -21,6 +21,7 @@ from lippmann.film.path import Path as FilmPath
 from lippmann.film.shot import render_shot, shots_of
 from lippmann.film.video import write_video
 from lippmann.images import encode, psnr_db, read_picture
+from lippmann.rendering import renderer
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
@@ -319,6 +320,22 @@ def test_only_what_is_missing_or_changed_is_rendered(place, capsys):
     assert rendered("--seed", "1") == {0, 1, 2, 3, 4}
     (place / "three.xml").write_text(SCENE.replace("0.8, 0.2", "0.7, 0.2"))
     assert rendered("--seed", "1") == {0, 1, 2, 3, 4}
+
+
+@pytest.mark.parametrize(
+    ("likeness", "shading", "said"), [([60.0, 50.0], "shared", "frame 4"), ([60.0, 40.0], "each", "frame 4")]
+)
+def test_a_film_has_one_way_to_shade(place, mi, monkeypatch, capfd, likeness, shading, said):
+    """Its key frames, 0 and 4, are tried; all frames do what all key frames allow."""
+    for name, value in (("RAYS_A_POINT", 0.01), ("LEAST_LAMPS", 1), ("LEAST_RAYS", 1)):
+        monkeypatch.setattr(renderer, name, value)
+    trials = iter(likeness)
+    monkeypatch.setattr(renderer.Renderer, "_trial", lambda self: next(trials))
+    animate(place, "--model", "exact", "--device", "llvm")
+    frames = [read_picture(place / f"out/frame_{k:04d}.exr") for k in range(5)]
+    assert {frame.metadata["shading"] for frame in frames} == {shading}
+    assert capfd.readouterr().err.count(f"{said}: light is {'not ' * (shading == 'each')}shared") == 1
+    assert next(trials, None) is None
 
 
 def test_a_changed_picture_or_mesh_is_noticed(place, mi):

@@ -305,6 +305,18 @@ def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps,
     assert not told
 
 
+@pytest.mark.parametrize("free_mb", [1.0, 1e6])
+@pytest.mark.parametrize(("limit_mb", "shading"), [(None, "auto"), (700.0, "each"), (800.0, "auto")])
+def test_the_users_limit_decides_and_not_the_free_memory(mi, display, eager, monkeypatch, free_mb, limit_mb, shading):
+    """500 MB, 250 more for shared light, and 2.2 MB for 288 x 216 pixels."""
+    monkeypatch.setattr(renderers, "free_memory_mb", lambda: free_mb)
+    made = scene(wall=wall(mi), a=lamp([2, 3, 40]))
+    settings = replace(SETTINGS, shading="auto", memory_mb=limit_mb)
+    found = Renderer(made, display_source(display, "exact", 4, "chief", "fast", None), settings)
+    assert found.shading == shading
+    assert (found.remark is not None) == (shading == "each")
+
+
 def rods(mi):
     """Wider than the lenslets' pitch, whose shadows are in the middle of the picture."""
     return {f"rod{k}": {"type": "rectangle", "bsdf": BOTH,

@@ -19,7 +19,7 @@ from lippmann.display import Display, load_display
 from lippmann.errors import InputError
 from lippmann.film.film import load_film
 from lippmann.film.frames import check_folder, frame_path, write_frames
-from lippmann.film.shot import Shot, render_shot, shots_of
+from lippmann.film.shot import Shot, render_shot, shots_of, with_one_shading
 from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
 from lippmann.images import check_output, encoded_values
 from lippmann.integral_image import IntegralImage
@@ -92,7 +92,7 @@ def command(
             "give a smaller --width, or an .mp4 file",
         )
     start_mitsuba(device)
-    shots = shots_of(film, display, options, None if fit else scale)
+    shots = with_one_shading(film, shots_of(film, display, options, None if fit else scale), log)
 
     def render(missing: Sequence[Shot]) -> Iterator[tuple[Shot, IntegralImage]]:
         if cluster is not None:

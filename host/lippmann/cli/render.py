@@ -132,14 +132,14 @@ def _saved(image: IntegralImage, path: Path) -> _Made:
 def _written(path: Path, still: Still, work: Work, progress: Progress) -> _Made:
     """Render a picture by bands, and write it."""
     started = time.perf_counter()
-    kept, rendered = render_bands(path, still, work, progress)
+    kept, rendered = render_bands(path, still, work, progress, log)
     between = time.perf_counter()
     write_still(path, still, kept)
     panel, bands = still.display.panel, len(still.bands)
     pixels = sum(len(still.bands[number]) for number in rendered) * panel.width_px
     measured = {
         "seconds": between - started,
-        "samples_per_second": pixels * still.options.settings.samples / max(between - started, 1e-9),
+        "samples_per_second": pixels * still.rays / max(between - started, 1e-9),
         "bands": bands,
         "bands_kept": bands - len(rendered),
     }

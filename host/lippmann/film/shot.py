@@ -15,7 +15,7 @@ from lippmann.errors import InputError
 from lippmann.film.film import Film
 from lippmann.integral_image import IntegralImage
 from lippmann.rendering.arrange import fitting
-from lippmann.rendering.integral import RenderOptions, pixels_identity, render_image
+from lippmann.rendering.integral import RenderOptions, pixels_identity, render_image, renderer_of
 from lippmann.rendering.placement import Matrix, Placement, placement_beside
 from lippmann.rendering.scene import (
     Move,
@@ -92,6 +92,27 @@ def _fitting(film: Film, rest: Placement, display: Display) -> Placement:
     if not np.isfinite(high - low).all():
         raise InputError(f"{film.scene}: the scene has no bounded extent to fit; give --scale")
     return fitting(low, high, display)
+
+
+def with_one_shading(film: Film, shots: list[Shot], note: Callable[[str], None]) -> list[Shot]:
+    """Return a film's shots with one way to shade in place of "auto": shared where a trial at every key frame says so.
+
+    What is at rest then keeps its pixels from frame to frame, and every process makes the same ones. `note` is called
+    with what a trial says. Errors as `render_shot`.
+    """
+    options = shots[0].options
+    if options.settings.shading != "auto":
+        return shots
+    for frame in film.key_frames:
+        renderer = renderer_of(scene_of_shot(shots[frame]), shots[frame].display, options)
+        if renderer.shading == "auto":
+            renderer.prepare()
+        if renderer.remark is not None and (renderer.shading == "each" or frame == film.key_frames[-1]):
+            note(f"frame {frame}: {renderer.remark}")
+        if renderer.shading == "each":
+            break
+    settings = replace(options.settings, shading=renderer.shading)
+    return [replace(shot, options=replace(options, settings=settings)) for shot in shots]
 
 
 def render_shot(shot: Shot, note: Callable[[str], None] | None = None) -> IntegralImage:

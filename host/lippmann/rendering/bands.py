@@ -26,10 +26,12 @@ from lippmann.integral_image import metadata_of
 from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity
 from lippmann.rendering.placement import Arrange, Placement
-from lippmann.rendering.renderer import BASE_MEMORY_MB, Progress, Renderer, bands_of, check_memory_mb
+from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
+from lippmann.rendering.samples import passes_of
 from lippmann.rendering.scene import Scene, digest_of, load_scene
 from lippmann.rendering.sources import display_source
 from lippmann.select.model import TOLERANCE
+from lippmann.subpixels import layout_of
 
 #: A picture of more pixels than these, or more samples, is rendered by bands that are kept.
 KEPT_PIXELS, KEPT_SAMPLES = 1 << 25, 1 << 27
@@ -70,6 +72,11 @@ class Still:
             self.display, options.model, settings.samples, settings.aperture, options.engine, options.fraction_bits
         )
         return Renderer(scene, source, settings, self.bands)
+
+    @property
+    def rays(self) -> int:
+        """Rays for each pixel."""
+        return self.options.settings.samples * len(passes_of(layout_of(self.display.panel.subpixels)))
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -147,10 +154,13 @@ class KeptBands:
         self._folder, self._still = folder, still
         panel = still.display.panel
         self.shape = panel.height_px, panel.width_px, 3
+        #: Number of bands of another still that were there.
+        self.removed = 0
         for path in folder.iterdir():
             found = BAND_NAME.fullmatch(path.name)
             if found is not None and found[1] != still.identity:
                 path.unlink(missing_ok=True)
+                self.removed += 1
 
     def missing(self) -> list[Band]:
         """Return the bands that are not there, or not whole."""
@@ -214,10 +224,12 @@ def here(still: Still, scene: Scene) -> Work:
     return work
 
 
-def render_bands(path: Path, still: Still, work: Work, progress: Progress) -> tuple[KeptBands, list[int]]:
+def render_bands(
+    path: Path, still: Still, work: Work, progress: Progress, note: Callable[[str], None] = lambda remark: None
+) -> tuple[KeptBands, list[int]]:
     """Render the bands of a still that its folder, PATH.bands, lacks; return all, and the numbers of the new ones.
 
-    `progress` is called with (rows there, rows in all).
+    `progress` is called with (rows there, rows in all), `note` when bands of another still are removed.
 
     Raises InputError and NoSpaceError when a file cannot be written, or a band exceeds the memory limit, and what
     `work` raises; the finished bands are kept.
@@ -227,13 +239,20 @@ def render_bands(path: Path, still: Still, work: Work, progress: Progress) -> tu
     folder = path.with_name(f"{path.name}.bands")
     _check_disk(folder, still)
     kept = KeptBands(folder, still)
+    if kept.removed:
+        note(f"{folder}: {kept.removed} bands are removed; their scene, display, options or version is another")
     missing = kept.missing()
     done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
     progress(done, panel.height_px)
-    for band, (radiance, _) in work(missing):
-        kept.keep(band, radiance)
-        done += len(radiance)
-        progress(done, panel.height_px)
+    try:
+        for band, (radiance, _) in work(missing):
+            kept.keep(band, radiance)
+            done += len(radiance)
+            progress(done, panel.height_px)
+    except BaseException:
+        with contextlib.suppress(OSError):  # it holds bands
+            folder.rmdir()
+        raise
     return kept, [band.number for band in missing]
 
 
@@ -256,11 +275,10 @@ def _check_disk(folder: Path, still: Still) -> None:
 
 def check_band_memory(still: Still) -> None:
     """Raise InputError when a band exceeds the memory limit."""
-    most = max(len(rows) for rows in still.bands) * still.display.panel.width_px
-    # Radiance in float32 three times, as for a picture in memory.
-    needed = BASE_MEMORY_MB + 3.0 * most * 3 * 4 / 1e6
-    what = f"a band of {most // still.display.panel.width_px} rows of {still.display.panel.width_px} pixels"
-    check_memory_mb(needed, still.options.settings.memory_mb, what, "raise --memory-mb")
+    rows, settings = max(len(rows) for rows in still.bands), still.options.settings
+    needed = memory_mb(still.display.panel.width_px, rows, settings.shading)
+    what = f"a band of {rows} rows of {still.display.panel.width_px} pixels"
+    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb")
 
 
 def is_kept(display: Display, samples: int) -> bool:

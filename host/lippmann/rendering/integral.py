@@ -21,8 +21,9 @@ from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
 from lippmann.provenance import pixel_versions
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.remarks import remarks
-from lippmann.rendering.renderer import Progress, Settings, render_integral
+from lippmann.rendering.renderer import Progress, Renderer, Settings, render_integral
 from lippmann.rendering.scene import Scene
+from lippmann.rendering.sources import display_source
 from lippmann.select.model import TOLERANCE, choose_model
 
 ModelOption = Literal["auto", Model]
@@ -92,6 +93,13 @@ def render_image(
     carried = image_metadata(model, settings, scene.path, options.engine, options.fraction_bits)
     # Its own memory, for other threads (`radiance_of`).
     return IntegralImage(np.require(rendered.radiance, requirements="O"), display, carried, rendered.measured)
+
+
+def renderer_of(scene: Scene, display: Display, options: RenderOptions) -> Renderer:
+    """Return what renders the integral image of a loaded scene, not prepared yet; errors as `render_image`."""
+    settings, model = options.settings, chosen_model(scene, display, options)
+    source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
+    return Renderer(scene, source, settings)
 
 
 def pixels_identity(

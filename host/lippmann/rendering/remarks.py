@@ -56,7 +56,7 @@ def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]
     height_px = max(1, min(TRIAL_PX, round(TRIAL_PX * panel.height_mm / panel.width_mm)))
     window = Window(panel.width_mm, panel.height_mm, TRIAL_PX, height_px)
     eye = 0.0, 0.0, viewing_distance(display)
-    trial = replace(settings, samples=1)
+    trial = replace(settings, samples=1, shading="each", memory_mb=None)
 
     # Distances along the rays, from the plane near_mm to the first surface, scene units; 0 where a ray meets nothing.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)

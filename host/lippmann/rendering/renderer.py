@@ -179,19 +179,18 @@ class Renderer:
         self._each = each_program(scene, source, settings.samples, integrator)
         self._program: Program = self._each
         self._pose = Pose.of(scene.placement)
+        #: Whether all bands are kept in memory.
+        self._whole = bands is None
         self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
         self.rays = settings.samples * len(passes_of(source.layout))
         #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
         self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
 
-    def _fits(self, settings: Settings) -> bool:
-        """Tell whether shared light is within the memory limit."""
-        try:
-            check_memory(self._width, self._height, replace(settings, shading="shared"))
-        except InputError:
-            return False
-        return True
+    def _fits(self, limit_mb: float | None) -> bool:
+        """Tell whether shared light is within the user's memory limit: the free memory must not change a picture."""
+        rows = self._height if self._whole else max(len(rows) for rows in self.bands)
+        return limit_mb is None or memory_mb(self._width, rows, "shared") <= limit_mb
 
     @property
     def _chunk(self) -> int:
@@ -211,11 +210,11 @@ class Renderer:
             return "each", f"light is not shared: {why}" if wanted == "shared" else None
         # A GPU traces a ray in less time than it needs to look for what is known.
         few = len(scene.mitsuba.emitters()) < LEAST_LAMPS
-        if wanted == "auto" and (few or current_device() == "cuda" or not self._fits(settings)):
-            return "each", None
         rays = self._width * self._height * self.rays
-        if wanted == "auto" and rays < LEAST_RAYS:
+        if wanted == "auto" and (few or current_device() == "cuda" or rays < LEAST_RAYS):
             return "each", None
+        if wanted == "auto" and not self._fits(settings.memory_mb):
+            return "each", "light is not shared: --memory-mb leaves no room for it"
         most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, rays // RAYS_A_POINT)
         light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
         if not light.points:
@@ -401,11 +400,16 @@ def render_rays(
     )
 
 
-def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
-    """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
+def memory_mb(width_px: int, height_px: int, shading: Shading) -> float:
+    """Return the memory that a picture, or a band of one, needs, MB."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
-    needed += SHARED_MEMORY_MB if settings.shading == "shared" else 0.0
+    return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
+
+
+def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
+    """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
+    needed = memory_mb(width_px, height_px, settings.shading)
     what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
