@@ -85,4 +85,6 @@ class StoredRows:
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
         whole = self._read(0, height)
         self._rows = whole[:0]  # the caller's memory now, and not this object's too
-        return np.asarray(whole, dtype) if copy is None else np.array(whole, dtype, copy=copy)
+        if copy is None:  # where the type asks for it
+            return np.asarray(whole, dtype)
+        return np.array(whole, dtype, copy=copy)

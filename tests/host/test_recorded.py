@@ -85,7 +85,6 @@ WITH_GARBAGE = """
 import sys
 from pathlib import Path
 import drjit as dr
-from lippmann.rendering import recorded as recording
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.scene import load_scene
 from lippmann.variant import mitsuba, start_mitsuba

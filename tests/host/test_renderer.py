@@ -20,7 +20,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.rendering import renderer, sources
-from lippmann.rendering.lights import draws_lots
+from lippmann.rendering.lights import needs_chance
 from lippmann.rendering.placement import Placement, load_placement
 from lippmann.rendering.renderer import Settings, check_memory, render_integral, render_view
 from lippmann.rendering.scene import load_scene
@@ -358,12 +358,12 @@ def test_point_lights_leave_no_noise(mi, points):
 
 
 @pytest.mark.parametrize("name", ["fish/fish", "chart/chart", "knot/knot", "seed/full"])
-def test_who_draws_lots_has_noise_and_who_does_not_has_none(mi, request, name):
+def test_who_needs_chance_has_noise_and_who_does_not_has_none(mi, request, name):
     """A rough eye's view by two seeds."""
     scene = load_scene(request.config.rootpath / f"scenes/{name}.xml")
     window = Window(100.0, 100.0, 64, 64)
     one, other = (render_view(scene, EYE, window, Settings(seed=seed)).radiance for seed in (1, 2))
-    assert draws_lots(scene.mitsuba) == bool((one != other).any())
+    assert needs_chance(scene.mitsuba) == bool((one != other).any())
 
 
 @pytest.mark.parametrize("name", ["points", "lit"])

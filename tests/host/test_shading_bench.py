@@ -75,12 +75,12 @@ def test_samples_go_where_the_noise_is():
     """Half of the pixels with 9 times the variance of the others, by hand; nothing is saved where all are alike."""
     true = np.array([1.0, 9.0])
     # n = c and 3 c: noise (1 / c + 3 / c) / 2 = 5 / 8, so c = 3.2, and 6.4 samples instead of 8.
-    assert adaptive.spread(true, true, 8.0, 1.0) == pytest.approx(6.4)
-    assert adaptive.spread(true, np.array([2.0, 18.0]), 8.0, 1.0) == pytest.approx(6.4)
+    assert adaptive.samples_needed(true, true, 8.0, 1.0) == pytest.approx(6.4)
+    assert adaptive.samples_needed(true, np.array([2.0, 18.0]), 8.0, 1.0) == pytest.approx(6.4)
     # At least 5 each: the other one needs 9 / n = 10 / 8 - 1 / 5.
-    assert adaptive.spread(true, true, 8.0, 5.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
-    assert adaptive.spread(np.ones(3), np.ones(3), 8.0, 1.0) == pytest.approx(8.0)
-    assert adaptive.spread(true, np.array([1.0, 0.0]), 8.0, 1.0) == 8.0
+    assert adaptive.samples_needed(true, true, 8.0, 5.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
+    assert adaptive.samples_needed(np.ones(3), np.ones(3), 8.0, 1.0) == pytest.approx(8.0)
+    assert adaptive.samples_needed(true, np.array([1.0, 0.0]), 8.0, 1.0) == 8.0
 
 
 @pytest.mark.full

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import load_display
+from lippmann.display import Display, load_display
 from lippmann.images import encode
 from lippmann.measure.pictures import middle
 from lippmann.rendering.renderer import Settings, render_integral
@@ -43,12 +43,12 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         known = {"pixel": true, "tile": _of_tiles(true)}
         pilots = PILOT * 0.5 * ((pictures[0] - pictures[1]) ** 2).sum(axis=-1)
         for samples in SAMPLES:
-            factors = {way: samples / spread(true, guess, samples, PILOT) for way, guess in known.items()}
-            factors["found"] = samples / spread(true, _smoothed(pilots), samples, 2 * PILOT)
+            factors = {way: samples / samples_needed(true, guess, samples, PILOT) for way, guess in known.items()}
+            factors["found"] = samples / samples_needed(true, _smoothed(pilots), samples, 2 * PILOT)
             yield {"scene": name, "samples": samples, **factors}
 
 
-def spread(true: Field, guess: Field, samples: float, least: float) -> float:
+def samples_needed(true: Field, guess: Field, samples: float, least: float) -> float:
     """Return the mean number of samples that meets the noise of `samples` everywhere.
 
     They are in proportion to the root of a guess of the variance, and `least` at least.
@@ -71,7 +71,7 @@ def spread(true: Field, guess: Field, samples: float, least: float) -> float:
     return float(min(numbers(high).mean(), samples))
 
 
-def _encoded(scene: Scene, display: Any, seed: int) -> Field:
+def _encoded(scene: Scene, display: Display, seed: int) -> Field:
     rendered = render_integral(scene, display, "exact", Settings(PILOT, seed=seed, shading="each"))
     return encode(rendered.radiance, "srgb").astype(np.float64)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from lippmann.display import load_display
 from lippmann.film.film import load_film
-from lippmann.film.shot import Shot, render_shot, shots_of
+from lippmann.film.shot import Shot, render_shot, shots_of, with_one_shading
 from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Settings
@@ -35,7 +35,8 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     ) as cluster, Client(cluster) as client:  # fmt: skip
         for name, scale, frames in CASES:
             display = load_display(scenes / f"displays/{name}.toml")
-            shots = shots_of(film, display, RenderOptions(settings=Settings(samples=4, seed=seed)), scale)[:frames]
+            options = RenderOptions(settings=Settings(samples=4, seed=seed))
+            shots = with_one_shading(film, shots_of(film, display, options, scale), lambda remark: None)[:frames]
             # Loads the scene and compiles the programs, here and on every worker.
             render_shot(shots[0])
             client.run(_warm, device, shots[0])

@@ -24,12 +24,11 @@ from lippmann.files import make_folder, remove_stale, replacing
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import metadata_of
 from lippmann.rendering.arrange import load_placed
-from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity
+from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
 from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
 from lippmann.rendering.samples import passes_of
 from lippmann.rendering.scene import Scene, digest_of, load_scene
-from lippmann.rendering.sources import display_source
 from lippmann.select.model import TOLERANCE
 from lippmann.subpixels import layout_of
 
@@ -66,12 +65,7 @@ class Still:
         """Return what renders its bands; the scene is loaded when it is not given."""
         if scene is None:
             scene = load_scene(self.scene, self.placement)
-        options, settings = self.options, self.options.settings
-        assert options.model != "auto"
-        source = display_source(
-            self.display, options.model, settings.samples, settings.aperture, options.engine, options.fraction_bits
-        )
-        return Renderer(scene, source, settings, self.bands)
+        return renderer_of(scene, self.display, self.options, self.bands)
 
     @property
     def rays(self) -> int:
@@ -103,12 +97,11 @@ def still_of(
     path = loaded.path.resolve()  # workers have folders of their own
     still = Still(path, digest_of(path), loaded.placement, display, chosen, bands)
     renderer = still.renderer(loaded)
-    if renderer.shading == "auto":
-        renderer.prepare()
+    shading = renderer.decide()
     if renderer.remark is not None:
         note(renderer.remark)
     # As for the model: every worker does what was chosen here.
-    settings = replace(chosen.settings, shading=renderer.shading)
+    settings = replace(chosen.settings, shading=shading)
     return replace(still, options=replace(chosen, settings=settings)), loaded
 
 

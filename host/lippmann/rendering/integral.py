@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
@@ -95,11 +95,16 @@ def render_image(
     return IntegralImage(np.require(rendered.radiance, requirements="O"), display, carried, rendered.measured)
 
 
-def renderer_of(scene: Scene, display: Display, options: RenderOptions) -> Renderer:
-    """Return what renders the integral image of a loaded scene, not prepared yet; errors as `render_image`."""
+def renderer_of(
+    scene: Scene, display: Display, options: RenderOptions, bands: Sequence[range] | None = None
+) -> Renderer:
+    """Return what renders the integral image of a loaded scene, not prepared yet; `bands` are as for `Renderer`.
+
+    Raises InputError as `render_image`.
+    """
     settings, model = options.settings, chosen_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
-    return Renderer(scene, source, settings)
+    return Renderer(scene, source, settings, bands)
 
 
 def pixels_identity(

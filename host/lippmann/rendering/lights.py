@@ -22,23 +22,28 @@ def has_splats(scene: Any) -> bool:
     return any(shape.is_ellipsoids() for shape in scene.shapes())
 
 
-def draws_lots(scene: Any) -> bool:
+def needs_chance(scene: Any) -> bool:
     """Tell whether `lights` may need random numbers for a `mitsuba.Scene`, and so have noise.
 
     It needs none under points, spots and directions, where each surface either scatters light or mirrors all of it.
     """
     mi = mitsuba()
-
-    def chooses(flags: int) -> bool:
-        refracts = mi.has_flag(flags, mi.BSDFFlags.DeltaTransmission) or mi.has_flag(flags, mi.BSDFFlags.Null)
-        mirrors = mi.has_flag(flags, mi.BSDFFlags.DeltaReflection)
-        return bool(refracts or (mirrors and mi.has_flag(flags, mi.BSDFFlags.Smooth)))
-
-    lamps, surfaces = scene.emitters(), scene.shapes()
-    return not (
-        all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in lamps)
-        and not any(surface.bsdf() is None or chooses(surface.bsdf().flags()) for surface in surfaces)
-    )
+    if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
+        return True
+    for surface in scene.shapes():
+        bsdf = surface.bsdf()
+        if bsdf is None:
+            return True
+        scatters, mirrors, refracts, passes = (
+            mi.has_flag(bsdf.flags(), flag)
+            for flag in (
+                *(mi.BSDFFlags.Smooth, mi.BSDFFlags.DeltaReflection),
+                *(mi.BSDFFlags.DeltaTransmission, mi.BSDFFlags.Null),
+            )
+        )
+        if refracts or passes or (mirrors and scatters):
+            return True
+    return False
 
 
 def register_lights() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
-from lippmann.rendering.lights import draws_lots, has_splats
+from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.renderer import Settings, make_integrator, render_view
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
@@ -77,7 +77,7 @@ def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]
             f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there turns into noise; place "
             "the scene with --fit, --scale or --depth"
         )
-    if settings.integrator == "lights" and not draws_lots(scene.mitsuba):
+    if settings.integrator == "lights" and not needs_chance(scene.mitsuba):
         return
     first, second = (
         np.minimum(render_view(scene, eye, window, replace(trial, seed=seed)).radiance, 1.0)

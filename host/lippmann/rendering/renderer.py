@@ -179,8 +179,7 @@ class Renderer:
         self._each = each_program(scene, source, settings.samples, integrator)
         self._program: Program = self._each
         self._pose = Pose.of(scene.placement)
-        #: Whether all bands are kept in memory.
-        self._whole = bands is None
+        self._in_memory = bands is None
         self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
         self.rays = settings.samples * len(passes_of(source.layout))
@@ -189,8 +188,10 @@ class Renderer:
 
     def _fits(self, limit_mb: float | None) -> bool:
         """Tell whether shared light is within the user's memory limit: the free memory must not change a picture."""
-        rows = self._height if self._whole else max(len(rows) for rows in self.bands)
-        return limit_mb is None or memory_mb(self._width, rows, "shared") <= limit_mb
+        if limit_mb is None:
+            return True
+        rows = self._height if self._in_memory else max(len(rows) for rows in self.bands)
+        return memory_mb(self._width, rows, "shared") <= limit_mb
 
     @property
     def _chunk(self) -> int:
@@ -247,6 +248,12 @@ class Renderer:
                 self.remark = f"light is {'' if keeps else 'not '}shared: on trial it changes the picture {change}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
+
+    def decide(self) -> Shading:
+        """Return how light is shaded, after a trial where that is open (`remark` tells what it said)."""
+        if self.shading == "auto":
+            self.prepare()
+        return self.shading
 
     def _trial(self) -> float | None:
         """Return the likeness, dB, of tiles all over the image with shared light to those with each sample's own.
