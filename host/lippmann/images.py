@@ -7,10 +7,12 @@ folder and renamed at the end.
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import re
 import struct
+import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,7 +25,7 @@ import numpy.typing as npt
 
 from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
-from lippmann.files import clean_before_writing, not_written, replacing
+from lippmann.files import clean_before_writing, not_written, refused, replacing
 from lippmann.limits import check_expanded
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
@@ -143,8 +145,13 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     folder = path.parent
     if not folder.is_dir():
         raise input_error(str(path), f"the folder {folder} does not exist", "make it first")
-    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise input_error(str(path), "cannot be written", "choose another place or change permissions")
+    try:
+        if path.exists() and not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        with tempfile.TemporaryFile(dir=folder):  # not by its permissions alone: /proc says that it may be written
+            pass
+    except OSError as error:
+        raise refused(path, error) from None
     clean_before_writing(folder)
     return path
 

@@ -76,9 +76,10 @@ def test_an_interrupted_render_goes_on(place, narrow):
                 raise KeyboardInterrupt
             yield band, rendered
 
+    folder, told = place / "a.tif.bands", []
     with pytest.raises(KeyboardInterrupt):
-        render_bands(place / "a.tif", whole, stopped, quiet)
-    folder = place / "a.tif.bands"
+        render_bands(place / "a.tif", whole, stopped, quiet, told.append)
+    assert told == [f"128 of 300 rows are kept in {folder}: the same command goes on from there"]
     assert len(list(folder.iterdir())) == 2
     assert not (place / "a.tif").exists()
     # One is cut short; and there are bands of another render.

@@ -501,6 +501,14 @@ BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" valu
         ('<shape type="sphere">', "XML"),
         ('<shape type="sphere"><float name="radius" value="nan"/></shape>', "bounded extent"),
         ("", "bounded extent"),
+        (
+            '<shape type="sphere"><emitter type="area"><rgb name="radiance" value="1 nan 1"/></emitter></shape>',
+            "not finite",
+        ),
+        (
+            '<shape type="sphere"/><emitter type="point"><spectrum name="intensity" value="inf"/></emitter>',
+            "not finite",
+        ),
     ],
 )
 def test_bad_scenes(place, capfd, mi, body, named):
@@ -508,7 +516,7 @@ def test_bad_scenes(place, capfd, mi, body, named):
     line = refused(capfd, "render", "bad.xml", "--display", "tiny.toml", "-o", "a.exr", "--device", "llvm")
     assert line.startswith("lippmann: bad.xml: ")
     assert named in line
-    assert re.search("; (mend the scene file|give near_mm)", line)
+    assert re.search("; (mend the scene file|give near_mm|give finite numbers)", line)
     # No positions in Mitsuba's own source.
     assert ".cpp" not in line
     assert not (place / "a.exr").exists()
@@ -527,6 +535,14 @@ def test_what_is_no_scene(place, capfd, mi):
     ):
         line = refused(capfd, "render", name, "--display", "tiny.toml", "-o", "a.exr")
         assert re.search(rf"{re.escape(name)}: {message}", line)
+
+
+@pytest.mark.parametrize("other", ["tiny.toml", "film"])
+def test_a_file_beside_the_scene_that_is_no_placement(place, capfd, mi, other):
+    """The film of ball.xml, and a display, may be named like it."""
+    text = 'scene = "ball.xml"\nframes = 3\n[world]\n[[world.key]]\nframe = 0\n'
+    (place / "ball.toml").write_text(text if other == "film" else (place / other).read_text())
+    assert run([*render("-o", "a.exr"), "--device", "llvm"]) == 0
 
 
 def test_bad_placement_beside_the_scene(place, capfd):

@@ -163,9 +163,15 @@ def test_places_that_cannot_be_written_are_refused(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="does not exist"):
         check_output(tmp_path / "file" / "a.png")
-    # Root may write anywhere: ask as one who may not.
+    # Root may write anywhere, but not there, though its permissions allow it.
+    with pytest.raises(InputError, match=r"a\.png: cannot be written \(.+\); free space or choose another place"):
+        check_output("/proc/a.png")
+    check_output(tmp_path / "a.png")
+    assert {path.name for path in tmp_path.iterdir()} == {"folder.png", "file"}
+    # Ask as one who may not.
+    (tmp_path / "a.png").write_text("")
     monkeypatch.setattr(os, "access", lambda *_: False)
-    with pytest.raises(InputError, match=r"a\.png: cannot be written; choose another place"):
+    with pytest.raises(InputError, match=r"a\.png: cannot be written \(Permission denied\)"):
         check_output(tmp_path / "a.png")
 
 

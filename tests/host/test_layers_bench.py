@@ -55,7 +55,8 @@ def test_two_plain_cards_are_two_layers_without_a_hole(scene):
     ]  # fmt: skip
     assert all(row["worst_db"] <= row["view_db"] for row in (streamed, *rows))
     assert rows[2]["view_db"] > rows[0]["view_db"] + 3.0
-    assert streamed["view_db"] > rows[2]["view_db"]
+    # Its 8 bits are all that it loses: half a level of 255, uniform, 20 log10(255 sqrt(12)) = 59 dB.
+    assert streamed["view_db"] == pytest.approx(59.0, abs=3.0)
     assert {row["holes_percent"] for row in rows} == {0.0}
     # A packet of 1024 bytes: 9 around them, before the stuffing of 1 byte in 254 at most, and its end.
     assert rows[2]["load_bytes"] == 2 * 5 * 1024

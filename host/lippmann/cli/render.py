@@ -107,6 +107,7 @@ def command(
 
     text = (
         f"{path}: {panel.width_px} x {panel.height_px}, model {made.metadata['model']}, "
+        f"{'shared light, ' if result['shading'] == 'shared' else ''}"
         f"{seconds:.2f} s ({made.measured['samples_per_second'] / 1e6:.2f} M samples/s), "
         f"peak memory {peak_memory_mb():.0f} MB"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -61,8 +62,13 @@ def write_frames(
     missing = [shot for shot in shots if not is_rendered(folder, shot)]
     done = len(shots) - len(missing)
     progress(done, len(shots))
-    for shot, image in render(missing):
-        image.save(frame_path(folder, shot.frame))
-        done += 1
-        progress(done, len(shots))
+    try:
+        for shot, image in render(missing):
+            image.save(frame_path(folder, shot.frame))
+            done += 1
+            progress(done, len(shots))
+    except BaseException:
+        with contextlib.suppress(OSError):  # it holds frames
+            folder.rmdir()
+        raise
     return len(missing)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lippmann import interrupts
 from lippmann.layers.stack import Floats
-from lippmann.optics.sampling import points_in_square
+from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, first_hit, make_integrator
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
@@ -159,7 +159,7 @@ def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Any, sample:
         dr.opaque(mi.Float, value) for value in (area.left, area.top, area.size[0] / size[0], area.size[1] / size[1])
     )
     row = texel // columns
-    s, t = points_in_square(texel, sample, settings.seed, stream=0)
+    s, t = points_in_pixel(texel, sample, settings.samples, settings.seed)
     x = left + (mi.Float(texel - row * columns) + s) * across
     y = top - (mi.Float(row) + t) * down
     if math.isinf(area.depth_mm):

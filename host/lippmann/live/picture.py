@@ -95,7 +95,7 @@ class LivePicture:
         import drjit as dr
 
         self._placement, self._passes = self._with_front(placement), 0
-        self._quick.move(self._placement, self._settings.seed)
+        self._quick.move(self._placement)
         planes = self._all(self._quick, -(-self._panel.height_px // self.block), lambda: False)
         assert planes is not None
         if self._block_of_pixel is not None:
@@ -105,13 +105,13 @@ class LivePicture:
     def finer(self, interrupted: Callable[[], bool]) -> bool:
         """Make it the mean of the passes so far and one more; return False when that was interrupted, and is not done.
 
-        The first pass has the render's seed, and equals a render of `PASS_SAMPLES` samples.
+        The first pass equals a render of `PASS_SAMPLES` samples.
         """
         import drjit as dr
 
         if self._fine is None:
             self._fine = self._renderer(self._sources[1], PASS_SAMPLES)
-        self._fine.move(self._placement, (self._settings.seed + self._passes) & 0xFFFFFFFF)
+        self._fine.move(self._placement, self._passes)
         planes = self._all(self._fine, self._panel.height_px, interrupted)
         if planes is None:
             return False
@@ -138,9 +138,9 @@ class LivePicture:
         renderer = self._renderer(source, samples)
         # A scene in the display's own frame has a program of its own: compiled now, lest the first move waits for it.
         for turn_deg in (0.0, 1.0):
-            renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)), self._settings.seed)
+            renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
-        renderer.move(self._scene.placement, self._settings.seed)
+        renderer.move(self._scene.placement)
         return renderer
 
     def _timed(self) -> float:

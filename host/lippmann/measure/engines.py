@@ -107,7 +107,7 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
         v = b.double(row % panel.height_px) + 0.5
         points = None
         if aperture == "full":
-            s, t = points_in_square(index, mi.UInt32(0), 0, stream=1)
+            s, t = points_in_square(index, mi.UInt32(0), 0)
             points = square_to_cell(b, s, t, Lattice.of(display.array))
         out = rays_from_pixels(b, system, u, v, points, model)
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])

@@ -222,7 +222,8 @@ def render_bands(
 ) -> tuple[KeptBands, list[int]]:
     """Render the bands of a still that its folder, PATH.bands, lacks; return all, and the numbers of the new ones.
 
-    `progress` is called with (rows there, rows in all), `note` when bands of another still are removed.
+    `progress` is called with (rows there, rows in all), `note` when bands of another still are removed, or this one's
+    stay after an error or an interruption.
 
     Raises InputError and NoSpaceError when a file cannot be written, or a band exceeds the memory limit, and what
     `work` raises; the finished bands are kept.
@@ -243,8 +244,10 @@ def render_bands(
             done += len(radiance)
             progress(done, panel.height_px)
     except BaseException:
-        with contextlib.suppress(OSError):  # it holds bands
+        try:
             folder.rmdir()
+        except OSError:  # it holds bands
+            note(f"{done} of {panel.height_px} rows are kept in {folder}: the same command goes on from there")
         raise
     return kept, [band.number for band in missing]
 

@@ -167,6 +167,6 @@ def unplaced_note(path: Path) -> str | None:
 
 
 def _is_placed(path: Path) -> bool:
-    """Tell whether a TOML file has a placement, or should: one that is itself a scene, a picture's, may have none."""
+    """Tell whether a TOML file has a placement, or should: a picture with depths, a film or a display need none."""
     told = toml.load(path, "placement")
-    return "placement" in told or "depth_picture" not in told
+    return "placement" in told or not {"depth_picture", "frames", "panel"} & told.keys()

@@ -29,7 +29,7 @@ from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.samples import TILE_PX, Part, Pose, lines_of, passes_of, pixel_of
+from lippmann.rendering.samples import TILE_PX, Part, Pose, Seeds, lines_of, passes_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.shading import Program, SharedProgram, each_program, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
@@ -172,7 +172,7 @@ class Renderer:
 
         `program` is what lights samples where light is shared.
         """
-        self._samples, self._seed = settings.samples, settings.seed
+        self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
         integrator = make_integrator(scene, settings)
@@ -228,9 +228,12 @@ class Renderer:
             self._program = shared
         return wanted, None
 
-    def move(self, placement: Placement, seed: int) -> None:
-        """Let the next bands be those of the scene in another place, and of another seed, by the same program."""
-        self._pose, self._seed = Pose.of(placement), seed
+    def move(self, placement: Placement, number: int = 0) -> None:
+        """Let the next bands be those of the scene in another place, by the same program.
+
+        They are those of a picture's pass of this number; the mean of several passes is finer than each.
+        """
+        self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
         """Compile the program by rendering one tile; return the seconds that it took.
@@ -244,8 +247,9 @@ class Renderer:
             self.shading = "shared" if keeps else "each"
             self._program = self._tried if keeps else self._each
             if decibels is not None:
-                change = f"by {-decibels:.0f} dB" if math.isfinite(decibels) else "nowhere"
-                self.remark = f"light is {'' if keeps else 'not '}shared: on trial it changes the picture {change}"
+                like = f"to {decibels:.0f} dB" if math.isfinite(decibels) else "bit for bit"
+                verdict = "shared" if keeps else f"not shared, for which {SHARED_DB:.0f} are needed"
+                self.remark = f"on trial the picture with shared light is like each ray's {like}: light is {verdict}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
@@ -271,10 +275,13 @@ class Renderer:
         tiles = (rows[:, None] * self._across + columns).ravel()
         # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
         together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles[-1] + 1) * samples < 1 << 32
-        seed, found = dr.opaque(mi.UInt32, self._seed), []
+        seed, number = (dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass))
+        found = []
         for first, ours in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
             index = mi.UInt32((ours[:, None] * samples + np.arange(samples)).ravel().astype(np.uint32))
-            found.append(self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), (seed, seed), self._pose))
+            found.append(
+                self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), Seeds(seed, seed, number), self._pose)
+            )
         shared, own, alone = zip(*found, strict=True)
         if np.mean(alone) > MOST_ALONE:
             return None
@@ -334,10 +341,11 @@ class Renderer:
         index = dr.arange(mi.UInt32, pixels * self._samples)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
-        seed = dr.opaque(mi.UInt32, (self._seed * 0x9E3779B1 + chunk) & 0xFFFFFFFF)
-        own_seed = dr.opaque(mi.UInt32, self._seed)
+        own = self._seed + self._pass
+        numbers = (own * 0x9E3779B1 + chunk) & 0xFFFFFFFF, own & 0xFFFFFFFF, self._pass
+        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in numbers))
         dr.make_opaque(index)
-        colours, lost = self._program(index, first, (seed, own_seed), self._pose)
+        colours, lost = self._program(index, first, seeds, self._pose)
         pixel, inside = pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
         place = pixel - dr.opaque(mi.UInt32, first_row * self._width)
         for plane, colour in zip(planes, colours, strict=True):
@@ -459,7 +467,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
     whole = Part.of([Box(0.0, 0.0, 1.0, 1.0)])
-    lines = lines_of(eye_source(eye_mm, window), 1, 0, number, dr.zeros(mi.UInt32, 1), whole)
+    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0, 0), number, dr.zeros(mi.UInt32, 1), whole)
     _, valid, depth = first_hit(scene, lines, front)
     found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
     return found.reshape(window.height_px, window.width_px)

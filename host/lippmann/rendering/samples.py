@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.sampling import points_in_square
+from lippmann.optics.sampling import points_in_pixel, points_in_square
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.sources import Lines, RaySource
 from lippmann.subpixels import COLOURS, Box, Layout
@@ -64,15 +64,22 @@ class Part:
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
 
 
-def lines_of(source: RaySource, samples: int, seed: Any, pixel: Any, sample: Any, part: Part) -> Lines:
+class Seeds(NamedTuple):
+    """What lots are drawn by: Dr.Jit values (UInt32)."""
+
+    chunk: Any
+    image: Any
+    #: Number of the picture's pass; the mean of several is finer than each.
+    number: Any
+
+
+def lines_of(source: RaySource, samples: int, seeds: Seeds, pixel: Any, sample: Any, part: Part) -> Lines:
     """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32)."""
     mi = mitsuba()
     import drjit as dr
 
     b = DrJitBackend(current_device())
-    x, y = mi.Float(0.5), mi.Float(0.5)
-    if samples > 1:
-        x, y = points_in_square(pixel, sample, seed, stream=0)
+    x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
     column = pixel - row * source.width_px
     box = Box(*part.box)
@@ -82,7 +89,7 @@ def lines_of(source: RaySource, samples: int, seed: Any, pixel: Any, sample: Any
     u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
     if not part.full_height:
         y = 0.5 + box.v + box.height * (y - 0.5)
-    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seed, stream=1))
+    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seeds.image))
 
 
 @dataclass

@@ -29,6 +29,8 @@ STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 
 #: Ids that an error message lists.
 LISTED_IDS = 8
+#: Numbers of a lamp's property at most, unless it is a picture.
+LAMP_NUMBERS = 16
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,7 @@ def load_scene(
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
+    _check_lamps(scene, str(path))
     return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras), usual, tuple(notes))
 
 
@@ -198,8 +201,24 @@ def scene_of(made: Any, placement: Placement | None = None) -> Scene:
     if not isinstance(made, mi.Scene):
         what = f"{type(made).__name__} is no scene"
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
+    _check_lamps(made, "the scene")
     placement = Placement() if placement is None else placement
     return Scene(Path("scene"), made, _with_depths(made, placement, Path("scene")), None, bool(made.sensors()))
+
+
+def _check_lamps(scene: Any, where: str) -> None:
+    """Raise InputError for a lamp with a number that is not finite: Mitsuba takes it, and the picture would be black.
+
+    Pictures are left out.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    for lamp in scene.emitters():
+        for name, value in mi.traverse(lamp):
+            numbers = np.array(value if isinstance(value, float) or dr.is_array_v(value) else 0.0)
+            if numbers.size <= LAMP_NUMBERS and not np.isfinite(numbers).all():
+                raise input_error(where, f"{name} of the lamp '{lamp.id()}' is not finite", "give finite numbers")
 
 
 def _keep(part: Part, state: Any, path: Path) -> None:

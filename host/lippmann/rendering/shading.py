@@ -11,14 +11,14 @@ from lippmann.images import Radiance
 from lippmann.rendering.irradiance import NONE, SPHERE, TWO, Irradiance, Lattices, Place, has_point_lamps, on_octahedron
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.recorded import Recorded
-from lippmann.rendering.samples import Part, Pose, lines_of, passes_of, pixel_of
+from lippmann.rendering.samples import Part, Pose, Seeds, lines_of, passes_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import RaySource
 from lippmann.variant import drjit, mitsuba
 
 #: Renders a chunk: its pixels' three colours, and the numbers of lost samples. Its arguments are the numbers of the
-#: chunk's samples (UInt32), its first tile, the seeds of the chunk and of the image, and the scene's `Pose`.
-Program = Callable[[Any, Any, tuple[Any, Any], Pose], tuple[list[Any], list[Any]]]
+#: chunk's samples (UInt32), its first tile, its `Seeds`, and the scene's `Pose`.
+Program = Callable[[Any, Any, Seeds, Pose], tuple[list[Any], list[Any]]]
 #: What happens to a ray; its arguments are a sampler, rays, which of them exist, and what else the program is given.
 Follow = Callable[..., tuple[Any, ...]]
 #: What becomes of a sample by shared light: nothing to see, on a lattice, or to be traced by itself.
@@ -31,7 +31,7 @@ def each_program(scene: Scene, source: RaySource, samples: int, integrator: Any)
     parts = [Part.of(boxes) for _, boxes in passes]
     traced = _colour_of_each(scene, source, samples, integrator)
 
-    def program(index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose) -> tuple[list[Any], list[Any]]:
+    def program(index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[list[Any], list[Any]]:
         colours: list[Any] = []
         losses: list[Any] = []
         for (channels, _), part in zip(passes, parts, strict=True):
@@ -55,7 +55,7 @@ class SharedProgram:
         self._traced = _colour_of_each(scene, source, samples, integrator)
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
-    def __call__(self, index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose) -> tuple[list[Any], list[Any]]:
+    def __call__(self, index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[list[Any], list[Any]]:
         """Return what a `Program` does."""
         dr, mi = drjit(), mitsuba()
 
@@ -77,7 +77,7 @@ class SharedProgram:
         """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
         return self.light.between(place, shared)
 
-    def trial(self, index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose) -> tuple[Radiance, Radiance, float]:
+    def trial(self, index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[Radiance, Radiance, float]:
         """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black."""
         dr, mi = drjit(), mitsuba()
 
@@ -94,13 +94,13 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
     dr, mi = drjit(), mitsuba()
 
-    def trace(index: Any, first: Any, seeds: tuple[Any, Any], pose: Pose, part: Part, *given: Any) -> tuple[Any, ...]:
+    def trace(index: Any, first: Any, seeds: Seeds, pose: Pose, part: Part, *given: Any) -> tuple[Any, ...]:
         place = index // samples
         pixel, inside = pixel_of(first, place, source.width_px, source.height_px)
-        lines = lines_of(source, samples, seeds[1], pixel, index - place * samples, part)
+        lines = lines_of(source, samples, seeds, pixel, index - place * samples, part)
         lost = [mask & inside for mask in lines.lost]
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seeds[0], dr.width(index))
+        sampler.seed(seeds.chunk, dr.width(index))
         found = follow(index, sampler, pose.ray(lines), lines.active & inside, *given)
         # Evaluated before the sums, because each sum would trace the rays again.
         dr.eval(found, lost)

@@ -12,14 +12,12 @@ It serves the chief rays of a display over a range of depths. All errors are in 
 
 from __future__ import annotations
 
-import bisect
 import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.display import Display, Pair
 from lippmann.engines import trace, trace_fixed
@@ -28,7 +26,7 @@ from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Floats, Model, Rays
-from lippmann.optics.sampling import R2_STEPS
+from lippmann.optics.sampling import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 from lippmann.select.model import (
     TOLERANCE,
@@ -45,8 +43,9 @@ from lippmann.select.model import (
 )
 from lippmann.toml import documented, key
 
-#: Largest number of samples that a fit tries.
+#: Numbers of samples that a fit tries: each is one more than the one before, or up to 5 % more, rounded up.
 MOST_SAMPLES = 1024
+TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
 #: A build that passes the probe is tested on so many rays all over the panel too, and on as many in corners of cells:
@@ -83,52 +82,40 @@ def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float 
 
 
 def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
-    """Return the least number of samples whose gap in this spread is within a tolerance; None above MOST_SAMPLES."""
+    """Return the first of TRIED_SAMPLES whose gap in this spread is within a tolerance; None above the last.
 
-    def enough(samples: int) -> bool:
-        return gap(samples, spread_px) <= tolerance
-
-    if enough(1):
-        return 1
-    if not enough(MOST_SAMPLES):
-        return None
-    # From two on each further sample can only shrink the gap, because the others keep their places.
-    return 2 + bisect.bisect_left(range(2, MOST_SAMPLES + 1), True, key=enough)
+    All are tried: one sample more may leave a larger gap, because all move.
+    """
+    return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
 
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
     """Return the largest distance from a place in a rectangle to the nearest of the renderer's samples.
 
-    One sample is in the centre. Several are the first points of the R2 sequence, shifted at random and modulo 1. The
-    worst shift leaves a corner of the rectangle at the radius of the largest empty quarter of a disk from all of them.
-    Each of the quarter's two straight sides passes through a point, i and j. The offset from its corner to point k
-    depends on k - i and k - j alone, so running minima over k, forward and backward, give the nearest point. Quarters
-    that open to the left equal those to the right, turned by 180 degrees with the points.
+    The places of a pixel's samples are mirrored, which changes no distance, and their axes may be exchanged. A place
+    that is farther from them than its neighbours is a corner of Voronoi's cells, cut off by the rectangle: the cells
+    are, where the samples are reflected at its sides.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
-    steps = np.arange(samples)
-    apart = np.arange(1 - samples, samples)[:, None]  # j - i
-    both = (steps + apart >= 0) & (steps + apart < samples)
+    from scipy.spatial import KDTree, Voronoi  # at its first use: it takes as long to load as all of render
+
+    steps = np.arange(samples)[:, None]
+    first, step = np.transpose(pixel_steps(samples))
+    places = (first + steps * step) % (1 << 32) * 2.0**-32
     worst = 0.0
-    for upward in (1, -1):
-        steps_upward = R2_STEPS[0], upward * R2_STEPS[1]
-        across, up = (_squares(samples, step) * side**2 for step, side in zip(steps_upward, sides, strict=True))
-
-        def nearest(ahead: npt.NDArray[np.intp], across: Floats = across, up: Floats = up) -> Floats:
-            squares = across[ahead + 2 * samples] + up[ahead - apart + 2 * samples]
-            return np.asarray(np.minimum.accumulate(squares, axis=1))
-
-        worst = max(worst, float(np.minimum(nearest(-steps), nearest(steps)[:, ::-1])[both].max()))
-    return math.sqrt(worst)
+    for points in (places * sides, places[:, ::-1] * sides):
+        reflected = [np.where(np.arange(2) == axis, 2.0 * at - points, points) for axis, at in _sides(sides)]
+        corners = Voronoi(np.concatenate([points, *reflected])).vertices
+        inside = (np.abs(corners - np.divide(sides, 2)) <= np.divide(sides, 2) * (1 + 1e-9)).all(axis=1)
+        worst = max(worst, float(KDTree(points).query(corners[inside])[0].max()))
+    return worst
 
 
-def _squares(samples: int, step: float) -> Floats:
-    """Return squared distances, modulo 1, to the points from 2 `samples` back to 2 `samples` ahead; 1 to itself."""
-    ahead = np.arange(-2 * samples, 2 * samples + 1)
-    squares: Floats = np.where(ahead == 0, 1.0, ahead * step % 1.0) ** 2
-    return squares
+def _sides(sides: Pair) -> list[tuple[int, float]]:
+    """Return a rectangle's sides, each as the axis that it crosses and the place there."""
+    return [(axis, at) for axis in range(2) for at in (0.0, sides[axis])]
 
 
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
