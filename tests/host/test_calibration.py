@@ -1,6 +1,8 @@
 """Calibration: codes, lattices, and whole calibrations of photographs that another model computes; bad photographs."""
 
+import contextlib
 import dataclasses
+import io
 import json
 import math
 import re
@@ -47,6 +49,17 @@ def case():
 @pytest.fixture(scope="module")
 def photos(case, tmp_path_factory):
     return case.shoot(tmp_path_factory.mktemp("bench"), seed=SEED)
+
+
+@pytest.fixture(scope="module")
+def solved(photos):
+    """The folder of the calibration by all photographs, and what the command says."""
+    folder, said = photos.parent / "solved", io.StringIO()
+    folder.mkdir()
+    nominal, out = photos.parent / "nominal.toml", folder / "calibrated.toml"
+    with contextlib.redirect_stdout(said):
+        assert run(["calibrate", "solve", str(photos), "--display", str(nominal), "-o", str(out), "--json"]) == 0
+    return folder, json.loads(said.getvalue())
 
 
 @pytest.fixture
@@ -267,14 +280,11 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
 # --- whole calibrations ---------------------------------------------------------------------------
 
 
-def test_three_positions_give_the_display(case, photos, tmp_path, capfd):
-    out = tmp_path / "calibrated.toml"
-    nominal = photos.parent / "nominal.toml"
-    assert run(["calibrate", "solve", str(photos), "--display", str(nominal), "-o", str(out), "--json"]) == 0
-    said = json.loads(capfd.readouterr().out)
+def test_three_positions_give_the_display(case, solved):
+    folder, said = solved
     assert said["outliers"] < 0.1
     assert len(said["cameras"]) == 3
-    display, summary, field, text = load_calibration(out)
+    display, summary, field, text = load_calibration(folder / "calibrated.toml")
     assert summary["identity"] == display.identity == said["identity"]
     assert text == display_text(case.nominal)
     assert len(field) == said["lenslets"] > 200
@@ -576,9 +586,9 @@ def test_patterns_are_drawn_for_the_panel(case, tmp_path, capfd):
     assert read_patterns(out / "patterns.toml", case.nominal) == PatternSet.of(case.nominal)
 
 
-def test_the_report_of_a_calibration(case, photos, tmp_path, capfd):
-    out, page = tmp_path / "calibrated.toml", tmp_path / "page"
-    calibrate(photos, case.nominal).save(out)
+def test_the_report_of_a_calibration(solved, tmp_path, capfd):
+    shutil.copytree(solved[0], tmp_path / "solved")
+    out, page = tmp_path / "solved/calibrated.toml", tmp_path / "page"
     assert run(["calibrate", "report", str(out), "-o", str(page), "--json"]) == 0
     said = json.loads(capfd.readouterr().out)
     assert set(said["files"]) == {one.name for one in page.iterdir()}

@@ -558,7 +558,9 @@ def test_wrapped_word(written, capsys, monkeypatch):
     assert "wrapped where it should saturate: dz" in said["fault"]
 
 
-def test_wrong_register(written, capsys):
+def test_wrong_register(written, capsys, monkeypatch):
+    # One fault: no pair is looked for.
+    monkeypatch.setattr("lippmann.diagnose.judge._two", lambda seen: None)
     case, judge_words = written
     wrong = dataclasses.replace(case.registers, **{n: -getattr(case.registers, n) for n in ("x_from_v", "y_from_u")})
     code, said = judge_words(ray_pipeline(*case.words, wrong, case.build), capsys)

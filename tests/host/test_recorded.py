@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from lippmann.rendering import recorded as recording
 from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
 from lippmann.sim.tools import repository
+from scene_cases import focused_display
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +64,23 @@ def test_what_cannot_be_recorded_is_traced_each_time(mi, chart):
     assert hidden.traced == [5, 5, 5]  # the first call tried to record it
 
 
+@pytest.mark.parametrize("shading", ["each", "shared"])
+def test_the_renderers_programs_are_recorded(mi, chart, monkeypatch, shading):
+    """Traced each time, they would give the same pictures, later."""
+    made, usual = [], Recorded.__init__
+
+    def told(self, *arguments):
+        made.append(self)
+        usual(self, *arguments)
+
+    monkeypatch.setattr(Recorded, "__init__", told)
+    display = focused_display("square", width_px=90, height_px=70, pixel_pitch=0.1)
+    rendered = render_integral(chart, display, "exact", Settings(samples=2, shading=shading))
+    assert rendered.shading == shading
+    assert len(made) >= (1 if shading == "each" else 4)
+    assert all(program._recordable for program in made)
+
+
 def test_a_scene_goes_with_its_program(mi):
     """Recordings kept scenes alive until the collector came, and all programs hold the code of every such scene."""
 
@@ -86,6 +105,7 @@ import sys
 from pathlib import Path
 import drjit as dr
 from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
 from lippmann.variant import mitsuba, start_mitsuba
 start_mitsuba("llvm")

@@ -63,7 +63,7 @@ def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
     (pair,) = shading.likeness(SCENES, 1)
     assert (pair["scene"], pair["auto"]) == ("fish", "each")  # the picture is small
     assert min(pair["panel_db"], pair["view_db"]) > 40.0
-    saved = [{"scene": "fish", "samples": 4, "pixel": 2.0, "tile": 1.2, "found": 1.1}]
+    saved = [{"scene": "fish", "samples": 4, "power": 1.5, "pixel": 2.0, "tile": 1.2, "found": 1.1}]
     tables = {"shading": rows, "shading-likeness": [pair], "shading-adaptive": saved}
     page = shading_page({"machine": "one"}, tables, shading.error_map(SCENES, 1))
     assert {path.name for path in page.write(tmp_path / "page")} == {
@@ -72,15 +72,18 @@ def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
 
 
 def test_samples_go_where_the_noise_is():
-    """Half of the pixels with 9 times the variance of the others, by hand; nothing is saved where all are alike."""
+    """Half of the pixels with 9 times the error of the others, by hand; nothing is saved where all are alike."""
     true = np.array([1.0, 9.0])
     # n = c and 3 c: noise (1 / c + 3 / c) / 2 = 5 / 8, so c = 3.2, and 6.4 samples instead of 8.
-    assert adaptive.samples_needed(true, true, 8.0, 1.0) == pytest.approx(6.4)
-    assert adaptive.samples_needed(true, np.array([2.0, 18.0]), 8.0, 1.0) == pytest.approx(6.4)
+    assert adaptive.samples_needed(true, true, 8.0, 1.0, 1.0) == pytest.approx(6.4)
+    assert adaptive.samples_needed(true, np.array([2.0, 18.0]), 8.0, 1.0, 1.0) == pytest.approx(6.4)
+    # Errors 1 / n^3 and 16 / n^3, n = c and 2 c: 3 / 2 c^3 = 17 / 2 x 8^3.
+    even = adaptive.samples_needed(np.array([1.0, 16.0]), np.array([1.0, 16.0]), 8.0, 1.0, 3.0)
+    assert even == pytest.approx(1.5 * (3.0 * 512.0 / 17.0) ** (1.0 / 3.0))
     # At least 5 each: the other one needs 9 / n = 10 / 8 - 1 / 5.
-    assert adaptive.samples_needed(true, true, 8.0, 5.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
-    assert adaptive.samples_needed(np.ones(3), np.ones(3), 8.0, 1.0) == pytest.approx(8.0)
-    assert adaptive.samples_needed(true, np.array([1.0, 0.0]), 8.0, 1.0) == 8.0
+    assert adaptive.samples_needed(true, true, 8.0, 5.0, 1.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
+    assert adaptive.samples_needed(np.ones(3), np.ones(3), 8.0, 1.0, 1.0) == pytest.approx(8.0)
+    assert adaptive.samples_needed(true, np.array([1.0, 0.0]), 8.0, 1.0, 1.0) == 8.0
 
 
 @pytest.mark.full

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +64,8 @@ class Part:
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
 
 
-class Seeds(NamedTuple):
+@dataclass
+class Seeds:
     """What lots are drawn by: Dr.Jit values (UInt32)."""
 
     chunk: Any
