@@ -18,7 +18,7 @@ import cv2
 import hypothesis
 import numpy as np
 import pytest
-from board_scenes import USUAL, display_of, moved, random_stack, twin
+from board_scenes import display_of, moved, random_stack, twin
 from fault_line import NO_FAULTS, Faults, Proxy
 from hypothesis import strategies as st
 from hypothesis.stateful import (
@@ -39,6 +39,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes, write
+from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
 from lippmann.patterns import ON_BOARD, draw
 from lippmann.registers import BOARD_REGISTERS
@@ -50,6 +51,8 @@ STEPS_A_RUN = 25
 PATIENCE_S, FAULTS_S = 5.0, 0.5
 #: A small panel with short pauses, whose frames take little time to simulate; tiles at its edges are cut.
 SIZE, PAUSES = (72, 48), (8, 8, 16, 2, 2, 4, 1, 0)
+#: Slots of two blocks, one of texels and the palette's, take little time to load.
+BUILD = SceneBuild(layers=3, slots=4, width=32, height=32)
 LOOK, LENS = BOARD_REGISTERS["display"].address, BOARD_REGISTERS["lens"].address
 
 by_byte, by_packet = st.floats(1e-5, 2e-3), st.floats(0.01, 0.3)
@@ -74,6 +77,8 @@ class BoardMachine(RuleBasedStateMachine):
 
     #: Of the test: the running board, with its display and the folder of captured frames; and what was done.
     virtual, done = None, Counter()
+    #: A scene, and the twin's picture of it.
+    twins = None, None
 
     # ---- the model ----
 
@@ -81,7 +86,9 @@ class BoardMachine(RuleBasedStateMachine):
         """What the panel shows."""
         shown = self.frame
         if self.drawn:
-            shown = twin(self.virtual.display, self.stack, USUAL)
+            if self.twins[0] is not self.stack:
+                self.twins = self.stack, twin(self.virtual.display, self.stack, BUILD)
+            shown = self.twins[1]
         if self.pattern:
             shown = self.pattern_of(self.pattern, self.lens)
         return (shown.astype(np.uint16) * (self.brightness + 1) // 256).astype(np.uint8).tobytes()
@@ -187,8 +194,8 @@ class BoardMachine(RuleBasedStateMachine):
     @rule(faults=lines, seed=seeds)
     def show_scene(self, faults, seed):
         rng = np.random.default_rng([seed, 3])
-        display, stack = self.virtual.display, random_stack(rng, self.virtual.display, USUAL)
-        slots = rng.permutation(USUAL.slots_built)[: len(stack.layers)].tolist()
+        display, stack = self.virtual.display, random_stack(rng, self.virtual.display, BUILD)
+        slots = rng.permutation(BUILD.slots_built)[: len(stack.layers)].tolist()
         self.attempt(faults, lambda: self.scene.draw(False), drawn=False)
 
         def load():
@@ -202,7 +209,7 @@ class BoardMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.stack is not None)
     @rule(faults=lines, seed=seeds)
     def move_the_scene(self, faults, seed):
-        stack = moved(np.random.default_rng([seed, 4]), self.virtual.display, USUAL, self.stack)
+        stack = moved(np.random.default_rng([seed, 4]), self.virtual.display, BUILD, self.stack)
 
         def move():
             self.scene.set_stack(self.virtual.display, stack, self.slots)
@@ -254,9 +261,9 @@ class BoardMachine(RuleBasedStateMachine):
         with pytest.raises(InputError):
             send_frame(self.board, self.frame[:-1])
         with pytest.raises(InputError):
-            self.scene.load({USUAL.slots_built: bytes(USUAL.slot_bytes)})
+            self.scene.load({BUILD.slots_built: bytes(BUILD.slot_bytes)})
         with pytest.raises(InputError):
-            self.scene.load({0: rng.bytes(USUAL.slot_bytes - 1)})
+            self.scene.load({0: rng.bytes(BUILD.slot_bytes - 1)})
         with pytest.raises(InputError, match="refuses WRITE"):
             self.board.write(BOARD_REGISTERS["panel"].address, [1])
         with pytest.raises(DeviceError, match="close the other program"):
@@ -264,7 +271,7 @@ class BoardMachine(RuleBasedStateMachine):
         if self.drawn:
             number = int(rng.integers(len(self.stack.layers)))
             if self.stack.layers[number].visible:
-                texels = 255 - np.frombuffer(slot_bytes(self.stack.layers[number], USUAL).tobytes(), np.uint8)
+                texels = 255 - np.frombuffer(slot_bytes(self.stack.layers[number], BUILD).tobytes(), np.uint8)
                 with pytest.raises(DeviceError, match="the slot is shown"):
                     self.scene.load({self.slots[number]: texels.tobytes()})
 
@@ -307,7 +314,7 @@ def test_any_order_of_commands(tmp_path, monkeypatch, steps):
     folder.mkdir()
     monkeypatch.setitem(virtual_board.KNOWN_TIMINGS, SIZE, PAUSES)
     display = display_of("square", SIZE)
-    with virtual_board.running(display, capture=folder, scene=USUAL) as running:
+    with virtual_board.running(display, capture=folder, scene=BUILD) as running:
         running.display, running.folder = display, folder
         BoardMachine.virtual, BoardMachine.done = running, Counter()
         settings = hypothesis.settings(
