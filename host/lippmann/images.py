@@ -7,7 +7,6 @@ folder and renamed at the end.
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import os
 import re
@@ -129,7 +128,7 @@ def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
     """Check before a long computation that a file can be written; return its path.
 
-    InputError for an unknown extension, a missing or read-only folder, and a path that is a folder.
+    InputError for an unknown extension, a missing or read-only folder, and a path that is a folder; NoSpaceError.
     """
     path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
@@ -145,9 +144,9 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     folder = path.parent
     if not folder.is_dir():
         raise input_error(str(path), f"the folder {folder} does not exist", "make it first")
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise input_error(str(path), "cannot be written", "choose another place or change permissions")
     try:
-        if path.exists() and not os.access(path, os.W_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         with tempfile.TemporaryFile(dir=folder):  # not by its permissions alone: /proc says that it may be written
             pass
     except OSError as error:

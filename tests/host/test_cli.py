@@ -509,6 +509,10 @@ BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" valu
             '<shape type="sphere"/><emitter type="point"><spectrum name="intensity" value="inf"/></emitter>',
             "not finite",
         ),
+        (
+            '<shape type="sphere"/><emitter type="directional"><vector name="direction" x="nan" y="0" z="1"/></emitter>',
+            "to_world of a DirectionalEmitter is not finite",
+        ),
     ],
 )
 def test_bad_scenes(place, capfd, mi, body, named):

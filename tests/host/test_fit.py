@@ -291,7 +291,7 @@ def test_the_command_says_what_and_why(capfd):
     assert told["build"]["walk"] == told["build"]["max_cell_steps"] == chosen.build.max_cell_steps
     assert run(["fit", path, "--depths", "-40,30"]) == 0
     out = capfd.readouterr().out
-    assert f"samples {chosen.samples}:" in out
+    assert f"samples {chosen.samples} per pixel:" in out
     assert f"F {chosen.build.fraction_bits}:" in out
     for words, what in ((["--depths", "1,-1"], "nearer"), (["--tolerance", "0"], "not positive")):
         assert run(["fit", path, *words]) == 2

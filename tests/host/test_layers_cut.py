@@ -145,8 +145,8 @@ def test_detail_at_an_edge_is_that_of_the_nearer_surface(scene):
     # Colours are square roots: where a texel's samples all fall on one side, the step is this much.
     step = ((np.sqrt(RED) - np.sqrt(GREEN)) ** 2).sum()
     assert detail[front].max() > 0.9 * step
-    # Texels at the edge that are seen in part may have a sample on the back.
-    assert (detail[~front] > 1e-4).sum() <= (detail[front] > 1e-4).sum()
+    # Those at the edge whose centre shows the back, and that are seen in part: a row around the front's last one.
+    assert (detail[~front] > 1e-4).sum() <= (detail[front] > 1e-4).sum() + 4
     assert detail[front].sum() > 3.0 * detail[~front].sum()
 
 

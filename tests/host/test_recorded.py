@@ -105,7 +105,6 @@ import sys
 from pathlib import Path
 import drjit as dr
 from lippmann.rendering.recorded import Recorded
-from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
 from lippmann.variant import mitsuba, start_mitsuba
 start_mitsuba("llvm")

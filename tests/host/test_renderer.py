@@ -247,7 +247,25 @@ def test_places_in_a_pixel(mi, samples):
     shifted = (points + rng.random((pixels, 1, 2))) % 1.0
     ours, theirs = (edge_error(np.tile(some, (10, 1, 1)), rng) for some in (points, shifted))
     print(samples, ours, theirs)
-    assert 1.1 < theirs / ours < 1.6
+    assert 1.05 < theirs / ours < 1.45
+
+
+def test_passes_of_a_picture_fill_its_pixels(mi):
+    """The mean of 16 passes of 4 samples errs less at an edge than that of independent ones would."""
+    import drjit as dr
+
+    pixels, passes = 400, 16
+    index = dr.arange(mi.UInt32, 4 * pixels)
+    found = [points_in_pixel(index // 4, index % 4, 4, 3, mi.UInt32(number)) for number in range(passes)]
+    points = np.array([[np.array(w) for w in pair] for pair in found])  # (passes, axes, 4 x pixels)
+    points = points.reshape(passes, 2, pixels, 4).transpose(2, 0, 3, 1)
+    # Each 64th part of one side has one place: those of a pass are a quarter apart.
+    for at in points[:, :, 0, :].reshape(pixels, passes, 2)[:5]:
+        assert min(np.diff(np.sort(at[:, axis])).min() for axis in (0, 1)) > 0.005
+    rng = generator(12)
+    one, every = (edge_error(np.tile(some.reshape(pixels, -1, 2), (10, 1, 1)), rng) for some in (points[:, :1], points))
+    print(one, every)
+    assert every < one / math.sqrt(passes)
 
 
 def test_another_seed_turns_other_pixels(mi):
@@ -724,5 +742,5 @@ def test_engines_but_the_fast_one_have_the_same_places_in_a_pixel(mi, spheres, m
     assert quarters.min() > 0.7 * quarters.mean()
     assert psnr_db(by["golden"], by["twin"]) >= 50.0
     fast = render_integral(spheres, display, "exact", settings).radiance
-    # Other places: the mean is the same, to what random ones at outlines leave of it.
+    # Other places: the mean is the same, to what those at outlines leave of it.
     np.testing.assert_allclose(fast.mean(axis=(0, 1)), by["golden"].mean(axis=(0, 1)), atol=0.003)

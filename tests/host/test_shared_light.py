@@ -279,7 +279,7 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager):
     assert auto.shading == "each"
     if current_device() == "llvm":  # a GPU does not try
         (remark,) = told
-        assert re.search(r"is like each ray's to \d+ dB: light is not shared, for which 45 are needed", remark)
+        assert re.search(r"PSNR \d+\.\d dB; 45 dB are needed, so light is not shared$", remark)
     each = render_integral(made, display, "exact", replace(settings, shading="each"))
     assert (auto.radiance == each.radiance).all()
 

@@ -94,7 +94,8 @@ def command(
 
     low, high = result["shown_depth_mm"]
     text = (
-        f"{path}: {panel.width_px} x {panel.height_px}, {result['image']} {result['relief']} image from "
+        f"{path}: {panel.width_px} x {panel.height_px}, {'shared light, ' if result['shading'] == 'shared' else ''}"
+        f"{result['image']} {result['relief']} image from "
         f"{low:.1f} to {high:.1f} mm on '{setup.display.name}', vignetting {result['vignetting_percent']:.2f} %, "
         f"lost in the array {result['array_loss_percent']:.2f} %, "
         f"{result['seconds']:.2f} s ({result['samples_per_second'] / 1e6:.2f} M samples/s)"

@@ -91,7 +91,7 @@ def _samples(chosen: Fit, tolerance: float) -> str:
             f"they are enough for --tolerance {enough:g}"
         )
     return (
-        f"samples {chosen.samples}: the fewest per pixel; its light is at most {chosen.sample_error_px:.2g} from a ray "
+        f"samples {chosen.samples} per pixel: its light is at most {chosen.sample_error_px:.2g} from a ray "
         f"(tolerance {tolerance:g})"
     )
 

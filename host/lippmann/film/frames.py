@@ -21,9 +21,16 @@ def frame_path(folder: Path, frame: int) -> Path:
     return folder / f"{FRAME_STEM}{frame:04d}.exr"
 
 
+#: What to do where no folder can be made.
+REMEDY = "choose another folder with -o"
+
+
 def check_folder(folder: Path, frames: int) -> None:
-    """Make a folder for a film's frames; raise InputError when that fails, or it contains frames of a longer film."""
-    make_folder(folder, "choose another folder with -o")
+    """Raise InputError when a folder for a film's frames cannot be made, or contains frames of a longer film."""
+    there = folder.exists()
+    make_folder(folder, REMEDY)
+    if not there:  # until there is a frame
+        folder.rmdir()
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:
@@ -59,6 +66,8 @@ def write_frames(
 
     Raises InputError as `render`, or when a file cannot be written.
     """
+    there = folder.exists()
+    make_folder(folder, REMEDY)
     missing = [shot for shot in shots if not is_rendered(folder, shot)]
     done = len(shots) - len(missing)
     progress(done, len(shots))
@@ -68,7 +77,8 @@ def write_frames(
             done += 1
             progress(done, len(shots))
     except BaseException:
-        with contextlib.suppress(OSError):  # it holds frames
-            folder.rmdir()
+        if not there:
+            with contextlib.suppress(OSError):  # it holds frames
+                folder.rmdir()
         raise
     return len(missing)

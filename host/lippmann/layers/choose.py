@@ -36,7 +36,9 @@ class LayerChoice:
     chosen: Annotated[dict[str, Any] | None, key("the cheapest layers within the tolerance; None: none suffices")]
     tried: Annotated[list[dict[str, Any]], key("`filter`, `slot` and the cost of all that were drawn")]
     limit: Annotated[Limit | None, key("what keeps the best from the tolerance; None when one is chosen")]
-    render_db: Annotated[float | None, key("worst view of a second full render; None when layers are chosen")]
+    render_db: Annotated[
+        float | None, key("worst view of a full render with other samples; None when layers are chosen")
+    ]
 
     @property
     def best(self) -> dict[str, Any]:

@@ -99,9 +99,10 @@ def streamed(
 ) -> tuple[npt.NDArray[np.uint8], list[float]]:
     """Return a frame (height, width, 3) as a host streams it, and the decibels of the moving eye's views of it.
 
-    The frame is the full render with the next seed: its decibels are those of the render's noise and the panel's bits.
+    The frame is a full render of one sample more, because other seeds share a part of the error: its decibels are those
+    of both renders' noise and the panel's bits.
     """
-    again = replace(settings, samples=FULL_SAMPLES, seed=(settings.seed + 1) % 2**32)
+    again = replace(settings, samples=FULL_SAMPLES + 1, seed=(settings.seed + 1) % 2**32)
     frame = panel_bytes(display, render_integral(scene, display, "exact", again).radiance)
     return frame, _against(decode(frame / np.float64(255.0), display.panel.transfer), display, full)
 

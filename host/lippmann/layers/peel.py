@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -124,7 +124,8 @@ def seen_depths(
     assert scene.placement.near_mm is not None
     front = min(scene.placement.near_mm, eye_mm[2])
     index = dr.arange(mi.UInt32, size[0] * size[1])
-    lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, size[0] * size[1]), settings)
+    # A single sample is at the texel's centre.
+    lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, size[0] * size[1]), replace(settings, samples=1))
     _, valid, z = first_hit(scene, lines, front)
     shape = size[1], size[0]
     depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(shape)

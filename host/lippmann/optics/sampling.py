@@ -1,6 +1,6 @@
 """Sample points in a pixel, a lenslet's cell and a pupil: low-discrepancy, the same for the same seed.
 
-They depend on the numbers of the pixel and the sample and on the seed alone, not on how the work is cut into chunks.
+They depend on the pixel, the sample and their numbers, and on the seed, not on how the work is cut into chunks.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return (first, step), in units of 2^-32 and modulo 1, of the places of a pixel's samples along each of its sides.
 
     Place k of N is 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2: Hammersley's points with golden steps in
-    van der Corput's place, about the centre. Each N-th part of the width has one; one place is the centre.
+    van der Corput's place, about the centre. Each N-th part of the width has one; a single place is the centre.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
@@ -33,8 +33,9 @@ def points_in_pixel(pixel: Any, sample: Any, samples: int, seed: Any, number: An
     """Return the places in the unit square of samples (UInt32), of so many for each pixel (`pixel_steps`).
 
     A hash of pixel and seed mirrors a pixel's places, or exchanges their axes, lest all pixels err alike. A random
-    shift would make the error at a straight edge 1.1 to 1.4 times as large. Of several passes over a picture, by
-    their `number`, the first has these places, and others are shifted by steps of the R2 sequence, modulo 1.
+    shift would make the error at a straight edge 1.1 to 1.4 times as large. Two pictures of different seeds share a
+    part of their errors. Of several passes over a picture, by their `number`, the first has these places; in others
+    the golden steps go on, and each place moves by golden steps within its N-th part of the width.
     """
     mi = mitsuba()
     import drjit as dr
@@ -45,11 +46,12 @@ def points_in_pixel(pixel: Any, sample: Any, samples: int, seed: Any, number: An
     own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
     turn, _ = mi.sample_tea_32(pixel, own)
 
+    number = mi.UInt32(number)
+    moves = mi.UInt32(mi.Int32(number * GOLDEN_STEP) // samples), number * (samples * GOLDEN_STEP & 0xFFFFFFFF)
+
     def along(axis: int, mirrored: Any) -> Any:
         first, step = pixel_steps(samples)[axis]
-        place = (first + sample * step + mi.UInt32(number) * round(R2_STEPS[axis] * 2**32)) ^ dr.select(
-            mirrored, mi.UInt32(0xFFFFFFFF), 0
-        )
+        place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
         # 24 bits: rounding must not bring a point onto the square's far edge, which belongs to the next pixel.
         return mi.Float(place >> 8) * 2.0**-24
 
@@ -72,6 +74,7 @@ def points_in_square(pixel: Any, sample: Any, seed: Any) -> tuple[Any, Any]:
 
     def coordinate(axis: int) -> Any:
         own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
+        # Not the words of `points_in_pixel`, whose key is the seed.
         key = own + mi.UInt32((2 + axis) * GOLDEN_STEP & 0xFFFFFFFF)
         shift = mi.sample_tea_float32(pixel, key)
         x = shift + mi.Float(sample) * R2_STEPS[axis]

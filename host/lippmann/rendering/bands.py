@@ -244,9 +244,9 @@ def render_bands(
             done += len(radiance)
             progress(done, panel.height_px)
     except BaseException:
-        try:
+        with contextlib.suppress(OSError):  # it holds bands
             folder.rmdir()
-        except OSError:  # it holds bands
+        if done:
             note(f"{done} of {panel.height_px} rows are kept in {folder}: the same command goes on from there")
         raise
     return kept, [band.number for band in missing]

@@ -247,9 +247,9 @@ class Renderer:
             self.shading = "shared" if keeps else "each"
             self._program = self._tried if keeps else self._each
             if decibels is not None:
-                like = f"to {decibels:.0f} dB" if math.isfinite(decibels) else "bit for bit"
-                verdict = "shared" if keeps else f"not shared, for which {SHARED_DB:.0f} are needed"
-                self.remark = f"on trial the picture with shared light is like each ray's {like}: light is {verdict}"
+                likeness = f"PSNR {decibels:.1f} dB" if math.isfinite(decibels) else "no difference"
+                verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
+                self.remark = f"shared light, tried beside each ray's own: {likeness}; {verdict}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
@@ -341,8 +341,7 @@ class Renderer:
         index = dr.arange(mi.UInt32, pixels * self._samples)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
-        own = self._seed + self._pass
-        numbers = (own * 0x9E3779B1 + chunk) & 0xFFFFFFFF, own & 0xFFFFFFFF, self._pass
+        numbers = ((self._seed + self._pass) * 0x9E3779B1 + chunk) & 0xFFFFFFFF, self._seed, self._pass
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in numbers))
         dr.make_opaque(index)
         colours, lost = self._program(index, first, seeds, self._pose)

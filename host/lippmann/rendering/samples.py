@@ -66,11 +66,13 @@ class Part:
 
 @dataclass
 class Seeds:
-    """What lots are drawn by: Dr.Jit values (UInt32)."""
+    """Seeds of random numbers: Dr.Jit values (UInt32)."""
 
+    #: Of the integrator's, in a chunk of samples.
     chunk: Any
+    #: Of the places in pixels and lenslets.
     image: Any
-    #: Number of the picture's pass; the mean of several is finer than each.
+    #: The picture's pass: how many were made before.
     number: Any
 
 
@@ -90,7 +92,7 @@ def lines_of(source: RaySource, samples: int, seeds: Seeds, pixel: Any, sample: 
     u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
     if not part.full_height:
         y = 0.5 + box.v + box.height * (y - 0.5)
-    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seeds.image))
+    return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seeds.image + seeds.number))
 
 
 @dataclass

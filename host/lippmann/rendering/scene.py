@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import hashlib
 import itertools
+import math
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -216,9 +217,11 @@ def _check_lamps(scene: Any, where: str) -> None:
 
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
-            numbers = np.array(value if isinstance(value, float) or dr.is_array_v(value) else 0.0)
-            if numbers.size <= LAMP_NUMBERS and not np.isfinite(numbers).all():
-                raise input_error(where, f"{name} of the lamp '{lamp.id()}' is not finite", "give finite numbers")
+            numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
+            small = dr.is_array_v(numbers) and math.prod(dr.shape(numbers)) <= LAMP_NUMBERS
+            if small and not np.isfinite(np.array(numbers)).all():
+                which = f"the lamp '{lamp.id()}'" if lamp.id() else f"a {lamp.class_name()}"
+                raise input_error(where, f"{name} of {which} is not finite", "give finite numbers")
 
 
 def _keep(part: Part, state: Any, path: Path) -> None:

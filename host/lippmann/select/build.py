@@ -43,8 +43,9 @@ from lippmann.select.model import (
 )
 from lippmann.toml import documented, key
 
-#: Numbers of samples that a fit tries: each is one more than the one before, or up to 5 % more, rounded up.
+#: Largest number of samples that a fit tries.
 MOST_SAMPLES = 1024
+#: Numbers that it tries: each is one more than the one before, or up to 5 % more, rounded up; 1024^(1/142) is 1.05.
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
@@ -93,9 +94,9 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 def gap(samples: int, sides: Pair) -> float:
     """Return the largest distance from a place in a rectangle to the nearest of the renderer's samples.
 
-    The places of a pixel's samples are mirrored, which changes no distance, and their axes may be exchanged. A place
-    that is farther from them than its neighbours is a corner of Voronoi's cells, cut off by the rectangle: the cells
-    are, where the samples are reflected at its sides.
+    The places of a pixel's samples are mirrored, which changes no distance, and their axes may be exchanged. The
+    farthest place is a corner of the samples' Voronoi cells, clipped to the rectangle: reflecting the samples in its
+    four sides clips them.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)

@@ -21,7 +21,7 @@ SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)
 INTEGRATOR = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights")
 MAX_DEPTH = option("Surfaces that a ray may meet, 1 to 1000.", 4)
 SHADING = option(
-    "Whether rays share the light of diffuse surfaces; auto does where it pays and changes less than -45 dB.", "auto"
+    "Whether rays share the light of diffuse surfaces; auto does where it pays and a trial has 45 dB or more.", "auto"
 )
 MEMORY_MB = option("Memory limit.  [default: four fifths of the free memory]", None)
 
