@@ -510,7 +510,7 @@ BITMAP = '<texture type="bitmap" name="reflectance"><string name="filename" valu
             "not finite",
         ),
         (
-            '<shape type="sphere"/><emitter type="directional"><vector name="direction" x="nan" z="1"/></emitter>',
+            '<shape type="sphere"/><emitter type="directional"><vector name="direction" value="nan 0 1"/></emitter>',
             "to_world of a DirectionalEmitter is not finite",
         ),
     ],
