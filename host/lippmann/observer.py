@@ -24,7 +24,7 @@ from lippmann.integral_image import Showable
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.pixel_rays import pixels_from_rays
 from lippmann.optics.rays import Model, Status
-from lippmann.optics.sampling import points_in_pixel, points_in_square
+from lippmann.optics.sampling import points_in_square
 from lippmann.optics.system import System
 from lippmann.rendering.sources import Window
 from lippmann.stored_rows import StoredRows
@@ -139,7 +139,7 @@ def observe(
         index = dr.arange(mi.UInt32, count * samples)
         pixel = first + index // samples
         sample = index % samples
-        origin, direction = eye_rays(b, eye, window, pixel, sample, samples, seed)
+        origin, direction = eye_rays(b, eye, window, pixel, sample, seed)
         hits = pixels_from_rays(b, system, origin, direction, model)
         seen = (hits.status == int(Status.OK)) | (
             (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
@@ -201,7 +201,7 @@ def _stored_light(radiance: StoredRows, seen: Any, column: Any, row: Any) -> lis
 
 
 def eye_rays(
-    b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, samples: int, seed: int
+    b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Return origins and unit directions (double) from the pupil through the window's pixels."""
     mi = mitsuba()
@@ -209,7 +209,7 @@ def eye_rays(
 
     row = pixel // window.width_px
     column = pixel - row * window.width_px
-    s, t = points_in_pixel(pixel, sample, samples, seed)
+    s, t = points_in_square(pixel, sample, seed, stream=0)
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
     # Opaque, so that another eye needs no compilation.
     double: Any = b.double

@@ -163,7 +163,7 @@ def white_for_eye(display: Display, eye: Eye) -> Values:
         interrupts.check()
         index = dr.arange(mi.UInt32, min(chunk, total - start) * samples)
         pixel = dr.opaque(mi.UInt32, start) + index // samples
-        hits = pixels_from_rays(b, system, *eye_rays(b, eye, window, pixel, index % samples, samples, 0), "exact")
+        hits = pixels_from_rays(b, system, *eye_rays(b, eye, window, pixel, index % samples, 0), "exact")
         at = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1)) * panel.width_px
         at += mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
         dr.scatter(white, 1.0, at, hits.status == int(Status.OK))

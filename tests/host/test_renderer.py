@@ -283,8 +283,8 @@ def test_samples_spread_evenly(mi):
 
     n = 4096
     index = dr.arange(mi.UInt32, n)
-    for seed in (0, 77):
-        s, t = points_in_square(mi.UInt32(5), index, seed)
+    for seed, stream in ((0, 0), (0, 1), (77, 0)):
+        s, t = points_in_square(mi.UInt32(5), index, seed, stream)
         s, t = np.array(s), np.array(t)
         assert min(s.min(), t.min()) >= 0.0
         assert max(s.max(), t.max()) < 1.0

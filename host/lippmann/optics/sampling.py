@@ -60,11 +60,12 @@ def points_in_pixel(pixel: Any, sample: Any, samples: int, seed: Any, number: An
     return dr.select(exchanged, y, x), dr.select(exchanged, x, y)
 
 
-def points_in_square(pixel: Any, sample: Any, seed: Any) -> tuple[Any, Any]:
+def points_in_square(pixel: Any, sample: Any, seed: Any, stream: int = 1) -> tuple[Any, Any]:
     """Return points (s, t) in the unit square for a cell or a pupil, by pixel and sample numbers (UInt32) and a seed.
 
     Sample s of pixel k is the s-th point of the R2 sequence, shifted modulo 1 by a hash of pixel and seed: few samples
-    of each of many pixels still fill the square.
+    of each of many pixels still fill the square. Stream 0, independent of stream 1, is that of the pixels of an eye's
+    view: the viewer's page shows it sample by sample (viewer/shaders/sampling.glsl).
     """
     mi = mitsuba()
     import drjit as dr
@@ -74,8 +75,7 @@ def points_in_square(pixel: Any, sample: Any, seed: Any) -> tuple[Any, Any]:
 
     def coordinate(axis: int) -> Any:
         own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
-        # Not the words of `points_in_pixel`, whose key is the seed.
-        key = own + mi.UInt32((2 + axis) * GOLDEN_STEP & 0xFFFFFFFF)
+        key = own + mi.UInt32((2 * stream + axis) * GOLDEN_STEP & 0xFFFFFFFF)
         shift = mi.sample_tea_float32(pixel, key)
         x = shift + mi.Float(sample) * R2_STEPS[axis]
         return dr.minimum(x - dr.floor(x), below_one)
