@@ -105,7 +105,7 @@ def test_vectors_of_the_simpler_models_pass(model, tmp_path, capsys):
 
 
 def test_traced_rays_pass_and_others_do_not(tmp_path, capsys, monkeypatch):
-    # The search for a pair of faults takes long, and there is none.
+    # These rays have no two faults, and to look for them takes long.
     monkeypatch.setattr("lippmann.diagnose.judge._two", lambda seen: None)
     rays = str(tmp_path / "rays.npz")
     arguments = ["trace", "--display", SQUARE, "--engine", "fast", "--aperture", "full", "--pixels", "500", "-o", rays]

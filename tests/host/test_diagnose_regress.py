@@ -559,7 +559,7 @@ def test_wrapped_word(written, capsys, monkeypatch):
 
 
 def test_wrong_register(written, capsys, monkeypatch):
-    # One fault: no pair is looked for.
+    # This design has one fault, and to look for two takes long.
     monkeypatch.setattr("lippmann.diagnose.judge._two", lambda seen: None)
     case, judge_words = written
     wrong = dataclasses.replace(case.registers, **{n: -getattr(case.registers, n) for n in ("x_from_v", "y_from_u")})

@@ -145,7 +145,7 @@ def test_detail_at_an_edge_is_that_of_the_nearer_surface(scene):
     # Colours are square roots: where a texel's samples all fall on one side, the step is this much.
     step = ((np.sqrt(RED) - np.sqrt(GREEN)) ** 2).sum()
     assert detail[front].max() > 0.9 * step
-    # Those at the edge whose centre shows the back, and that are seen in part: a row around the front's last one.
+    # Texels around the front show its edge in part: around a square there are four more than along its own edge.
     assert (detail[~front] > 1e-4).sum() <= (detail[front] > 1e-4).sum() + 4
     assert detail[front].sum() > 3.0 * detail[~front].sum()
 

@@ -245,9 +245,12 @@ def test_places_in_a_pixel(mi, samples):
     assert counts.min() > 25  # of 400 each of the eight ways has 50, some are the same
     rng = generator(11, samples)
     shifted = (points + rng.random((pixels, 1, 2))) % 1.0
-    ours, theirs = (edge_error(np.tile(some, (10, 1, 1)), rng) for some in (points, shifted))
-    print(samples, ours, theirs)
+    s, t = points_in_square(index // samples, index % samples, 3, stream=0)
+    sequence = np.stack([np.array(s), np.array(t)], axis=-1).reshape(pixels, samples, 2)
+    ours, theirs, r2 = (edge_error(np.tile(some, (10, 1, 1)), rng) for some in (points, shifted, sequence))
+    print(samples, ours, theirs, r2)
     assert 1.05 < theirs / ours < 1.45
+    assert 0.55 < ours / r2 < 0.85
 
 
 def test_passes_of_a_picture_fill_its_pixels(mi):
@@ -737,8 +740,12 @@ def test_engines_but_the_fast_one_have_the_same_places_in_a_pixel(mi, spheres, m
     by = {e: render_integral(spheres, display, "exact", settings, engine=e).radiance for e in ("golden", "twin")}
     places = 16.0 * np.concatenate(asked)
     np.testing.assert_array_equal(places, np.rint(places))
-    quarters = np.bincount((places % 16 // 4).astype(int).ravel(), minlength=4)
-    print(quarters)
+    counts = np.bincount((places % 16).astype(int).ravel(), minlength=16)
+    if subpixels == "none":
+        # 1/8, 3/8, 5/8, 7/8 along a side; along the other 0.573, 0.191, 0.809, 0.427 and their mirror images.
+        np.testing.assert_array_equal(np.flatnonzero(counts), [2, 3, 6, 7, 9, 10, 13, 14])
+        assert len(set(counts[counts > 0])) == 1
+    quarters = counts.reshape(4, 4).sum(axis=1)
     assert quarters.min() > 0.7 * quarters.mean()
     assert psnr_db(by["golden"], by["twin"]) >= 50.0
     fast = render_integral(spheres, display, "exact", settings).radiance

@@ -26,7 +26,7 @@ from lippmann.rendering.scene import Scene, load_scene
 DISPLAY, SIDE_PX, SCENES = "paper-square", 480, ("fish", "chart", "knot")
 #: Samples of a pilot picture, the fewest that are spread; pilots from which the true error is known.
 PILOT, PICTURES = 2, 16
-#: Samples of the picture whose error tells the power, and of the one that all are compared with.
+#: Samples of a finer picture, which shows how fast the error falls, and of the reference.
 FINE, REFERENCE = 16, 256
 #: Samples a pixel of the even picture whose noise is to be met.
 SAMPLES = (4, 8, 16)

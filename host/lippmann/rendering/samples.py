@@ -66,9 +66,9 @@ class Part:
 
 @dataclass
 class Seeds:
-    """Seeds of random numbers: Dr.Jit values (UInt32)."""
+    """Seeds of random numbers: Dr.Jit values (UInt32). No named tuple, whose values Dr.Jit would not record."""
 
-    #: Of the integrator's, in a chunk of samples.
+    #: Of the integrator, in a chunk of samples.
     chunk: Any
     #: Of the places in pixels and lenslets.
     image: Any
