@@ -22,6 +22,9 @@ from pathlib import Path
 from lippmann import interrupts
 from lippmann.errors import LippmannError, NoSpaceError, input_error
 
+#: Folders that `make_folder` made.
+made: list[Path] = []
+
 #: What the system says when a disk, or the user's share of it, is full.
 FULL = (errno.ENOSPC, errno.EDQUOT)
 #: A disk that refuses so many bytes more is full.
@@ -103,6 +106,8 @@ def _remove(path: Path) -> None:
 
 def is_full(error: BaseException) -> bool:
     """Tell whether a full disk is behind an error."""
+    if isinstance(error, RuntimeError):  # Mitsuba's
+        return any(os.strerror(number) in str(error) for number in FULL)
     return isinstance(error, OSError) and error.errno in FULL
 
 
@@ -199,13 +204,24 @@ def moved(made: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and those above it, unless they are there; NoSpaceError or InputError when that fails."""
+    """Make a folder and those above it, unless they are there; NoSpaceError or InputError when that fails.
+
+    `remove_empty` removes those that a failed command left empty.
+    """
+    made.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         if is_full(error):
             raise no_space(str(folder), error.strerror) from None
         raise input_error(str(folder), f"cannot be made ({error.strerror})", remedy) from None
+
+
+def remove_empty() -> None:
+    """Remove the folders of `make_folder` that are empty."""
+    while made:
+        with contextlib.suppress(OSError):
+            made.pop().rmdir()
 
 
 def private_path() -> Path:
@@ -230,7 +246,7 @@ def private_folder() -> Path:
 def listening() -> set[str]:
     """Return the paths of the Unix sockets on which a program listens."""
     rows = Path("/proc/net/unix").read_text(errors="replace").splitlines()
-    return {row.split()[-1] for row in rows}
+    return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
 
 
 @contextlib.contextmanager

@@ -22,6 +22,12 @@ def install() -> None:
             signal.signal(number, note)
 
 
+def ignore() -> None:
+    """Let signals of `ENDING` change nothing any more: while Python ends, it would die of them."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def note(number: int, frame: FrameType | None) -> None:
     """Note a signal and raise KeyboardInterrupt, as Python's own handler does for SIGINT."""
     received.append(number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import zipfile
@@ -20,6 +21,8 @@ from lippmann.errors import InputError, input_error, reason
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
 #: Most bytes of a bitstream: thrice that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
+#: Most bytes of the header of an array's file: numpy itself takes no more.
+MAX_HEADER_BYTES = 10_000
 #: Most rays of a file, and of --pixels.
 MAX_RAYS = 100_000_000
 #: Deepest nest of an XML file's elements: Mitsuba takes some of the stack for each.
@@ -108,10 +111,17 @@ Header = tuple[tuple[int, ...], np.dtype[Any]]
 def _header(stream: IO[bytes]) -> Header:
     """Return the shape and type in the header of an array's file."""
     version = np.lib.format.read_magic(stream)
-    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
-    if read is None:
+    # The header's length, which is a number of 16 or 32 bits, is read before the header is.
+    if version == (1, 0):
+        size, read = stream.read(2), np.lib.format.read_array_header_1_0
+    elif version == (2, 0):
+        size, read = stream.read(4), np.lib.format.read_array_header_2_0
+    else:
         raise ValueError(f"version {version[0]}.{version[1]} of numpy's format")
-    shape, _, kind = read(stream)
+    length = int.from_bytes(size, "little")
+    if length > MAX_HEADER_BYTES:
+        raise ValueError(f"a header of {length} bytes")
+    shape, _, kind = read(io.BytesIO(size + stream.read(length)))
     return shape, kind
 
 

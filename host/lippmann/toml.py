@@ -47,6 +47,7 @@ SYNONYMS = {
     "eye": ("viewing_distance_mm",),
 }  # fmt: skip
 #: Remedy for text that is not TOML.
+ENDLESS = "a number of thousands of digits"
 MEND = "mend the syntax there (write numbers with a point, text in quotes)"
 
 
@@ -183,7 +184,8 @@ def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
             raise input_error(
                 source, f"{name} is given a second time in line {line[1]}", "leave one of the two"
             ) from None
-        raise input_error(source, f"not TOML ({error})", remedy) from None
+        why = ENDLESS if "int_max_str_digits" in str(error) else error
+        raise input_error(source, f"not TOML ({why})", remedy) from None
 
 
 def load(path: Path, what: str) -> dict[str, Any]:
@@ -314,6 +316,16 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
     return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
 
 
+def _shown(value: Any) -> str:
+    """Return a value for an error's line."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    try:
+        return reprlib.repr(value).replace("'", '"')
+    except ValueError:  # Python writes no such number
+        return ENDLESS
+
+
 def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
     least, most = node.get("minItems", 0), node.get("maxItems", math.inf)
     if isinstance(value, list) and "x-shape" not in node and "prefixItems" not in node:  # tables
@@ -322,7 +334,7 @@ def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
         if len(value) < least:
             how = remedy(node, re.sub(r"\[\d+\]", "", name))
             return input_error(f"{source}: {name}", "is empty", f"give at least {least}: {how}")
-    shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value).replace("'", '"')
+    shown = _shown(value)
     if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # of `_path`
         return input_error(f"{source}: {name}", f"{shown} is no file's name", "give the name of a file")
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]

@@ -3,6 +3,7 @@
 import errno
 import os
 import signal
+import socket
 import subprocess
 import sys
 import textwrap
@@ -206,6 +207,65 @@ def test_a_full_disk_is_exit_code_3_and_leaves_nothing(full, tmp_path, suffix, c
         assert "cannot be written (" in line
         assert "free space" in line
     assert list(full.iterdir()) == []
+
+
+COMMANDS = {
+    "export povray": ["export", "povray", "scenes/chart/chart.xml"],
+    "export views": ["export", "views", "scenes/chart/chart.xml", "--fit", "--across", "2"],
+    "layers": ["layers", "scenes/chart/chart.xml", "--fit", "--samples", "1"],
+    "calibrate patterns": ["calibrate", "patterns"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_full_disk_leaves_no_folder(full, tmp_path, capsys, command):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    (full / "rest").write_bytes(bytes(64 << 10))
+    display = [] if command == "calibrate patterns" else ["--display"]
+    out = "out" if command == "export povray" else "deep/out"
+    words = [*display, str(tmp_path / "tiny.toml"), "-o", str(full / out)]
+    assert run([*COMMANDS[command], *words]) == 3, capsys.readouterr().err
+    assert "free space" in capsys.readouterr().err
+    assert [path.name for path in full.rglob("*")] == ["rest"]
+
+
+def test_a_folder_that_a_command_found_stays(tmp_path):
+    """Only what it made itself, and left empty, is removed after a failure."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "full").mkdir()
+    for folder in ("there/a/b", "full/c"):
+        files.make_folder(tmp_path / folder)
+    (tmp_path / "full/c/file").write_text("kept")
+    files.remove_empty()
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["c", "file", "full", "there"]
+
+
+def test_sockets_of_folders_with_spaces_are_alive(tmp_path):
+    path = tmp_path / "a b  c" / "board.sock"
+    path.parent.mkdir()
+    with socket.socket(socket.AF_UNIX) as there:
+        there.bind(str(path))
+        there.listen()
+        assert str(path) in files.listening()
+    assert str(path) not in files.listening()
+
+
+#: Writes a file, and tells that its work is done; a signal comes while Python ends.
+LATE = """
+import atexit, os, signal, sys
+from lippmann import cli
+atexit.register(lambda: os.kill(os.getpid(), int(sys.argv[1])))
+cli.main(["pattern", "ramp", "--display", sys.argv[2], "-o", sys.argv[3]])
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_after_the_work_changes_nothing(tmp_path, number):
+    (tmp_path / "tiny.toml").write_text(TINY)
+    words = [str(int(number)), str(tmp_path / "tiny.toml"), str(tmp_path / "p.png")]
+    done = subprocess.run([sys.executable, "-c", LATE, *words], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
+    assert (tmp_path / "p.png").exists()
 
 
 def test_folders_that_do_not_fit(tmp_path, monkeypatch):

@@ -175,6 +175,14 @@ def photograph(path):
     read_photograph(path)
 
 
+def depth_picture(path):
+    scene_file(path.with_name("pair.toml"))
+
+
+def scene_mesh(path):
+    scene_file(path.with_name("mesh.xml"))
+
+
 def patterns_file(path):
     from lippmann.calibration.codes import read_patterns
 
@@ -200,7 +208,8 @@ READERS = {
     (pictures_file, "pictures/pictures.toml"), (placed_picture, "pictures/one.png"), (image_file, "i.png"),
     (image_file, "i.exr"), (image_file, "i.tif"), (scene_file, "scene.xml"), (foreign_rays, "rays.npz"),
     (foreign_rays, "rays.csv"), (foreign_rays, "rays.mem"), (bitstream_file, "b.bit"), (photograph, "p.png"),
-    (photograph, "p.jpg"), (photograph, "p.tif"), (patterns_file, "patterns.toml"), (calibration_file, "c.npz"),
+    (photograph, "p.jpg"), (photograph, "p.tif"), (photograph, "p.bmp"), (depth_picture, "depth.png"),
+    (patterns_file, "patterns.toml"), (calibration_file, "c.npz"), (scene_mesh, "mesh.ply"),
     (scene_file, "m.glb"), (scene_file, "m.gltf"), (scene_file, "m.obj"), (scene_file, "m.ply"), (scene_file, "m.stl"),
     (splats_file, "splats.ply"), (scene_file, "q_qs2x2a1.png"), (views_folder, "views/views.json"),
     (scene_file, "pair.toml"),
@@ -251,7 +260,7 @@ def make_seeds(place):
     text = b"\xff\x00" + comment("ulx3s", "vga", "0" * 16, "0" * 16, 1).encode() + b"\x00\xff\xff\xff\xbd\xb3"
     identity = b"\xe2\x00\x00\x00" + struct.pack(">I", 0x41113043)
     Path("b.bit").write_bytes(sealed(text + b"\xff" * 4 + identity + bytes(64) + b"\x5e\x00\x00\x00"))
-    for name in ("p.png", "p.jpg", "p.tif"):
+    for name in ("p.png", "p.jpg", "p.tif", "p.bmp"):
         cv2.imwrite(name, rng.integers(0, 256, (20, 30, 3), np.uint8))
     Path("patterns.toml").write_text(PatternSet.of(vga).text(vga))
     shutil.copy("d.toml", "c.toml")
@@ -280,6 +289,10 @@ def make_scene_files(rng):
         Path("m.gltf" if name == "model.gltf" else name).write_bytes(data)
     for suffix in ("obj", "ply", "stl"):
         ball.export(f"m.{suffix}")
+    ball.export("mesh.ply")
+    Path("mesh.xml").write_text(
+        '<scene version="3.0.0"><shape type="ply"><string name="filename" value="mesh.ply"/></shape></scene>'
+    )
     splats(Path("splats.ply"), rng.random((9, 3)), rng.random((9, 3)))
     Image.fromarray(rng.integers(0, 256, (20, 20, 3), np.uint8)).save("q_qs2x2a1.png")
     Path("views").mkdir()

@@ -78,6 +78,27 @@ def test_an_archive_is_counted_before_it_is_expanded(place, capsys, command, mon
     assert f"holds {limits.MAX_RAYS + 1} rays; give at most {limits.MAX_RAYS}" in refused(capsys, *words, "more.npz")
 
 
+def test_an_arrays_header_is_counted_before_it_is_read(place, capsys):
+    """40 MB of spaces in a member of 40 KB; numpy's own limit looks at a header that it has read."""
+    size = 40_000_000
+    head = b"\x93NUMPY\x02\x00" + struct.pack("<I", size)
+    archive("head.npz", pixel=[head, *[b" " * (1 << 20)] * 38], direction=[header((9, 3))])
+    assert f"a header of {size} bytes" in refused(capsys, "trace", "-o", "r.npz", "--pixels", "head.npz", most_mb=5.0)
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "9" * 5000])
+def test_numbers_of_thousands_of_digits(place, number):
+    (place / "long.toml").write_text(TINY.replace("width_px = 64", f"width_px = {number}"))
+    with pytest.raises(InputError, match=r"^long\.toml: .*a number of thousands of digits.*; (give|mend)"):
+        load_display("long.toml")
+
+
+def test_an_errors_line_ends(capsys):
+    """It may show a file's own words."""
+    assert run(["inspect", "x" * 5000]) == 2
+    assert len(capsys.readouterr().err) < 1100
+
+
 BROKEN = {
     "an object": header((3, 2), "|O"),
     "wide": header((3, 2), "|S2000000000"),

@@ -17,7 +17,9 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
+from lippmann.scene_files.ply_faces import check_faces
 from PIL import Image
+from plyfile import PlyData, PlyElement
 from test_export_views import told
 from test_film import DISPLAY
 from trimesh.visual import TextureVisuals
@@ -592,6 +594,37 @@ def refused(path, words):
     for word in words if isinstance(words, tuple) else (words,):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("form", ["ascii", "little", "big"])
+@pytest.mark.parametrize("sides", [3, 4])
+def test_a_face_names_vertices_that_are_there(tmp_path, mi, form, sides):
+    """Mitsuba reads the numbers of a PLY as they are, and crashed."""
+    (tmp_path / "a.xml").write_text(
+        '<scene version="3.0.0"><shape type="ply"><string name="filename" value="a.ply"/></shape></scene>'
+    )
+    places = np.array([(*corner,) for corner in CORNERS], [(axis, "f4") for axis in "xyz"])
+    for last, right in ((3, True), (4, False), (-1, False), (99_999_999, False)):
+        face = np.zeros(1, [("vertex_indices", "i4", (sides,))])
+        face["vertex_indices"][0] = [*range(sides - 1), last]
+        data = [PlyElement.describe(places, "vertex"), PlyElement.describe(face, "face")]
+        order = {"little": "<", "big": ">"}.get(form, "=")
+        PlyData(data, text=form == "ascii", byte_order=order).write(str(tmp_path / "a.ply"))
+        if right:
+            check_faces(tmp_path / "a.ply")
+        else:
+            refused(tmp_path / "a.xml", ("a.ply", f"a face names vertex {last} of 4; export it again"))
+
+
+def test_a_mesh_names_pictures_materials_and_buffers_only(tmp_path, mi):
+    """Not any file of this machine."""
+    secret = tmp_path / "secret.txt"
+    secret.write_bytes(bytes(4096))
+
+    def change(told):
+        told["buffers"] = [{"uri": str(secret), "byteLength": 4096}]
+
+    refused(glb(tmp_path / "a.glb", dielectric(), change=change), "secret.txt")
 
 
 def test_broken_meshes_are_refused_in_a_line(tmp_path, mi):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +14,7 @@ from lippmann.calibration.codes import FILE, Pattern, PatternSet, read_patterns
 from lippmann.display import Display
 from lippmann.errors import input_error
 from lippmann.images import decode
+from lippmann.raw_images import read_numbers
 
 #: Extensions of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -112,37 +111,12 @@ def _curve(kind: type[np.unsignedinteger]) -> Light:
 _CURVES = {np.dtype(np.uint8): _curve(np.uint8), np.dtype(np.uint16): _curve(np.uint16)}
 
 
-def _check_size(path: Path) -> None:
-    """Refuse a file that claims to be larger than a photograph: OpenCV takes the memory before it reads the pixels."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of large pictures, and of odd metadata
-            with Image.open(path) as picture:
-                width, height = picture.size
-    except Image.DecompressionBombError:
-        width = height = MAX_PIXELS
-    except FileNotFoundError:
-        raise input_error(str(path), "no such photograph", "give a PNG, JPEG or TIFF file") from None
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, OverflowError, struct.error):
-        raise input_error(str(path), *NO_PHOTOGRAPH) from None
-    if width * height > MAX_PIXELS:
-        raise input_error(str(path), f"has more than {MAX_PIXELS / 1e6:g} megapixels", "take smaller photographs")
-
-
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
     """Read a photograph, whose values are sRGB's; the mean of its channels is its light.
 
     Raises InputError for a file that is no photograph, or one of another size than `shape` (height, width).
     """
-    _check_size(path)
-    try:
-        raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        raw = None
-    if raw is None:
-        raise input_error(str(path), *NO_PHOTOGRAPH)
+    raw = read_numbers(path, MAX_PIXELS, *NO_PHOTOGRAPH)
     if raw.dtype not in _CURVES:
         raise input_error(str(path), f"holds {raw.dtype} values", "save it with 8 or 16 bits for each colour")
     if shape is not None and raw.shape[:2] != shape:

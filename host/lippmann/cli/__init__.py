@@ -11,7 +11,7 @@ import click
 
 from lippmann import __version__, interrupts
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, printable, to_install
-from lippmann.files import is_full
+from lippmann.files import is_full, made, remove_empty
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
@@ -61,6 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
+    interrupts.ignore()  # the work is done
     sys.exit(code)
 
 
@@ -69,6 +70,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
+    made.clear()
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except SystemExit:
@@ -79,10 +81,13 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
         return 0
     except BaseException as error:
         message, failure = _explain(error)
+        remove_empty()
         return _fail(message, failure, "--json" in arguments)
     return code if isinstance(code, int) else 0
 
 
+#: Longest line of an error.
+MOST_LETTERS = 1000
 #: What is said of a file that cannot be opened, where its reader does not say it.
 CANNOT_OPEN: dict[type[OSError], str] = {
     PermissionError: "you may not open it; change its permissions, or name another file",
@@ -141,6 +146,8 @@ def _fail(message: str, code: int, as_json: bool) -> int:
         click.echo(message, err=True)
         return code
     line = printable(" ".join(message.split()))
+    if len(line) > MOST_LETTERS:  # of a file's own words
+        line = f"{line[: MOST_LETTERS // 2]} ... {line[-MOST_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)
     try:
         if as_json:

@@ -42,7 +42,7 @@ def start_command(
     line: virtual_board.Port | None = option(
         "Kind of port.  [default: a Unix socket of yours alone; tcp with --tcp-port]", None
     ),
-    tcp_port: int = option("TCP port on loopback; 0: a free one.", 0, click.IntRange(0, 65535), show_default=False),
+    tcp_port: int | None = option("TCP port on loopback; 0: a free one.", None, click.IntRange(0, 65535)),
     baud: int | None = option("Simulate a UART of this rate; default: a line without a rate.", None, click.IntRange(1)),
     fraction_bits: int | None = option(
         "Word length of its optics.  [default: 16; 18 when it draws nearest texels]", None, FRACTION_BITS
@@ -73,7 +73,7 @@ def start_command(
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
     """
-    if line in ("pty", "unix") and tcp_port:
+    if line in ("pty", "unix") and tcp_port is not None:
         kind = "a pty" if line == "pty" else "a Unix socket"
         raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
     if trace_clocks[0] >= trace_clocks[1]:

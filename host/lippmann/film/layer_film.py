@@ -17,12 +17,12 @@ from lippmann.film.film import MAX_FRAMES
 from lippmann.film.path import Motion, interpolated
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.rendering.placement import ORIGIN, Scale, Triple
+from lippmann.rendering.placement import ORIGIN, Number, Scale, Triple
 from lippmann.toml import documented, key, values
 
 #: Frames a second of a folder of layers, which stands still.
 STILL_RATE = 12.0
-Pair = tuple[float, float]
+Pair = tuple[Number, Number]
 Light = Annotated[float, key("", low=0.0, high=1.0)]
 
 
@@ -33,9 +33,9 @@ class LayerKey:
 
     frame: Annotated[int, key("frame number; greater than that of the key before", low=0)]
     offset_mm: Annotated[Triple, key("shift from the position at rest; z is towards the viewer")] = ORIGIN
-    rotation_deg: Annotated[float, key("rotation about z, counterclockwise")] = 0.0
+    rotation_deg: Annotated[Number, key("rotation about z, counterclockwise")] = 0.0
     scale: Annotated[Scale, key("factor of the size")] = 1.0
-    shear: Annotated[float, key("shift to the right of what is 1 mm higher, mm")] = 0.0
+    shear: Annotated[Number, key("shift to the right of what is 1 mm higher, mm")] = 0.0
     brightness: Annotated[Light, key("factor on the layer's own brightness")] = 1.0
     visible: Annotated[bool, key("whether the layer is drawn, from this frame on")] = True
     order: Annotated[float | None, key("place from front to back, from this frame on", default="as in the folder")] = (

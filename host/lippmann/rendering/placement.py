@@ -17,7 +17,9 @@ from lippmann.scene_files.formats import kind_of, usual_rotation
 from lippmann.toml import documented, key
 
 Matrix = npt.NDArray[np.float64]
-Triple = tuple[float, float, float]
+#: Lengths and angles that float32 scenes and the cubics of paths survive.
+Number = Annotated[float, key("", low=-1e9, high=1e9)]
+Triple = tuple[Number, Number, Number]
 ORIGIN = (0.0, 0.0, 0.0)
 #: "fit": the scene is scaled and moved into the depth range; "camera": placed as the camera in its file sees it;
 #: "fill": a picture's plane becomes the panel's, as large as the panel.

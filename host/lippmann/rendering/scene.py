@@ -20,6 +20,7 @@ from lippmann.limits import check_xml
 from lippmann.rendering.light_field import register_light_field
 from lippmann.rendering.placement import Arrange, Matrix, Placement, placement_beside, usual_arrange
 from lippmann.scene_files.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
+from lippmann.scene_files.ply_faces import check_faces
 from lippmann.variant import mitsuba
 
 #: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
@@ -181,6 +182,9 @@ def load_scene(
         if part is not None:
             _keep(part, state, path)
         mi.parser.transform_all(configuration, state)
+        for node in state.nodes:
+            if node.props.plugin_name() == "ply" and "filename" in node.props:
+                check_faces(_named(node))
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
@@ -260,11 +264,16 @@ def digest_of(path: str | Path) -> str:
         files = [str(file) for file in state.files]
         for node in state.nodes:
             if "filename" in node.props:
-                files.append(str(mi.file_resolver().resolve(mi.filesystem.path(node.props["filename"]))))
+                files.append(str(_named(node)))
         digest = hashlib.sha256()
         for file in dict.fromkeys(files):
             digest.update(_sum_of(Path(file)))
     return digest.hexdigest()
+
+
+def _named(node: Any) -> Path:
+    """Return the path of the file that a node of a scene names."""
+    return Path(str(mitsuba().file_resolver().resolve(mitsuba().filesystem.path(node.props["filename"]))))
 
 
 def _sum_of(path: Path) -> bytes:

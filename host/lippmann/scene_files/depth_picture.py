@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lippmann import toml
 from lippmann.errors import input_error
 from lippmann.limits import read_limited
+from lippmann.raw_images import read_numbers
 from lippmann.scene_files.surface import write_surface
 from lippmann.scene_files.views import Views, picture
 from lippmann.scene_files.xml import add_light_field, new_scene, plugin, to_world, value, write
@@ -89,19 +90,9 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
 
 def _depths(path: Path) -> npt.NDArray[np.float64]:
     """Return the numbers of a picture of depths (height, width), as they are in the file."""
-    import cv2
-
     if path.suffix.lower() == ".exr":
         return np.asarray(picture(path, np.float32)[0][..., 0], np.float64)
-    data = np.frombuffer(read_limited(path, MOST_BYTES, "give a smaller one"), np.uint8)
-    try:
-        found: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        found = None
-    if found is None:
-        raise input_error(str(path), "cannot be read as a picture", "give .png, .tif or .exr")
-    if found.size > MOST_PIXELS * 4:
-        raise input_error(str(path), f"has more than {MOST_PIXELS} pixels", "give a smaller one")
+    found = read_numbers(path, MOST_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
     if found.ndim == 3 and (found[..., :3] != found[..., :1]).any():
         raise input_error(str(path), "has colours, not depths", "give a picture of one channel, 16 bits or float")
     return np.asarray(found[..., 0] if found.ndim == 3 else found, np.float64)

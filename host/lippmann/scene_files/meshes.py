@@ -43,6 +43,8 @@ LEFT_OUT = (
 )  # fmt: skip
 #: Options before the name of a texture in an MTL file, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
+#: Files that a mesh may name: no other file of this machine is read.
+NAMED = (".bin", ".mtl", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp")
 #: Words of trimesh's messages on what it leaves out.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
@@ -59,7 +61,8 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
     scene = new_scene()
     add_lights(scene, scene_from_display)
     made = _Folder(folder)
-    found = list(_instances(path, notes))
+    with np.errstate(all="ignore"):  # matrices of numbers that are too large are refused by their product
+        found = list(_instances(path, notes))
     for (_, mesh, matrix), name in zip(found, unique(name for name, _, _ in found), strict=True):
         _add_shape(scene, name, mesh, matrix, made, path, notes)
     return write(scene, folder / "scene.xml")
@@ -101,7 +104,7 @@ def _load(path: Path, notes: list[str]) -> Any:
         def get(self, name: str) -> Any:
             plain = MTL_OPTIONS.sub("", name.strip())
             for one in dict.fromkeys((plain, unquote(plain), plain.replace("\\", "/"))):
-                if Path(self.parent, one).is_file():
+                if Path(one).suffix.lower() in NAMED and Path(self.parent, one).is_file():
                     return Path(self.parent, one).read_bytes()
             raise FileNotFoundError(name)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import os
 import re
 import secrets
 import signal
@@ -52,6 +53,8 @@ CLOCKS_OF_A_BIT = 8
 IDLE_S = 60
 #: A captured frame that has not been whole for so long, s, is what a killed simulator left.
 PART_S = 60.0
+#: Longest path of a Unix socket, bytes (`sun_path` of unix(7), with its end).
+MOST_SOCKET_BYTES = 107
 #: State of a TCP socket that waits for connections, in /proc/net/tcp.
 LISTENS = "0A"
 #: Longest time until a simulator is ready, and until it has ended, s.
@@ -172,7 +175,7 @@ def start(
     display: Display,
     *,
     port: Port | None = None,
-    tcp_port: int = 0,
+    tcp_port: int | None = None,
     baud: int | None = None,
     host_baud: int | None = None,
     clock_hz: int | None = None,
@@ -221,7 +224,7 @@ def start(
         A program that is silent for so long makes room for another one, s.
     """
     check_panel(display)
-    port = port or ("tcp" if tcp_port else "unix")
+    port = port or ("unix" if tcp_port is None else "tcp")
     if memory == "sdram" and display.panel.width_px % 2:
         what = f"the panel is {display.panel.width_px} pixels wide"
         raise input_error(f"display '{display.name}'", what, "a board with SDRAM needs an even number")
@@ -237,9 +240,12 @@ def start(
         _remove_lines_of_the_dead(place)
         if port == "unix":
             place /= f"board-{secrets.token_hex(4)}.sock"
+            if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
+                what = "its name is too long for a Unix socket"
+                raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
         options = {
             "line": port,
-            "port": tcp_port,
+            "port": tcp_port or 0,
             "place": place,
             "idle": idle_s,
             "identity": display.identity,
