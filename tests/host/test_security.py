@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from lippmann import images, limits, toml
 from lippmann.calibration import photographs
+from lippmann.scene_files import depth_picture, meshes, splats
 from lippmann.sim.tools import repository
 from lippmann.sim.virtual_board import IDLE_S
 from lippmann.viewer import serve
@@ -35,6 +36,10 @@ def test_the_limits_are_those_of_the_code():
     assert limits.SHARE == 0.8
     assert f"{images.MAX_CHANNELS} channels; {images.MAX_TEXT_BYTES >> 10} KB" in row("image")
     assert row("photograph of a calibration") == f"{photographs.MAX_PIXELS // 10**6} million pixels"
+    assert row("picture of depths") == f"{depth_picture.MOST_PIXELS // 10**6} million pixels"
+    corners, large = meshes.MOST_CORNERS // 10**6, splats.MOST_BYTES >> 30
+    assert row("mesh, splats") == f"{meshes.MOST_BYTES >> 30} GB and {corners} million corners of faces, {large} GB"
+    assert limits.MAX_HEADER_BYTES == 10_000
     assert row("bitstream") == f"{limits.MAX_BITSTREAM_BYTES >> 20} MB"
     assert IDLE_S == 60
     assert serve.MAX_REQUESTS == 8

@@ -87,8 +87,10 @@ def _value(node: Schema) -> str:
         return f"[{', '.join('xyz'[: len(node['prefixItems'])])}]"
     if node.get("minimum") == 1e-9:
         node = {**node, "minimum": None, "exclusiveMinimum": 0.0}
-    if node.get("maximum", 0.0) >= 1e9:
+    if (node.get("maximum") or 0.0) >= 1e9:
         node = {**node, "maximum": None}
+    if (node.get("minimum") or 0.0) <= -1e9:
+        node = {**node, "minimum": None}
     words = {"string": "text", "integer": "whole number", "array": "list of tables", "object": "table",
              "boolean": "true or false"}  # fmt: skip
     return f"{words.get(node['type'], node['type'])} {bounds_text(node)}".strip()
