@@ -10,7 +10,6 @@ import contextlib
 import io
 import os
 import re
-import struct
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,7 +24,7 @@ import numpy.typing as npt
 from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
 from lippmann.files import clean_before_writing, not_written, refused, replacing
-from lippmann.limits import check_expanded
+from lippmann.limits import check_expanded, png_chunks
 from lippmann.stderr import silent_stderr
 from lippmann.tones import Transfer, curve_of, transfer_text
 
@@ -371,16 +370,11 @@ def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> No
 
 def _check_texts(path: Path) -> None:
     """Refuse a PNG with so many compressed texts that opening it would take too much time and memory."""
-    with path.open("rb") as stream:
-        if stream.read(8) != b"\x89PNG\r\n\x1a\n":
-            return
-        texts = 0
-        while len(head := stream.read(8)) == 8:
-            size, kind = struct.unpack(">I4s", head)
-            texts += size * (kind in (b"zTXt", b"iTXt"))
-            if texts > MAX_TEXT_BYTES:
-                raise input_error(str(path), f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
-            stream.seek(size + 4, os.SEEK_CUR)
+    texts = 0
+    for kind, size, _ in png_chunks(path):
+        texts += size * (kind in (b"zTXt", b"iTXt"))
+        if texts > MAX_TEXT_BYTES:
+            raise input_error(str(path), f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
 
 
 def _first_line(trouble: str, path: Path) -> str:

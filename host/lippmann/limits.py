@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Collection, Iterator
@@ -142,6 +143,18 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
     if rows > MAX_RAYS:
         raise input_error(str(path), f"holds {rows} rays", f"give at most {MAX_RAYS}")
     check_expanded(str(path), f"{rows} rays", total + rows * bytes_a_ray, "give fewer rays")
+
+
+def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
+    """Yield the kind of each chunk of a PNG, its bytes as it claims, and whether the file has them; none of others."""
+    with path.open("rb") as stream:
+        if stream.read(8) != b"\x89PNG\r\n\x1a\n":
+            return
+        end = os.fstat(stream.fileno()).st_size
+        while len(head := stream.read(8)) == 8:
+            size, kind = struct.unpack(">I4s", head)
+            yield kind, size, stream.tell() + size <= end
+            stream.seek(size + 4, os.SEEK_CUR)
 
 
 def lines_of(text: str) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 import warnings
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error
+from lippmann.limits import png_chunks
 from lippmann.stderr import silent_stderr
 
 #: Kinds of files, by Pillow's names: what OpenCV reads beside them has other claims, which nothing here checks.
@@ -61,14 +61,8 @@ def _claimed_size(path: Path, refused: InputError) -> float:
 
 def _check_chunks(path: Path, refused: InputError) -> None:
     """Refuse a PNG with a chunk that ends behind the file: up to 4 GB are claimed for it."""
-    with path.open("rb") as stream:
-        if stream.read(8) != b"\x89PNG\r\n\x1a\n":
+    for kind, _, whole in png_chunks(path):
+        if not whole:
+            raise refused
+        if kind == b"IEND":
             return
-        end = os.fstat(stream.fileno()).st_size
-        while len(head := stream.read(8)) == 8:
-            size, kind = struct.unpack(">I4s", head)
-            if stream.tell() + size > end:
-                raise refused
-            if kind == b"IEND":
-                return
-            stream.seek(size + 4, os.SEEK_CUR)

@@ -44,7 +44,9 @@ LEFT_OUT = (
 #: Options before the name of a texture in an MTL file, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
 #: Files that a mesh may name: no other file of this machine is read.
-NAMED = (".bin", ".mtl", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp")
+NAMED = (
+    ".bin", ".mtl", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm",
+)  # fmt: skip
 #: Words of trimesh's messages on what it leaves out.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
