@@ -1,10 +1,11 @@
-"""A long run: streams, films of layers and broken lines without a pause; memory, files and frames are counted.
+"""Long runs: streams, films of layers, live pictures and broken lines; memory, files and frames are counted.
 
-`LIPPMANN_SOAK_S` is how long it lasts, s.
+`LIPPMANN_SOAK_S` is how long each lasts, s.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import time
 import zlib
@@ -22,8 +23,18 @@ from lippmann.film.layer_film import LayerFilm, LayerKey, MovingLayer
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.limits import proc_mb
+from lippmann.live.hand import Hand
+from lippmann.live.picture import LivePicture
+from lippmann.live.reel import Reel
+from lippmann.live.run import run_live
+from lippmann.live.screens import NoScreens
+from lippmann.live.sender import Sender
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import load_scene
 from lippmann.sim import virtual_board
 from lippmann.sim.tools import repository
+from lippmann.variant import start_mitsuba
 
 pytestmark = pytest.mark.full
 SOAK_S = float(os.environ.get("LIPPMANN_SOAK_S", "40"))
@@ -32,6 +43,10 @@ WIDTH, HEIGHT = 112, 80
 SCENE = SceneBuild(layers=2, slots=4, width=64, height=32)
 #: Share of the time after which memory must stay, and by which it may grow.
 SETTLED, GROWTH = 0.25, 0.02
+#: How long a live scene moves and rests in turn, s, and the samples of its resting picture.
+MOVES_S, RESTS_S, SAMPLES = 10.0, 5.0, 16
+#: By time, s: memory and open files of this process, and of the board's.
+Seen = list[tuple[float, tuple[float, int], tuple[float, int]]]
 
 
 def film(rng) -> LayerFilm:
@@ -48,12 +63,22 @@ def state(pid: int) -> tuple[float, int]:
     return proc_mb(f"{pid}/status", "VmRSS"), len(list(Path(f"/proc/{pid}/fd").iterdir()))
 
 
+def check_flat(seen: Seen) -> None:
+    """Check that memory and open files of both processes, once settled, stay."""
+    settled = [one for one in seen if one[0] > SETTLED * SOAK_S]
+    for which in (1, 2):
+        memory, handles = zip(*(one[which] for one in settled), strict=True)
+        print(f"memory {memory[0]:.1f} to {max(memory):.1f} MB, files {min(handles)} to {max(handles)}")
+        assert max(memory) <= (1.0 + GROWTH) * memory[0]
+        assert max(handles) <= min(handles) + 1  # a connection that is being closed
+
+
 def test_nothing_grows_and_no_frame_is_lost():
     print(f"seed {SEED}, {SOAK_S:g} s")
     rng = np.random.default_rng(SEED)
     plain = load_display(repository() / "scenes/displays/vga-square.toml")
     display = replace(plain, panel=replace(plain.panel, width_px=WIDTH, height_px=HEIGHT))
-    seen: list[tuple[float, tuple[float, int], tuple[float, int]]] = []
+    seen: Seen = []
     frames = films = 0
     with virtual_board.running(display, scene=SCENE) as running:
         began = time.monotonic()
@@ -74,10 +99,45 @@ def test_nothing_grows_and_no_frame_is_lost():
                 films += 1
             seen.append((now, state(os.getpid()), state(running.process.pid)))
     print(f"{frames} frames, {films} films")
-    settled = [one for one in seen if one[0] > SETTLED * SOAK_S]
-    for which in (1, 2):
-        memory, handles = zip(*(one[which] for one in settled), strict=True)
-        print(f"memory {memory[0]:.1f} to {max(memory):.1f} MB, files {min(handles)} to {max(handles)}")
-        assert max(memory) <= (1.0 + GROWTH) * memory[0]
-        assert max(handles) <= min(handles) + 1  # a connection that is being closed
+    check_flat(seen)
     assert frames >= 4
+
+
+class Turner(NoScreens):
+    """A user who swings the scene for a while, rests for a while, and watches the processes."""
+
+    def __init__(self, board_pid: int) -> None:
+        super().__init__()
+        self.seen: Seen = []
+        self._angle = 0.0
+        self._began, self._pid = time.monotonic(), board_pid
+
+    def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
+        now = time.monotonic() - self._began
+        if now % (MOVES_S + RESTS_S) < MOVES_S:
+            angle = 20.0 * math.sin(now)  # its front stays to be seen: every picture is another one
+            hand.turn(angle - self._angle, 0.0)
+            self._angle = angle
+        if not self.seen or now > self.seen[-1][0] + 1.0:
+            self.seen.append((now, state(os.getpid()), state(self._pid)))
+        return super().obey(hand, reel)
+
+
+def test_live_pictures_do_not_grow_and_the_last_one_stays():
+    """Every picture that was sent was shown, the board ends with the newest, and it has all its samples."""
+    start_mitsuba("llvm")
+    plain = load_display(repository() / "scenes/displays/vga-square.toml")
+    display = replace(plain, panel=replace(plain.panel, width_px=WIDTH, height_px=HEIGHT))
+    scene = load_scene(repository() / "scenes/fish/fish.xml").placed(Placement(0.15))
+    picture = LivePicture(scene, display, "pinhole", Settings())
+    hand = Hand(scene.placement, picture.middle_mm, display.panel.width_mm / WIDTH)
+    with virtual_board.running(display) as running, Board.open(running.url) as board:
+        before, sender, turner = board.hello().epoch, Sender(board), Turner(running.process.pid)
+        played = run_live(picture, hand, turner, display, sender=sender, seconds=SOAK_S, most=SAMPLES)
+        sender.finish()
+        print(f"{played.frames} pictures drawn, {sender.frames} shown")
+        assert (board.hello().epoch - before) % (1 << 16) == sender.frames % (1 << 16)
+        assert played.samples == SAMPLES
+        assert picture.values.any()
+        board.verify(zlib.crc32(picture.values.tobytes()))
+    check_flat(turner.seen)
