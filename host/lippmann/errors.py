@@ -99,6 +99,13 @@ def likely_file(path: Path, suffixes: Iterable[str]) -> str:
     return "".join(f"did you mean {files[likely]}?" for likely in difflib.get_close_matches(path.stem, files, 1))
 
 
+def not_there(path: Path, what: str = "file") -> str:
+    """Return in words why a path is no file that can be read: it is not there, or something else is."""
+    if path.is_dir():
+        return "is a folder"
+    return "is not a plain file" if path.exists() else f"no such {what}"
+
+
 def printable(text: str) -> str:
     """Return a text for the terminal: what files and names bring that it would obey is shown escaped."""
     return OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

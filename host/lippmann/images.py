@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann import interrupts
-from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, path_of, to_install
+from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, not_there, path_of, to_install
 from lippmann.files import clean_before_writing, not_written, refused, replacing
 from lippmann.limits import check_expanded, png_chunks
 from lippmann.stderr import silent_stderr
@@ -157,8 +157,8 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 def check_input(path: str | Path) -> Path:
     """Return an image's path; InputError when there is no such file."""
     path = path_of(path, "an image file")
-    if path.is_dir():
-        raise input_error(str(path), "is a folder", "give an image")
+    if path.exists() and not path.is_file():
+        raise input_error(str(path), not_there(path), "give an image")
     if not path.is_file():
         raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
     return path

@@ -19,7 +19,7 @@ from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_
 from lippmann.cli.output import emit
 from lippmann.display import Display, load_display
 from lippmann.engines import trace
-from lippmann.errors import input_error, reason
+from lippmann.errors import input_error, not_there, reason
 from lippmann.files import replacing
 from lippmann.images import check_output
 from lippmann.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
@@ -110,7 +110,7 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
         columns, rows = (random.integers(0, side, count) for side in size)
         return np.stack([columns, rows], axis=1).astype(np.float64) + 0.5
     if not Path(spec).is_file():
-        raise input_error(spec, "no such file", "give a number of rays or a .npy, .npz or .csv file")
+        raise input_error(spec, not_there(Path(spec)), "give a number of rays or a .npy, .npz or .csv file")
     table = _table(Path(spec))
     if table.size == 0:
         raise input_error(spec, "holds no pixels", "give columns u, v")

@@ -16,7 +16,7 @@ from lippmann.conditioning.search import Floats
 from lippmann.conditioning.vectors import FROM_WORLD, INPUTS, OUTPUTS, STATUS_BITS, text_of, widths, words_of_memory
 from lippmann.diagnose.faults import FIELDS
 from lippmann.display import Display
-from lippmann.errors import input_error
+from lippmann.errors import input_error, not_there
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
@@ -54,7 +54,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
     cannot be read or are not complete.
     """
     if not path.is_file():
-        raise input_error(str(path), "no such file", "give a .npz, .csv or .mem file of rays")
+        raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return _of_arrays(path, display, model)
@@ -64,7 +64,7 @@ def read_foreign(path: Path, display: Display, model: Model, fraction_bits: int,
     elif suffix in (".mem", ".hex"):
         beside = inputs or path.with_name("inputs.mem")
         if not beside.is_file():
-            raise input_error(str(beside), "no such file", "name the file of the inputs with --inputs")
+            raise input_error(str(beside), not_there(beside), "name the file of the inputs with --inputs")
         files = ((beside, INPUTS), (path, OUTPUTS))
         words = [word for file, names in files for word in words_of_memory(file, widths(names, fraction_bits))]
         columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))

@@ -20,7 +20,7 @@ import numpy as np
 
 from lippmann import toml
 from lippmann.display import Display
-from lippmann.errors import InputError, input_error, likely_file, path_of, reason
+from lippmann.errors import InputError, input_error, likely_file, not_there, path_of, reason
 from lippmann.files import make_folder, replacing
 from lippmann.images import check_output
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
@@ -198,7 +198,8 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
-        raise input_error(str(path), "no such picture", likely_file(path, (".png",)) or "mend its name in layers.toml")
+        remedy = likely_file(path, (".png",)) or "mend its name in layers.toml"
+        raise input_error(str(path), not_there(path, "picture"), remedy)
     try:
         with Image.open(path, formats=("PNG",)) as picture:
             size = f"{picture.width} x {picture.height}"

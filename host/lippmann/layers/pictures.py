@@ -12,7 +12,7 @@ import numpy as np
 
 from lippmann import toml
 from lippmann.display import Display, Pair
-from lippmann.errors import input_error, likely_file, reason
+from lippmann.errors import input_error, likely_file, not_there, reason
 from lippmann.images import decode
 from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for
 from lippmann.layers.depths import Slab
@@ -107,7 +107,8 @@ def _read(path: Path) -> Floats:
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
-        raise input_error(str(path), "no such picture", likely_file(path, (".png",)) or "mend its name in the file")
+        remedy = likely_file(path, (".png",)) or "mend its name in the file"
+        raise input_error(str(path), not_there(path, "picture"), remedy)
     try:
         with Image.open(path, formats=("PNG",)) as picture:
             if picture.width * picture.height > MAX_PIXELS:
