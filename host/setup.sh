@@ -121,10 +121,14 @@ root_command() {
   fi
 }
 
-# Where Python cannot make an environment is told before anything is installed.
+# Where Python cannot make an environment is told before anything is installed. Beside the colon of PATH, it is what a
+# shell reads between double quotes: pip's scripts hold the folder's name so.
 check_folder() {
+  local shown
+  printf -v shown '%q' "$PWD"
   case $PWD in
-    *:*) fail "a folder whose path has a colon cannot hold .venv ($PWD): move the checkout" ;;
+    *:*) fail "a folder whose path has a colon cannot hold .venv ($shown): move the checkout" ;;
+    *[\"\'\`\$\\[:cntrl:]]*) fail "a folder whose path has quotes, \$, \\ or line breaks cannot hold .venv ($shown): move the checkout" ;;
   esac
   [ -w . ] || fail "$PWD cannot be written: clone into a folder of your own"
 }

@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from lippmann import interrupts
 from lippmann.errors import LippmannError, NoSpaceError, input_error
@@ -167,7 +168,10 @@ def replacing(path: Path) -> Iterator[Path]:
     clean_before_writing(path.parent)
     partial = path.with_name(partial_name(path.name))
     try:
+        new_file(partial).close()
         yield partial
+        if not partial.stat().st_size:
+            raise OSError(errno.EIO, "nothing was written")
         sync(partial)
         os.replace(partial, path)
         sync(path.parent)
@@ -175,6 +179,25 @@ def replacing(path: Path) -> Iterator[Path]:
         raise refused(path, error, partial) from None
     finally:
         _remove(partial)
+
+
+def new_file(path: Path) -> BinaryIO:
+    """Make an empty file in the place of what has its name, open for writing.
+
+    What another user put there, such as a link to one of this user's files, is removed or refused, never followed.
+    """
+    _remove(path)
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666), "wb")
+
+
+def own_text(path: Path) -> str:
+    """Return the text of a plain file of this user; OSError for a link, a pipe, or a file of another user."""
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid():
+            raise PermissionError(errno.EPERM, "is not a file of yours", str(path))
+        return stream.read()
 
 
 @contextlib.contextmanager

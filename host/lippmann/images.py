@@ -273,12 +273,15 @@ def _holds(oiio: Any, path: Path, sums: Sequence[int], kind: Any) -> bool:
 
 
 def read_picture(
-    path: str | Path, limit: tuple[int, int] | None = None, accept: Callable[[Mapping[str, str]], None] | None = None
+    path: str | Path,
+    limit: tuple[int, int] | None = None,
+    accept: Callable[[Mapping[str, str]], None] | None = None,
+    allow: Callable[[int], None] | None = None,
 ) -> Picture:
     """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
 
-    Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
-    metadata, which raises to refuse the image.
+    Before its pixels are read, its size is compared with `limit`, (width, height); `accept` is called with its
+    metadata, and `allow` with the number of its pixels, which raise to refuse the image.
 
     Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
@@ -286,18 +289,24 @@ def read_picture(
     path = check_input(path)
     try:
         with silent_stderr():
-            return _read(oiio, path, limit, accept)
+            return _read(oiio, path, limit, accept, allow)
     except UnicodeDecodeError:  # OpenImageIO quotes a broken header
         raise input_error(str(path), "is broken", "render it again") from None
 
 
 def _read(
-    oiio: Any, path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
+    oiio: Any,
+    path: Path,
+    limit: tuple[int, int] | None,
+    accept: Callable[[Mapping[str, str]], None] | None,
+    allow: Callable[[int], None] | None,
 ) -> Picture:
     """Read a file that is there; the rest of `read_picture`."""
     with opened(oiio, path, limit, accept) as (source, metadata):
         spec = source.spec()
         what = f"{spec.width} x {spec.height} pixels"
+        if allow is not None:
+            allow(spec.width * spec.height)
         check_expanded(str(path), what, spec.width * spec.height * (spec.nchannels + 3) * 4, "take a smaller image")
         pixels = source.read_image(oiio.FLOAT)
         if pixels is None:

@@ -11,8 +11,9 @@
 // accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
 // --host-step that of the host's end when it differs. --stalls makes both ends of a byte line pause
 // at random. The ready file (JSON) holds the URL and exists while the board runs. With LIPPMANN_MEMORY_HZ the frames are
-// in a chip of SDRAM on a clock of its own. SIGTERM and SIGINT end the board, SIGUSR1 resets it, SIGUSR2 has the chip
-// lose what it holds. The last line on stdout is a JSON object of counts. Exit codes are those of the command lippmann.
+// in a chip of SDRAM on a clock of its own. SIGTERM, SIGINT and SIGHUP end the board, SIGUSR1 resets it, SIGUSR2 has
+// the chip lose what it holds. The last line on stdout is a JSON object of counts. Exit codes are those of the command
+// lippmann.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>
@@ -318,6 +319,7 @@ class Board {
 int main(int count, char** words) {
   std::signal(SIGTERM, [](int) { stop = true; });
   std::signal(SIGINT, [](int) { stop = true; });
+  std::signal(SIGHUP, [](int) { stop = true; });
   std::signal(SIGUSR1, [](int) { reset = true; });
   std::signal(SIGUSR2, [](int) { lose = true; });
   std::signal(SIGPIPE, SIG_IGN);

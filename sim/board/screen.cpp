@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "screen.h"
 
+#include <fcntl.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <system_error>
@@ -26,7 +28,10 @@ void Screen::keep() const {
   char name[32];
   std::snprintf(name, sizeof name, "/frame-%08lld.rgb", static_cast<long long>(frames_));
   const std::string path = folder_ + name, part = path + ".part";
-  std::FILE* file = std::fopen(part.c_str(), "wb");
+  // Not through a link that another user may have put there.
+  std::remove(part.c_str());
+  const int handle = open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  std::FILE* file = handle < 0 ? nullptr : fdopen(handle, "wb");
   bool good = file != nullptr && std::fwrite(pixels_.data(), 1, pixels_.size(), file) == pixels_.size();
   int error = errno;
   if (file != nullptr && std::fclose(file) != 0) {

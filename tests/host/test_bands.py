@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import pickle
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from lippmann.errors import InputError
 from lippmann.images import read_picture
 from lippmann.rendering import renderer
 from lippmann.rendering.bands import Band, here, render_bands, still_of, write_still
+from lippmann.rendering.cluster import local_workers
 from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
@@ -198,7 +200,8 @@ def large(place):
 
 def started(place, *words):
     command = [sys.executable, "-m", "lippmann", *RENDER, "--json", *words]
-    return subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, cwd=place, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
 
 
 def told(process):
@@ -240,6 +243,31 @@ def test_own_workers_and_a_killed_command(large, mi):
     assert said["bands"] == 4
     assert said["bands_kept"] >= 1
     assert sorted(path.name for path in large.glob("*a.png*")) == ["a.png"]
+
+
+def test_nobody_else_may_use_own_workers():
+    """Who reaches the scheduler may run programs there: without its key, which no other process has, nobody does."""
+    from distributed import Client, Security
+
+    with local_workers(1) as (address, security):
+        assert address.startswith("tls://127.0.0.1:")
+        for where, key in ((address.replace("tls", "tcp"), None), (address, Security.temporary())):
+            with pytest.raises((OSError, RuntimeError)):
+                Client(where, security=key, timeout=3)
+        with Client(address, security=security, timeout=20) as client:
+            assert client.run_on_scheduler(lambda: 7) == 7
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_all_processes_of_a_terminal_is_one_line(large, mi, number):
+    process = started(large, "-o", "a.png", "--workers", "2")
+    until(lambda: (large / "a.png.bands").is_dir() or process.poll() is not None, "no bands")
+    os.killpg(process.pid, number)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, json.loads(out)["exit_code"]) == (128 + number, 128 + number)
+    assert "Traceback" not in err
+    assert "leaked" not in err
+    assert err.splitlines()[-1].startswith("lippmann: interrupted")
 
 
 def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):

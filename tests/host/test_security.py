@@ -45,7 +45,7 @@ def test_the_limits_are_those_of_the_code():
     assert serve.MAX_REQUESTS == 8
 
 
-@pytest.mark.parametrize("name", ["a:b", "read-only"])
+@pytest.mark.parametrize("name", ["a:b", "a$(id)", "a`id`", "a'b", 'a"b', "a\\b", "a\nb", "read-only"])
 def test_setup_refuses_folders_before_it_installs_anything(tmp_path, name):
     """As another user where this one is root, who may write everywhere."""
     for folder in (tmp_path, *tmp_path.parents):
@@ -60,5 +60,5 @@ def test_setup_refuses_folders_before_it_installs_anything(tmp_path, name):
     done = subprocess.run(words, capture_output=True, text=True, check=False, cwd="/", **user)
     assert (done.returncode, done.stdout) == (3, "")
     (line,) = done.stderr.splitlines()
-    assert str(checkout) in line
-    assert line.endswith("move the checkout" if name == "a:b" else "clone into a folder of your own")
+    assert str(tmp_path) in line
+    assert line.endswith("clone into a folder of your own" if name == "read-only" else "move the checkout")

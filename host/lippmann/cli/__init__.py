@@ -11,7 +11,7 @@ import click
 
 from lippmann import __version__, interrupts
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, printable, to_install
-from lippmann.files import is_full, made, remove_empty
+from lippmann.files import is_full, made, no_space, remove_empty
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
@@ -86,6 +86,8 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     return code if isinstance(code, int) else 0
 
 
+#: What is said of a full disk when the system does not name the file.
+FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
 #: Longest line of an error.
 MOST_LETTERS = 1000
 #: What is said of a file that cannot be opened, where its reader does not say it.
@@ -105,7 +107,8 @@ def _explain(error: BaseException) -> tuple[str, int]:
     if isinstance(error, click.ClickException):
         return error.format_message() + _usage(error), InputError.exit_code
     if is_full(error):
-        error = NoSpaceError("cannot write: no space left on the device; free space or choose another place")
+        named = getattr(error, "filename", None)
+        error = no_space(str(named)) if named else NoSpaceError(FULL_DISK)
     if isinstance(error, LippmannError):
         return str(error), error.exit_code
     if isinstance(error, MemoryError):

@@ -153,8 +153,10 @@ def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None
     if workers is None and scheduler is None:
         yield here(still, scene)
         return
-    with contextlib.nullcontext(scheduler) if workers is None else local_workers(workers) as address:
-        yield lambda bands: render_on_cluster(str(address), device, bands, log)
+    with (
+        contextlib.nullcontext((scheduler, None)) if workers is None else local_workers(workers) as (address, security)
+    ):
+        yield lambda bands: render_on_cluster(str(address), device, bands, log, security)
 
 
 def _given(name: str) -> bool:

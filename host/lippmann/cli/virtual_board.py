@@ -21,7 +21,7 @@ from lippmann.cli.options.common import DISPLAY, FRACTION_BITS, Slot
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
-from lippmann.files import replacing
+from lippmann.files import is_full, new_file, no_space, own_text, refused, replacing
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.sim import virtual_board
 
@@ -31,6 +31,8 @@ CHECK_S = 0.1
 LAUNCHER = "LIPPMANN_LAUNCHER"
 #: Longest time to write the last captured frames, after the simulator has ended, s.
 CAPTURE_SECONDS = 10.0
+#: Bytes that a board's log needs.
+LOG_BYTES = 1 << 16
 #: Errors by their exit code.
 ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
 PATH = click.Path(path_type=Path, readable=False)
@@ -171,7 +173,11 @@ def _in_background(ready: Path) -> None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
     words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words()]
     own = {**os.environ, LAUNCHER: str(os.getpid())}
-    with output.open("wb") as both:
+    try:
+        both = new_file(output)
+    except OSError as error:
+        raise refused(output, error) from None
+    with both:
         process = subprocess.Popen(
             words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True, env=own
         )
@@ -180,16 +186,30 @@ def _in_background(ready: Path) -> None:
             while process.poll() is None and not ready.exists() and not ended:
                 time.sleep(CHECK_S)
         if not ready.exists():
-            failure = _failure(output) or DeviceError(f"the board ended without a message ({process.returncode})")
+            failure = _failure(output) or _unheard(output, process.returncode)
             output.unlink()
             raise failure
-    except KeyboardInterrupt:
+        result = json.loads(ready.read_text())
+        emit(result, f"{result['url']} (lippmann board stop --ready {shlex.quote(str(ready))} ends it)")
+        sys.stdout.flush()
+    except BrokenPipeError:  # who started it has heard enough
+        raise
+    except (KeyboardInterrupt, OSError):  # interrupted, or nobody can be told where the board is
         os.killpg(process.pid, signal.SIGTERM)  # its compilers too: they are in the same session
         process.wait()
         output.unlink()
         raise
-    result = json.loads(ready.read_text())
-    emit(result, f"{result['url']} (lippmann board stop --ready {shlex.quote(str(ready))} ends it)")
+
+
+def _unheard(output: Path, code: int) -> LippmannError:
+    """Return the error of a board that ended without a message: its log had no room for one, or there was none."""
+    try:
+        with output.open("ab") as stream:
+            stream.write(bytes(LOG_BYTES))
+    except OSError as error:
+        if is_full(error):
+            return no_space(str(output))
+    return DeviceError(f"the board ended without a message ({code}); start it without --background to see more")
 
 
 def _option_words() -> list[str]:
@@ -210,7 +230,7 @@ def _option_words() -> list[str]:
 def _failure(output: Path) -> LippmannError | None:
     """Return the error in the last line of a board's log, or None."""
     try:
-        last = json.loads(output.read_text(errors="replace").splitlines()[-1])
+        last = json.loads(own_text(output).splitlines()[-1])
         return ERRORS.get(last["exit_code"], DeviceError)(last["error"])
     except (OSError, ValueError, LookupError, TypeError):
         return None
@@ -233,6 +253,8 @@ def _remove_ready(ready: Path) -> None:
 def _content(ready: Path) -> dict[str, Any]:
     """Return `url` and `pid` of a ready file; nothing when it is not one."""
     try:
+        if not ready.is_file():  # a pipe would keep this command waiting
+            return {}
         content = json.loads(ready.read_text())
         return {"url": str(content["url"]), "pid": int(content["pid"])}
     except (OSError, ValueError, KeyError, TypeError):

@@ -6,9 +6,10 @@ import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann import toml
 from lippmann.display import Display, Pair
@@ -25,7 +26,11 @@ from lippmann.toml import documented, key
 #: The file that makes a folder one of pictures.
 FILE = "pictures.toml"
 #: Most pixels of a picture.
-MAX_PIXELS = 1 << 26
+MAX_PIXELS = 1 << 25
+#: Rows that are decoded at once.
+ROWS = 256
+#: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
+Light4 = npt.NDArray[np.float32]
 Light = Annotated[float, key("", low=0.0, high=1.0)]
 Width = Annotated[float, key("", above=0.0, high=1e6)]
 
@@ -74,10 +79,10 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
             raise input_error(f"{where}.width_mm, centre_mm", what, "leave them out")
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
         check_depth(depth, display, f"{where}.depth_mm")
-        area, light = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
-        if light is None:
+        area, part = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
+        if part is None:
             raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
-        light = _resized(light, texels_for(area, display, slot))
+        light = _resized(part, texels_for(area, display, slot))
         opacity = np.clip(light[..., 3], 0.0, 1.0)
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
         texels, palette, error_db = quantise(Picture(colour, opacity).rgba)
@@ -102,8 +107,8 @@ def _different(names: list[str]) -> tuple[str, ...]:
     return tuple(plain)
 
 
-def _read(path: Path) -> Floats:
-    """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4) float64."""
+def _read(path: Path) -> Light4:
+    """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4)."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
@@ -115,21 +120,24 @@ def _read(path: Path) -> Floats:
                 what = f"has {picture.width} x {picture.height} pixels"
                 raise input_error(str(path), what, f"make it smaller, at most {MAX_PIXELS} pixels")
             if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
-                grey = np.asarray(picture, np.float64) / 65535.0
-                values = np.stack([grey, grey, grey, np.ones_like(grey)], axis=-1)
+                numbers, white = np.asarray(picture)[..., None], 65535.0
             else:
-                values = np.asarray(picture.convert("RGBA"), np.float64) / 255.0
+                numbers, white = np.asarray(picture.convert("RGBA")), 255.0
     except UnidentifiedImageError:
         raise input_error(str(path), "is not a whole PNG picture", "give a PNG") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise input_error(str(path), f"cannot be read ({reason(error)})", "write it again") from None
-    values[..., :3] = decode(values[..., :3], "srgb") * values[..., 3:]
-    return values
+    light = np.ones((*numbers.shape[:2], 4), np.float32)
+    for first in range(0, len(light), ROWS):  # in parts: many times the memory of the file's numbers is taken
+        rows, part = numbers[first : first + ROWS] / white, light[first : first + ROWS]
+        part[..., 3:] = rows[..., 3:] if rows.shape[2] == 4 else 1.0
+        part[..., :3] = decode(rows[..., :3], "srgb") * part[..., 3:]
+    return light
 
 
 def _placed(
-    light: Floats, reach: Reach, depth_mm: float, centre: Pair, width: float | None
-) -> tuple[Area, Floats | None]:
+    light: Light4, reach: Reach, depth_mm: float, centre: Pair, width: float | None
+) -> tuple[Area, Light4 | None]:
     """Return where the part of a picture lies that rays reach, and that part; None where they reach none of it."""
     whole = reach.area(depth_mm)
     rows, columns = light.shape[:2]
@@ -146,12 +154,12 @@ def _placed(
     return area, light[r0:r1, c0:c1] if c1 > c0 and r1 > r0 else None
 
 
-def _resized(light: Floats, most: tuple[int, int]) -> Floats:
+def _resized(light: Light4, most: tuple[int, int]) -> Floats:
     """Return a picture of at most so many texels across and down, each the mean of its pixels."""
     from PIL import Image
 
     size = min(most[0], light.shape[1]), min(most[1], light.shape[0])
     if size == (light.shape[1], light.shape[0]):
-        return light
-    planes: list[Any] = [Image.fromarray(np.ascontiguousarray(light[..., k], np.float32), "F") for k in range(4)]
+        return light.astype(np.float64)
+    planes = (Image.fromarray(np.ascontiguousarray(light[..., k]), "F") for k in range(4))
     return np.stack([np.asarray(plane.resize(size, Image.Resampling.BOX), np.float64) for plane in planes], axis=-1)

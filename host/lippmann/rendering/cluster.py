@@ -11,13 +11,16 @@ import functools
 import itertools
 import logging
 import re
+import signal
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
 from lippmann.provenance import pixel_versions
 from lippmann.rendering.recorded import garbage_kept
@@ -57,12 +60,13 @@ Tasks = TypeVar("Tasks", bound=Task)
 
 
 def render_on_cluster(
-    address: str, device: str, tasks: Sequence[Tasks], log: Any = lambda text: None
+    address: str, device: str, tasks: Sequence[Tasks], log: Any = lambda text: None, security: Any = None
 ) -> Iterator[tuple[Tasks, Any]]:
     """Render tasks on the workers of a cluster; yield each with what it renders as it arrives.
 
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
-    tasks are distributed in their order. `log` is called with a message when no worker is left.
+    tasks are distributed in their order. `log` is called with a message when no worker is left. `security` is what the
+    scheduler's connections need (`distributed.Security`).
 
     Raises InputError when no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a
     different scene or different versions; DeviceError when the scheduler is lost, or a task crashes several workers;
@@ -70,7 +74,7 @@ def render_on_cluster(
     """
     if not tasks:
         return
-    client = _connected(address)
+    client = _connected(address, security)
     from distributed import KilledWorker, wait
 
     try:
@@ -114,19 +118,36 @@ def render_on_cluster(
 
 
 @contextlib.contextmanager
-def local_workers(count: int) -> Iterator[str]:
-    """Start workers on this machine, on loopback alone; yield their scheduler's address.
+def local_workers(count: int) -> Iterator[tuple[str, Any]]:
+    """Start workers on this machine, on loopback alone; yield their scheduler's address and its `Security`.
 
-    One that dies is replaced. MissingLibraryError when Dask is missing.
+    They talk by TLS with a key that only these processes have: who reaches a port of Dask's may run programs. A worker
+    that dies is replaced. MissingLibraryError when Dask is missing.
     """
     try:
-        from distributed import LocalCluster
+        import dask
+        from distributed import LocalCluster, Security
+
+        security = Security.temporary()
     except ImportError as error:
         raise _no_dask(error) from None
-    with LocalCluster(
-        n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL
-    ) as cluster:
-        yield cluster.scheduler_address
+    with contextlib.ExitStack() as end:
+        end.enter_context(
+            dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
+        )
+        # Of a signal to all processes of a terminal, this one ends the workers; they inherit what is blocked here.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
+        try:
+            resource_tracker.ensure_running()  # which unblocks some, so now and not between
+            signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
+            cluster = LocalCluster(
+                n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=security,
+                silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        end.enter_context(cluster)
+        yield cluster.scheduler_address, security
 
 
 def _no_dask(error: ImportError) -> MissingLibraryError:
@@ -139,7 +160,7 @@ def _worker(address: str) -> str:
     return f"dask worker {address}{' --host 127.0.0.1' if loopback else ''} --no-dashboard"
 
 
-def _connected(address: str) -> Any:
+def _connected(address: str, security: Any = None) -> Any:
     """Return a client of a cluster that has at least one worker."""
     try:
         import distributed
@@ -148,7 +169,7 @@ def _connected(address: str) -> Any:
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in a line
     try:
-        client = distributed.Client(address, timeout=ANSWER_S)
+        client = distributed.Client(address, timeout=ANSWER_S, security=security)
     except (OSError, ValueError, TypeError):
         raise input_error(
             address, "no scheduler answers there", f"start one ({SCHEDULER}), or give its address, tcp://HOST:8786"

@@ -20,7 +20,7 @@ from lippmann.images import Radiance
 from lippmann.scene_files.views import PICTURES, Views, picture
 
 #: The tiling in a quilt's name: columns, rows, aspect.
-TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]+(?:\.[0-9]+)?)$")
+TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
 #: What a quilt of another tool does not tell, of Looking Glass' cameras: the cone of their eyes and the height of the
 #: window as an eye sees it, degrees.
 CONE_DEG, FIELD_DEG = 40.0, 14.0

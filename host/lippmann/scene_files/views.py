@@ -101,9 +101,8 @@ def read_folder(folder: Path) -> Views:
         raise input_error(str(path), what, "give one view for each place of a row or grid")
     pictures: npt.NDArray[np.float16] | None = None
     for (name, _), row, column in zip(views, rows, columns, strict=True):
-        one, _ = picture(folder / name)
+        one, _ = picture(folder / name, count=len(views))
         if pictures is None:
-            _check_size(path, len(views) * one.shape[0] * one.shape[1])
             pictures = np.zeros((len(y), len(x), *one.shape), np.float16)
         if one.shape != pictures.shape[2:]:
             what = f"has {one.shape[1]} x {one.shape[0]} pixels, the first view {pictures.shape[3]} x "
@@ -135,24 +134,26 @@ def _check_size(path: Path, pixels: int) -> None:
         raise input_error(str(path), what, "give fewer or smaller views")
 
 
-def picture(path: Path, kind: Any = np.float16) -> tuple[npt.NDArray[Any], dict[str, str]]:
-    """Return a picture's linear light (height, width, 3), and its metadata."""
+def picture(path: Path, kind: Any = np.float16, count: int = 1) -> tuple[npt.NDArray[Any], dict[str, str]]:
+    """Return a picture's linear light (height, width, 3), and its metadata; `count` pictures of its size are allowed.
+
+    Its size is known, and refused, before memory is taken for its pixels.
+    """
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
-        read = read_picture(path, accept=None)
+        read = read_picture(path, allow=lambda pixels: _check_size(path, count * pixels))
         radiance, metadata = read.radiance, read.metadata
     else:
-        radiance, metadata = _by_pillow(path), {}
-    _check_size(path, radiance.shape[0] * radiance.shape[1])
-    return np.clip(radiance, 0.0, LARGEST).astype(kind), metadata
+        radiance, metadata = _by_pillow(path, count), {}
+    return np.clip(radiance, 0.0, LARGEST, out=radiance).astype(kind), metadata
 
 
-def _by_pillow(path: Path) -> Any:
+def _by_pillow(path: Path, count: int) -> Any:
     from PIL import Image
 
     try:
         with Image.open(path) as opened:
-            _check_size(path, opened.width * opened.height)
-            return decode(np.asarray(opened.convert("RGB")) / 255.0, "srgb")
+            _check_size(path, count * opened.width * opened.height)
+            return decode(np.asarray(opened.convert("RGB"), np.float32) / np.float32(255.0), "srgb")
     except InputError:
         raise
     except FileNotFoundError:
