@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, not_there
 from lippmann.limits import png_chunks
 from lippmann.stderr import silent_stderr
 
@@ -46,6 +46,8 @@ def _claimed_size(path: Path, refused: InputError) -> float:
     """Return how many pixels a file claims to have."""
     from PIL import Image, UnidentifiedImageError
 
+    if not path.is_file():
+        raise input_error(str(path), not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of large pictures, and of odd metadata
@@ -53,8 +55,6 @@ def _claimed_size(path: Path, refused: InputError) -> float:
                 return picture.width * picture.height
     except Image.DecompressionBombError:
         return np.inf
-    except FileNotFoundError:
-        raise input_error(str(path), "no such file", "give a PNG, JPEG or TIFF file") from None
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, OverflowError, struct.error):
         raise refused from None
 

@@ -169,6 +169,46 @@ def test_another_users_private_folder_is_refused(tmp_path, monkeypatch):
         files.private_folder()
 
 
+# --- other users ----------------------------------------------------------------------------------
+
+
+def test_planted_links_are_not_followed(tmp_path):
+    """In a folder that others may write, a temporary file's name can be guessed."""
+    mine = tmp_path / "mine"
+    mine.write_text("precious")
+    target = tmp_path / "a.bin"
+    (tmp_path / files.partial_name("a.bin")).symlink_to(mine)
+    with files.replacing(target) as partial:
+        assert not partial.is_symlink()
+        partial.write_bytes(b"new")
+    assert (target.read_bytes(), target.is_symlink(), mine.read_text()) == (b"new", False, "precious")
+    (tmp_path / "log").symlink_to(mine)
+    with files.new_file(tmp_path / "log") as log:
+        log.write(b"words")
+    assert ((tmp_path / "log").read_text(), mine.read_text()) == ("words", "precious")
+
+
+def test_a_file_that_was_not_written_does_not_replace_another(tmp_path):
+    (tmp_path / "a.bin").write_bytes(b"old")
+    with pytest.raises(InputError, match="nothing was written"), files.replacing(tmp_path / "a.bin"):
+        pass
+    assert (tmp_path / "a.bin").read_bytes() == b"old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bin"]
+
+
+def test_only_files_of_ones_own_are_heard(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("words")
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    os.mkfifo(tmp_path / "pipe")
+    assert files.own_text(tmp_path / "a") == "words"
+    for name, why in (("link", "symbolic links"), ("pipe", "not a file of yours"), ("none", "No such file")):
+        with pytest.raises(OSError, match=why):
+            files.own_text(tmp_path / name)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
+    with pytest.raises(PermissionError):
+        files.own_text(tmp_path / "a")
+
+
 # --- a full disk ----------------------------------------------------------------------------------
 
 

@@ -143,7 +143,7 @@ COMMANDS = [
     ("inspect tiny.toml --eye 1e300,0,600", "eye: is farther away", "such as 0,0,600"),
     (OBSERVE.replace("image.exr", "."), ".: is a folder", "give an image"),
     (OBSERVE.replace("image.exr", "/dev/zero"), "/dev/zero: is not a plain file", "give an image"),
-    ("trace --display tiny.toml --pixels /dev/zero -o r.npz", "/dev/zero: is not a plain file", "give a number of rays"),
+    ("trace --display tiny.toml --pixels /dev/zero -o r.npz", "/dev/zero: is not a plain file", "give a number of"),
     ("trace --display tiny.toml --pixels . -o r.npz", ".: is a folder", "give a number of rays"),
     ("regress --display tiny.toml --rays /dev/zero", "/dev/zero: is not a plain file", "give a .npz, .csv or .mem"),
     (f"{OBSERVE} --frames 5", "--frames", "give --sweep X0,X1"),

@@ -1,5 +1,6 @@
 """Images of other programs, as numbers: right ones, and those that claim more than they hold."""
 
+import os
 import struct
 import zlib
 from pathlib import Path
@@ -71,6 +72,8 @@ def test_what_is_no_picture_of_a_known_kind(tmp_path, content, capfd):
     (tmp_path / "a.png").write_bytes(content)
     with pytest.raises(InputError, match="is not what is wanted"):
         read_numbers(tmp_path / "a.png", 1000, *WORDS)
-    with pytest.raises(InputError, match="no such file"):
-        read_numbers(tmp_path / "b.png", 1000, *WORDS)
+    os.mkfifo(tmp_path / "pipe.png")
+    for name, why in (("b.png", "no such file"), ("pipe.png", "is not a plain file"), (".", "is a folder")):
+        with pytest.raises(InputError, match=why):
+            read_numbers(tmp_path / name, 1000, *WORDS)
     assert capfd.readouterr().err == ""

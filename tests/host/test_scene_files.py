@@ -22,6 +22,7 @@ from PIL import Image
 from plyfile import PlyData, PlyElement
 from test_export_views import told
 from test_film import DISPLAY
+from test_raw_images import chunk, png
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
@@ -709,6 +710,13 @@ def test_bad_views_are_told(place, capfd, mi):
 
 
 def test_bad_quilts_are_told(tmp_path, mi):
+    # Sizes that are refused before memory is taken for their pixels: here there are none.
+    for name, side in (("large_qs8x6a1.png", 30000), ("0.png", 8000)):
+        (tmp_path / name).write_bytes(png(side, side, chunk(b"IDAT", bytes(1 << 22)), chunk(b"IEND")))
+    views = [{"file": "0.png", "eye_mm": [x, 0, 600]} for x in range(4)]
+    (tmp_path / "views.json").write_text(json.dumps({"window_mm": [8, 8], "views": views}))
+    refused(tmp_path / "large_qs8x6a1.png", "900 million pixels")
+    refused(tmp_path, "the views have 256 million pixels; 200 are allowed")
     Image.new("RGB", (4, 4)).save(tmp_path / "a_qs8x6a1.png")
     refused(tmp_path / "a_qs8x6a1.png", "tiling")
     Image.new("RGB", (4, 4)).save(tmp_path / "plain.png")

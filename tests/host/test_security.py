@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from lippmann import images, limits, toml
 from lippmann.calibration import photographs
-from lippmann.scene_files import depth_picture, meshes, splats
+from lippmann.layers import pictures
+from lippmann.scene_files import depth_picture, meshes, splats, views
 from lippmann.sim.tools import repository
 from lippmann.sim.virtual_board import IDLE_S
 from lippmann.viewer import serve
@@ -37,6 +38,11 @@ def test_the_limits_are_those_of_the_code():
     assert f"{images.MAX_CHANNELS} channels; {images.MAX_TEXT_BYTES >> 10} KB" in row("image")
     assert row("photograph of a calibration") == f"{photographs.MAX_PIXELS // 10**6} million pixels"
     assert row("picture of depths") == f"{depth_picture.MOST_PIXELS // 10**6} million pixels"
+    million = views.MOST_PIXELS // 10**6
+    told = f"{million} million pixels in all; {views.MOST_VIEWS} views; {views.MOST_BYTES >> 20} MB of `views.json`"
+    assert row("quilt, folder of views") == told
+    most = pictures.MAX_PIXELS // 10**6
+    assert row("layer's picture").endswith(f"; {most} million pixels of a picture that `layers` cuts")
     corners, large = meshes.MOST_CORNERS // 10**6, splats.MOST_BYTES >> 30
     assert row("mesh, splats") == f"{meshes.MOST_BYTES >> 30} GB and {corners} million corners of faces, {large} GB"
     assert limits.MAX_HEADER_BYTES == 10_000

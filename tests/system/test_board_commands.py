@@ -373,6 +373,45 @@ def test_a_frame_that_cannot_be_kept_ends_a_board_in_the_background_and_is_told(
     assert not ready.exists()
 
 
+def test_links_that_another_user_planted_are_not_followed(place, tmp_path):
+    mine, folder = tmp_path / "mine", tmp_path / "screen"
+    mine.write_text("precious")
+    folder.mkdir()
+    for number in range(1, 4):
+        (folder / f"frame-{number:08d}.rgb.part").symlink_to(mine)
+    ready = tmp_path / "board.json"
+    Path(f"{ready}.log").symlink_to(mine)
+    start = ("board", "start", "--display", place / "small.toml", "--ready", ready, "--background")
+    assert process(*start, "--capture", folder)[0] == 0
+    assert lippmann("board", "stop", "--ready", ready)[0] == 0
+    assert mine.read_text() == "precious"
+    assert (folder / "frame-00000001.png").is_file()
+
+
+def test_a_board_nobody_can_be_told_of_ends(place, tmp_path):
+    """Its place is printed on a full disk; its log is on one."""
+    ready = tmp_path / "board.json"
+    start = [sys.executable, "-m", "lippmann", "board", "start", "--display", str(place / "small.toml"), "--background"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*start, "--ready", ready], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 3, done.stderr
+    assert "no space left" in done.stderr.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_loss_of_the_terminal_ends_a_board_and_its_simulator(place, tmp_path):
+    ready = tmp_path / "board.json"
+    words = [sys.executable, "-m", "lippmann", "board", "start", "--display", place / "small.toml", "--ready", ready]
+    board = subprocess.Popen(words, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_until(ready.exists)
+    url = json.loads(ready.read_text())["url"]
+    os.killpg(board.pid, signal.SIGHUP)
+    _, err = board.communicate(timeout=60)
+    assert board.returncode == 0, err
+    assert not Path(url.removeprefix("unix://")).exists()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_frames_of_another_panel_are_left_alone(place, tmp_path):
     display = load_display(place / "small.toml")
     (tmp_path / "frame-00000001.rgb").write_bytes(bytes(3 * WIDTH * HEIGHT))

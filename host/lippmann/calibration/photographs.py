@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lippmann.calibration.codes import FILE, Pattern, PatternSet, read_patterns
 from lippmann.display import Display
-from lippmann.errors import input_error
+from lippmann.errors import input_error, not_there
 from lippmann.images import decode
 from lippmann.raw_images import read_numbers
 
@@ -48,6 +48,8 @@ class Photograph(NamedTuple):
 def pattern_set(folder: Path, display: Display) -> PatternSet:
     """Return the patterns that a folder of photographs belongs to: by its `patterns.toml`, else the usual ones."""
     own = folder / FILE
+    if own.exists() and not own.is_file():
+        raise input_error(str(own), not_there(own), "copy the one that lippmann calibrate patterns wrote")
     return read_patterns(own, display) if own.is_file() else PatternSet.of(display)
 
 

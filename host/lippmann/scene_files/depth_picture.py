@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann import toml
-from lippmann.errors import input_error
+from lippmann.errors import input_error, not_there
 from lippmann.limits import read_limited
 from lippmann.raw_images import read_numbers
 from lippmann.scene_files.surface import write_surface
@@ -60,8 +60,10 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     """
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
-        if not (path.parent / getattr(form, name)).is_file():
-            raise input_error(f"{path}: {name}", f"{getattr(form, name)} is not there", "correct the name")
+        file = path.parent / getattr(form, name)
+        if not file.is_file():
+            why = "is not there" if not file.exists() else not_there(file)
+            raise input_error(f"{path}: {name}", f"{getattr(form, name)} {why}", "correct the name")
     colours = picture(path.parent / form.colour)[0]
     depth = _depths(path.parent / form.depth) * form.unit_mm
     if depth.shape != colours.shape[:2]:

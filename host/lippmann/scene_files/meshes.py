@@ -107,7 +107,7 @@ def _load(path: Path, notes: list[str]) -> Any:
             plain = MTL_OPTIONS.sub("", name.strip())
             for one in dict.fromkeys((plain, unquote(plain), plain.replace("\\", "/"))):
                 if Path(one).suffix.lower() in NAMED and Path(self.parent, one).is_file():
-                    return Path(self.parent, one).read_bytes()
+                    return read_limited(Path(self.parent, one), MOST_BYTES, "make it smaller")
             raise FileNotFoundError(name)
 
     kind = path.suffix.lower()
@@ -122,12 +122,17 @@ def _load(path: Path, notes: list[str]) -> Any:
         except MemoryError:
             raise
         except Exception as error:  # trimesh's readers raise what they stumble over
-            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            reason = _brief(str(error)) or type(error).__name__
             raise input_error(str(path), f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if lost:
         remedy = "put it there, or take its name out of the file"
-        raise input_error(str(path), f"lacks a texture or material ({lost[0]})", remedy)
+        raise input_error(str(path), f"lacks a texture or material that can be read ({_brief(lost[0])})", remedy)
     return loaded
+
+
+def _brief(text: str) -> str:
+    """Return a library's words in one line, cut, without the addresses of Python's objects."""
+    return " ".join(re.sub(r"<(\w+\.)*(\w+) object at 0x\w+>", "its data", text).split())[:200]
 
 
 @contextmanager
