@@ -10,7 +10,7 @@ from typing import Any
 from lippmann.display import load_display
 from lippmann.film.film import load_film
 from lippmann.film.shot import Shot, render_shot, shots_of, with_one_shading
-from lippmann.rendering.cluster import render_on_cluster
+from lippmann.rendering.cluster import local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Settings
 from lippmann.variant import current_device
@@ -26,13 +26,11 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     CPU seconds are those of all threads: they show the cost of sharing the work even while other programs run. The
     workers' include those of the process that distributes the frames. `ratio` is their time over that of one process.
     """
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     film = load_film(scenes / "films/swim.toml")
     device = current_device()
-    with LocalCluster(
-        n_workers=WORKERS, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as cluster, Client(cluster) as client:  # fmt: skip
+    with local_workers(WORKERS) as (address, security), Client(address, security=security) as client:
         for name, scale, frames in CASES:
             display = load_display(scenes / f"displays/{name}.toml")
             options = RenderOptions(settings=Settings(samples=4, seed=seed))
@@ -44,7 +42,7 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
             ours = [render_shot(shot).radiance for shot in shots]
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
-            rendered = render_on_cluster(cluster.scheduler_address, device, shots)
+            rendered = render_on_cluster(address, device, shots, security=security)
             theirs = {shot.frame: image.radiance for shot, image in rendered}
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
             yield {
