@@ -615,6 +615,11 @@ def test_a_face_names_vertices_that_are_there(tmp_path, mi, form, sides):
             check_faces(tmp_path / "a.ply")
         else:
             refused(tmp_path / "a.xml", ("a.ply", f"a face names vertex {last} of 4; export it again"))
+    head = (tmp_path / "a.ply").read_bytes().partition(b"element face")[0]
+    (tmp_path / "a.ply").write_bytes(head + b"element face -1\nend_header\n" + bytes(100))
+    refused(tmp_path / "a.xml", ("a.ply", "negative count"))
+    (tmp_path / "a.ply").write_bytes(head)
+    refused(tmp_path / "a.xml", ("a.ply", "no header"))
 
 
 def test_a_mesh_names_pictures_materials_and_buffers_only(tmp_path, mi):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from lippmann.errors import input_error
 REMEDY = "export it again"
 #: Names of the list of a face's vertices.
 LISTS = ("vertex_indices", "vertex_index")
+#: Longest header.
+MOST_HEADER_BYTES = 1 << 20
 
 
 def check_faces(path: Path) -> None:
@@ -19,6 +22,12 @@ def check_faces(path: Path) -> None:
     import plyfile
 
     try:
+        with path.open("rb") as stream:
+            head, ended, _ = stream.read(MOST_HEADER_BYTES).partition(b"end_header")
+        if not ended:
+            raise ValueError("it has no header")
+        if re.search(rb"\belement\s+\S+\s+-", head):  # without properties, numpy divides by 0 and ends the process
+            raise ValueError("an element has a negative count")
         try:
             data = plyfile.PlyData.read(str(path), known_list_len={"face": dict.fromkeys(LISTS, 3)})
         except plyfile.PlyParseError:  # not of triangles alone: its lists are read one by one
