@@ -260,7 +260,7 @@ def test_nobody_else_may_use_own_workers():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_all_processes_of_a_terminal_is_one_line(large, mi, number):
-    process = started(large, "-o", "a.png", "--workers", "2")
+    process = started(large, "-o", "a.png", "--workers", "2", "--samples", "256")  # longer than this test
     until(lambda: (large / "a.png.bands").is_dir() or process.poll() is not None, "no bands")
     os.killpg(process.pid, number)
     out, err = process.communicate(timeout=60)
