@@ -127,8 +127,9 @@ check_folder() {
   local shown
   printf -v shown '%q' "$PWD"
   case $PWD in
-    *:*) fail "a folder whose path has a colon cannot hold .venv ($shown): move the checkout" ;;
-    *[\"\'\`\$\\[:cntrl:]]*) fail "a folder whose path has quotes, \$, \\ or line breaks cannot hold .venv ($shown): move the checkout" ;;
+    *[:\"\'\`\$\\[:cntrl:]]*)
+      fail "a folder whose path has a colon, quotes, \$, \\ or line breaks cannot hold .venv ($shown): move the checkout"
+      ;;
   esac
   [ -w . ] || fail "$PWD cannot be written: clone into a folder of your own"
 }

@@ -118,19 +118,25 @@ def no_space(where: str, why: str | None = None) -> NoSpaceError:
     return NoSpaceError.at(where, what, "free space or choose another place")
 
 
+def on_full_disk(path: Path) -> bool:
+    """Tell whether a file's disk is full: `PROBE_BYTES` more are written there."""
+    try:
+        with path.open("ab") as stream:
+            stream.write(bytes(PROBE_BYTES))
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        return is_full(error)
+    return False
+
+
 def not_written(path: Path, why: str = "", tried: Path | None = None) -> LippmannError:
     """Return the error of a library that did not write a file, and does not say why in numbers: full, or refused.
 
     `tried` is the file that it was writing: a little more is written there to tell.
     """
-    try:
-        with (tried or path).open("ab") as stream:
-            stream.write(bytes(PROBE_BYTES))
-            stream.flush()
-            os.fsync(stream.fileno())
-    except OSError as error:
-        if is_full(error):
-            return no_space(str(path), why)
+    if on_full_disk(tried or path):
+        return no_space(str(path), why)
     return input_error(str(path), f"cannot be written ({why})", "free space or choose another place")
 
 
@@ -196,7 +202,7 @@ def own_text(path: Path) -> str:
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
         found = os.fstat(handle)
         if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid():
-            raise PermissionError(errno.EPERM, "is not a file of yours", str(path))
+            raise PermissionError(errno.EPERM, "another user's, or no plain file", str(path))
         return stream.read()
 
 

@@ -157,10 +157,9 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 def check_input(path: str | Path) -> Path:
     """Return an image's path; InputError when there is no such file."""
     path = path_of(path, "an image file")
-    if path.exists() and not path.is_file():
-        raise input_error(str(path), not_there(path), "give an image")
     if not path.is_file():
-        raise input_error(str(path), "no such image", likely_file(path, SUFFIXES) or "render it first: lippmann render")
+        missing = likely_file(path, SUFFIXES) or "render it first: lippmann render"
+        raise input_error(str(path), not_there(path, "image"), "give an image" if path.exists() else missing)
     return path
 
 

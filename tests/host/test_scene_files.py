@@ -715,7 +715,7 @@ def test_bad_views_are_told(place, capfd, mi):
 
 
 def test_bad_quilts_are_told(tmp_path, mi):
-    # Sizes that are refused before memory is taken for their pixels: here there are none.
+    # Headers that claim a size, without pixels: who reads these first says that the picture is broken.
     for name, side in (("large_qs8x6a1.png", 30000), ("0.png", 8000)):
         (tmp_path / name).write_bytes(png(side, side, chunk(b"IDAT", bytes(1 << 22)), chunk(b"IEND")))
     views = [{"file": "0.png", "eye_mm": [x, 0, 600]} for x in range(4)]
@@ -739,7 +739,7 @@ def test_bad_depths_are_told(place, mi):
     Image.fromarray(np.random.default_rng(1).integers(0, 255, (120, 160, 3), np.uint8)).save(place / "depth.png")
     refused(place / "pair.toml", "has colours")
     (place / "depth.png").unlink()
-    refused(place / "pair.toml", "depth.png is not there")
+    refused(place / "pair.toml", "depth: depth.png: no such file; correct the name")
 
 
 def test_eyes_may_stand_in_uneven_steps(place, capfd, mi):

@@ -66,5 +66,7 @@ def test_setup_refuses_folders_before_it_installs_anything(tmp_path, name):
     done = subprocess.run(words, capture_output=True, text=True, check=False, cwd="/", **user)
     assert (done.returncode, done.stdout) == (3, "")
     (line,) = done.stderr.splitlines()
-    assert str(tmp_path) in line
+    # As bash shows it: with the signs that it would obey escaped.
+    shown = subprocess.run(["bash", "-c", 'printf %q "$0"', checkout], capture_output=True, text=True, check=True)
+    assert shown.stdout in line
     assert line.endswith("clone into a folder of your own" if name == "read-only" else "move the checkout")

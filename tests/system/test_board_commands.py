@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disk import full_disk
 from lippmann.cli import run
 from lippmann.cli.virtual_board import _option_words, start_command
 from lippmann.display import load_display
@@ -389,7 +390,7 @@ def test_links_that_another_user_planted_are_not_followed(place, tmp_path):
 
 
 def test_a_board_nobody_can_be_told_of_ends(place, tmp_path):
-    """Its place is printed on a full disk; its log is on one."""
+    """Its place is printed on a full disk."""
     ready = tmp_path / "board.json"
     start = [sys.executable, "-m", "lippmann", "board", "start", "--display", str(place / "small.toml"), "--background"]
     with open("/dev/full", "w") as full:
@@ -397,6 +398,24 @@ def test_a_board_nobody_can_be_told_of_ends(place, tmp_path):
     assert done.returncode == 3, done.stderr
     assert "no space left" in done.stderr.splitlines()[-1]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_on_a_full_disk_is_told(place, tmp_path):
+    with full_disk(tmp_path / "full") as full:
+        (full / "rest").write_bytes(bytes(64 << 10))
+        start = ("board", "start", "--display", place / "small.toml", "--ready", full / "board.json", "--background")
+        assert "board.json.log: cannot be written (no space left" in refused(*start, code=3)
+        assert [path.name for path in full.iterdir()] == ["rest"]
+
+
+def test_waveforms_do_not_follow_a_planted_link(place, tmp_path):
+    mine, trace = tmp_path / "mine", tmp_path / "waves.fst"
+    mine.write_text("precious")
+    trace.symlink_to(mine)
+    with virtual_board.running(load_display(place / "small.toml"), trace=trace, trace_clocks=(0, 10)):
+        pass
+    assert mine.read_text() == "precious"
+    assert trace.stat().st_size > 100
 
 
 def test_the_loss_of_the_terminal_ends_a_board_and_its_simulator(place, tmp_path):

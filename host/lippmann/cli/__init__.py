@@ -46,8 +46,8 @@ def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
     Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing, or no
-    space; 4 regress found wrong rays, calibrate a wrong display; 130, 143 and 129 ended by
-    Ctrl-C, by SIGTERM and by the loss of the terminal.
+    space; 4 regress found wrong rays, calibrate a wrong display; 130, 143 and 129 ended by Ctrl-C, by SIGTERM and by
+    the loss of the terminal.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """

@@ -150,13 +150,13 @@ def _written(path: Path, still: Still, work: Work, progress: Progress) -> _Made:
 @contextlib.contextmanager
 def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None, device: str) -> Iterator[Work]:
     """Give what renders bands: this process, workers that it starts, or those of a scheduler."""
-    if workers is None and scheduler is None:
+    if workers is not None:
+        with local_workers(workers) as (address, security):
+            yield lambda bands: render_on_cluster(address, device, bands, log, security)
+    elif scheduler is not None:
+        yield lambda bands: render_on_cluster(scheduler, device, bands, log)
+    else:
         yield here(still, scene)
-        return
-    with (
-        contextlib.nullcontext((scheduler, None)) if workers is None else local_workers(workers) as (address, security)
-    ):
-        yield lambda bands: render_on_cluster(str(address), device, bands, log, security)
 
 
 def _given(name: str) -> bool:

@@ -21,7 +21,7 @@ from lippmann.cli.options.common import DISPLAY, FRACTION_BITS, Slot
 from lippmann.cli.output import emit, log
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
-from lippmann.files import is_full, new_file, no_space, own_text, refused, replacing
+from lippmann.files import new_file, no_space, on_full_disk, own_text, refused, replacing
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.sim import virtual_board
 
@@ -31,8 +31,6 @@ CHECK_S = 0.1
 LAUNCHER = "LIPPMANN_LAUNCHER"
 #: Longest time to write the last captured frames, after the simulator has ended, s.
 CAPTURE_SECONDS = 10.0
-#: Bytes that a board's log needs.
-LOG_BYTES = 1 << 16
 #: Errors by their exit code.
 ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
 PATH = click.Path(path_type=Path, readable=False)
@@ -203,12 +201,8 @@ def _in_background(ready: Path) -> None:
 
 def _unheard(output: Path, code: int) -> LippmannError:
     """Return the error of a board that ended without a message: its log had no room for one, or there was none."""
-    try:
-        with output.open("ab") as stream:
-            stream.write(bytes(LOG_BYTES))
-    except OSError as error:
-        if is_full(error):
-            return no_space(str(output))
+    if on_full_disk(output):
+        return no_space(str(output))
     return DeviceError(f"the board ended without a message ({code}); start it without --background to see more")
 
 

@@ -30,7 +30,7 @@ MAX_PIXELS = 1 << 25
 #: Rows that are decoded at once.
 ROWS = 256
 #: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
-Light4 = npt.NDArray[np.float32]
+Rgba = npt.NDArray[np.float32]
 Light = Annotated[float, key("", low=0.0, high=1.0)]
 Width = Annotated[float, key("", above=0.0, high=1e6)]
 
@@ -79,10 +79,10 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
             raise input_error(f"{where}.width_mm, centre_mm", what, "leave them out")
         depth = math.inf if one.depth_mm == "sky" else float(one.depth_mm)
         check_depth(depth, display, f"{where}.depth_mm")
-        area, part = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
-        if part is None:
+        area, reached = _placed(_read(file.parent / one.file), reach, depth, one.centre_mm, one.width_mm)
+        if reached is None:
             raise input_error(f"{where}.centre_mm", "no ray of the display reaches the picture", "move it inwards")
-        light = _resized(part, texels_for(area, display, slot))
+        light = _resized(reached, texels_for(area, display, slot))
         opacity = np.clip(light[..., 3], 0.0, 1.0)
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
         texels, palette, error_db = quantise(Picture(colour, opacity).rgba)
@@ -107,7 +107,7 @@ def _different(names: list[str]) -> tuple[str, ...]:
     return tuple(plain)
 
 
-def _read(path: Path) -> Light4:
+def _read(path: Path) -> Rgba:
     """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4)."""
     from PIL import Image, UnidentifiedImageError
 
@@ -135,9 +135,7 @@ def _read(path: Path) -> Light4:
     return light
 
 
-def _placed(
-    light: Light4, reach: Reach, depth_mm: float, centre: Pair, width: float | None
-) -> tuple[Area, Light4 | None]:
+def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba | None]:
     """Return where the part of a picture lies that rays reach, and that part; None where they reach none of it."""
     whole = reach.area(depth_mm)
     rows, columns = light.shape[:2]
@@ -154,7 +152,7 @@ def _placed(
     return area, light[r0:r1, c0:c1] if c1 > c0 and r1 > r0 else None
 
 
-def _resized(light: Light4, most: tuple[int, int]) -> Floats:
+def _resized(light: Rgba, most: tuple[int, int]) -> Floats:
     """Return a picture of at most so many texels across and down, each the mean of its pixels."""
     from PIL import Image
 

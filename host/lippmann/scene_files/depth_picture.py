@@ -62,8 +62,7 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)
         if not file.is_file():
-            why = "is not there" if not file.exists() else not_there(file)
-            raise input_error(f"{path}: {name}", f"{getattr(form, name)} {why}", "correct the name")
+            raise input_error(f"{path}: {name}: {getattr(form, name)}", not_there(file), "correct the name")
     colours = picture(path.parent / form.colour)[0]
     depth = _depths(path.parent / form.depth) * form.unit_mm
     if depth.shape != colours.shape[:2]:

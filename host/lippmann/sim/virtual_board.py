@@ -26,7 +26,7 @@ import numpy as np
 from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
-from lippmann.files import listening, private_folder, scratch_folder
+from lippmann.files import listening, new_file, private_folder, scratch_folder
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
@@ -259,6 +259,7 @@ def start(
         if stalls:
             options["stalls"] = stalls
         if trace is not None:
+            new_file(trace).close()  # the simulator would follow a link of another user
             options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
         command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
