@@ -183,6 +183,14 @@ def scene_mesh(path):
     scene_file(path.with_name("mesh.xml"))
 
 
+def scene_material(path):
+    scene_file(path.with_name("painted.obj"))
+
+
+def scene_buffer(path):
+    scene_file(path.with_name("m.gltf"))
+
+
 def patterns_file(path):
     from lippmann.calibration.codes import read_patterns
 
@@ -212,7 +220,8 @@ READERS = {
     (patterns_file, "patterns.toml"), (calibration_file, "c.npz"), (scene_mesh, "mesh.ply"),
     (scene_file, "m.glb"), (scene_file, "m.gltf"), (scene_file, "m.obj"), (scene_file, "m.ply"), (scene_file, "m.stl"),
     (splats_file, "splats.ply"), (scene_file, "q_qs2x2a1.png"), (views_folder, "views/views.json"),
-    (scene_file, "pair.toml"),
+    (scene_file, "q_qs2x2a1.webp"), (scene_file, "q_qs2x2a1.jpg"), (scene_file, "pair.toml"),
+    (scene_material, "painted.mtl"), (scene_buffer, "gltf_buffer_0.bin"),
 }  # fmt: skip
 CASES = {f"{reader.__name__}, {Path(name).suffix[1:]}": (reader, name) for reader, name in READERS}
 
@@ -294,7 +303,13 @@ def make_scene_files(rng):
         '<scene version="3.0.0"><shape type="ply"><string name="filename" value="mesh.ply"/></shape></scene>'
     )
     splats(Path("splats.ply"), rng.random((9, 3)), rng.random((9, 3)))
-    Image.fromarray(rng.integers(0, 256, (20, 20, 3), np.uint8)).save("q_qs2x2a1.png")
+    for suffix in ("png", "webp", "jpg"):
+        Image.fromarray(rng.integers(0, 256, (20, 20, 3), np.uint8)).save(f"q_qs2x2a1.{suffix}")
+    image.save("paint.png")
+    Path("painted.mtl").write_text("newmtl a\nKd 0.8 0.5 0.2\nmap_Kd paint.png\n")
+    Path("painted.obj").write_text(
+        "mtllib painted.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
+    )
     Path("views").mkdir()
     eyes = [[x, y, 600] for y in (-5, 5) for x in (-5, 5)]
     for number in range(4):
