@@ -50,7 +50,8 @@ class Line {
 
   std::string url_, file_;  // file_: the socket, or the token's; removed at the end
   std::string token_;       // with its line's end; empty: none is asked for
-  size_t told_ = 0;         // bytes of the token that the host has sent
+  std::string told_;        // what the host has sent of it
+  bool let_in_ = true;      // the host has sent the token, or none is asked for
   int idle_s_;
   Clock::time_point heard_;  // the host's last byte, either way
   bool pty_;

@@ -187,6 +187,10 @@ def scene_material(path):
     scene_file(path.with_name("painted.obj"))
 
 
+def scene_texture(path):
+    scene_material(path)
+
+
 def scene_buffer(path):
     scene_file(path.with_name("m.gltf"))
 
@@ -221,7 +225,7 @@ READERS = {
     (scene_file, "m.glb"), (scene_file, "m.gltf"), (scene_file, "m.obj"), (scene_file, "m.ply"), (scene_file, "m.stl"),
     (splats_file, "splats.ply"), (scene_file, "q_qs2x2a1.png"), (views_folder, "views/views.json"),
     (scene_file, "q_qs2x2a1.webp"), (scene_file, "q_qs2x2a1.jpg"), (scene_file, "pair.toml"),
-    (scene_material, "painted.mtl"), (scene_buffer, "gltf_buffer_0.bin"),
+    (scene_material, "painted.mtl"), (scene_texture, "paint.png"), (scene_buffer, "gltf_buffer_0.bin"),
 }  # fmt: skip
 CASES = {f"{reader.__name__}, {Path(name).suffix[1:]}": (reader, name) for reader, name in READERS}
 

@@ -57,9 +57,9 @@ def tcp():
         yield board
 
 
-def closed(line):
+def closed(line, seconds=3.0):
     """Tell whether the board closes a connection soon."""
-    line.settimeout(3.0)
+    line.settimeout(seconds)
     try:
         return line.recv(1) == b""
     except ConnectionResetError:
@@ -144,6 +144,19 @@ def test_a_program_without_the_token_is_let_go(tcp):
             assert closed(line)
     with Board.open(tcp.url) as board:
         assert board.read(0) == [0x4C495042]
+
+
+def test_a_part_of_the_token_is_told_nothing(tcp):
+    """Else another user would find it letter by letter."""
+    port = int(tcp.url.rsplit(":", 1)[1])
+    token = (private_path() / f"tcp-{port}.token").read_text()
+    wrong = "1" if token[0] == "0" else "0"
+    for said in (token[:1], token[:-1], wrong, wrong + token[1:-1]):
+        with socket.create_connection(("127.0.0.1", port)) as line:
+            line.sendall(said.encode())
+            assert not closed(line, 0.5)
+            line.sendall(b"\n")
+            assert closed(line, 0.5) == (said != token[:-1])
 
 
 @pytest.mark.parametrize("port", ["unix", "tcp"])
