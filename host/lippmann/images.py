@@ -198,7 +198,8 @@ def write_picture(
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
             raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
     entries, kind = dict(metadata), oiio.FLOAT
-    settings: dict[str, str | int] = {"compression": "zip"}
+    # Of level 1: a picture is written in three quarters of the time, and is 2 % larger.
+    settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
     if suffix == ".png":
         entries["transfer"] = transfer_text(transfer)
         kind = oiio.UINT8 if bits <= 8 else oiio.UINT16
@@ -233,7 +234,7 @@ def write_picture(
             for first in range(0, height, BAND_ROWS):
                 rows = ahead.result()
                 ahead = other.submit(band, first + BAND_ROWS)
-                sums.append(zlib.crc32(rows.data))
+                sums.append(zlib.crc32(rows.data) if suffix in ENCODED_SUFFIXES else 0)
                 if not out.write_scanlines(first, first + len(rows), 0, rows):
                     return False
         return True

@@ -8,6 +8,7 @@ import weakref
 import numpy as np
 import pytest
 from lippmann.rendering import recorded as recording
+from lippmann.rendering import renderer
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import load_scene
@@ -64,9 +65,14 @@ def test_what_cannot_be_recorded_is_traced_each_time(mi, chart):
     assert hidden.traced == [5, 5, 5]  # the first call tried to record it
 
 
-@pytest.mark.parametrize("shading", ["each", "shared"])
-def test_the_renderers_programs_are_recorded(mi, chart, monkeypatch, shading):
-    """Traced each time, they would give the same pictures, later."""
+@pytest.mark.parametrize("shading", ["each", "shared", "auto"])
+def test_the_renderers_programs_are_recorded_once(mi, chart, monkeypatch, shading):
+    """Traced each time, they would give the same pictures, later. The trial's recordings serve the render.
+
+    Samples are as many as no texture's values, for sizes that are equal by chance are another recording.
+    """
+    for name, value in (("LEAST_RAYS", 0), ("LEAST_LAMPS", 0), ("SHARED_DB", 0), ("RAYS_A_POINT", 0.01)):
+        monkeypatch.setattr(renderer, name, value)
     made, usual = [], Recorded.__init__
 
     def told(self, *arguments):
@@ -75,10 +81,11 @@ def test_the_renderers_programs_are_recorded(mi, chart, monkeypatch, shading):
 
     monkeypatch.setattr(Recorded, "__init__", told)
     display = focused_display("square", width_px=90, height_px=70, pixel_pitch=0.1)
-    rendered = render_integral(chart, display, "exact", Settings(samples=2, shading=shading))
-    assert rendered.shading == shading
+    rendered = render_integral(chart, display, "exact", Settings(samples=8, shading=shading))
+    assert rendered.shading == ("shared" if shading == "auto" else shading)
     assert len(made) >= (1 if shading == "each" else 4)
     assert all(program._recordable for program in made)
+    assert max(program._frozen.n_recordings for program in made) == 1
 
 
 def test_a_scene_goes_with_its_program(mi):

@@ -93,8 +93,10 @@ class Irradiance:
 
     def at(self, place: Place) -> Any:
         """Return the light at places themselves, divided by pi."""
-        nothing = place.lattice & 0
-        light, _ = self._lit(place, nothing, nothing, self.lattices)
+        dr, mi = drjit(), mitsuba()
+        # Two, as in `between`: one for both would be another recording.
+        known, seen = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
+        light, _ = self._lit(place, known, seen, self.lattices)
         return light
 
     def find(self, points: list[Any], wanted: Any) -> None:

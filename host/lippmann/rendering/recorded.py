@@ -37,10 +37,9 @@ class Recorded:
 
         frozen: Any = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        lamps = scene.mitsuba.emitters()
-        self._recordable = current_device() != "cuda" or not any(PICTURE.search(str(lamp)) for lamp in lamps)
         # Their Python objects belong to what tells one recording from another: made now, not in the first recording.
-        self._emitters = scene.mitsuba.emitters()
+        self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
+        self._recordable = current_device() != "cuda" or not any(PICTURE.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, held.release, frozen)
 
     def __call__(self, *arguments: Any) -> Any:

@@ -46,7 +46,7 @@ SHADINGS: tuple[Shading, ...] = get_args(Shading)
 #: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
 SHARED_MEMORY_MB = 250.0
 #: Shared light needs more memory for a sample: its chunks are so many times smaller.
-SHARED_PARTS = 4
+SHARED_PARTS = 2
 #: Light is shared where that changes the picture by less, and there are so many rays for each point that light is found
 #: for at most.
 SHARED_DB, RAYS_A_POINT = 45.0, 4
@@ -275,13 +275,16 @@ class Renderer:
         tiles = (rows[:, None] * self._across + columns).ravel()
         # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
         together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles[-1] + 1) * samples < 1 << 32
-        seed, number = (dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass))
+        # Of their own, as in `_run`: one for two of them would be another recording.
+        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._seed, self._pass)))
         found = []
         for first, ours in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            index = mi.UInt32((ours[:, None] * samples + np.arange(samples)).ravel().astype(np.uint32))
-            found.append(
-                self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), Seeds(seed, seed, number), self._pose)
-            )
+            # Computed here: numpy's memory is aligned otherwise, which would be another recording.
+            lane = dr.arange(mi.UInt32, len(ours) * samples)
+            tile = dr.gather(mi.UInt32, mi.UInt32(ours.astype(np.uint32)), lane // samples)
+            index = tile * samples + lane % samples
+            dr.make_opaque(index)
+            found.append(self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose))
         shared, own, alone = zip(*found, strict=True)
         if np.mean(alone) > MOST_ALONE:
             return None
@@ -314,7 +317,8 @@ class Renderer:
             interrupts.check()
             count = min(self._chunk, tiles - first)
             lost.append(self._run(rows, first, count, chunk, planes, first_row))
-            dr.sync_thread()
+            if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
+                dr.sync_thread()
             if progress is not None:
                 progress(count)
         return [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
