@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
 import functools
 import hashlib
 import os
@@ -16,6 +17,7 @@ import shutil
 import stat
 import tempfile
 import time
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -26,8 +28,8 @@ from lippmann.errors import LippmannError, NoSpaceError, input_error
 #: Folders that `make_folder` made.
 made: list[Path] = []
 
-#: What the system says when a disk, or the user's share of it, is full.
-FULL = (errno.ENOSPC, errno.EDQUOT)
+#: What the system says when a disk, or the user's share of it, is full, or a file as large as the user may have.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 #: A disk that refuses so many bytes more is full.
 PROBE_BYTES = 1 << 20
 #: A partial file of another machine, or of a container that is gone, is removed when it has not changed for so long, s.
@@ -244,6 +246,43 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
         if is_full(error):
             raise no_space(str(folder), error.strerror) from None
         raise input_error(str(folder), f"cannot be made ({error.strerror})", remedy) from None
+
+
+class FolderLock:
+    """A folder, made when it is not there, that no other command has until this is closed, or its process ends.
+
+    File systems without locks have none.
+    """
+
+    def __init__(self, folder: Path, remedy: str) -> None:
+        """Raise errors as `make_folder` does, and InputError when another command has the folder."""
+        handle = None
+        while handle is None:
+            make_folder(folder, remedy)
+            handle = _locked(folder, remedy)
+        #: Lets another one have it.
+        self.close = weakref.finalize(self, os.close, handle)
+
+
+def _locked(folder: Path, remedy: str) -> int | None:
+    """Return the handle of a folder that is locked; None when who had it has removed it meanwhile."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        what = "belongs to another command that is at work"
+        raise input_error(str(folder), what, f"wait until it has ended, or {remedy}") from None
+    except OSError:  # there are no locks
+        return handle
+    with contextlib.suppress(FileNotFoundError):
+        if os.path.samestat(os.fstat(handle), folder.stat()):
+            return handle
+    os.close(handle)
+    return None
 
 
 def remove_empty() -> None:

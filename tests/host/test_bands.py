@@ -1,5 +1,6 @@
 """Pictures rendered by bands: the same pixels, by one process or many, after an interruption or a lost worker."""
 
+import errno
 import io
 import json
 import os
@@ -13,9 +14,9 @@ import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.display import load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, NoSpaceError
 from lippmann.images import read_picture
-from lippmann.rendering import renderer
+from lippmann.rendering import bands, renderer
 from lippmann.rendering.bands import Band, here, render_bands, still_of, write_still
 from lippmann.rendering.cluster import local_workers
 from lippmann.rendering.integral import RenderOptions, render_image
@@ -96,6 +97,54 @@ def test_an_interrupted_render_goes_on(place, narrow):
     image = render_image(scene, whole.display, whole.options)
     np.testing.assert_array_equal(read_picture(place / "a.tif").radiance, image.radiance)
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
+def test_one_command_at_a_time_has_the_bands(place, narrow):
+    """Two of one picture took each other's bands away, and one of them lost its work."""
+    whole, scene = still(place, SETTINGS[1])
+    other, _ = still(place, SETTINGS[0])
+
+    def disturbed(missing):
+        for band, rendered in here(whole, scene)(missing):
+            for second in (whole, other):
+                with pytest.raises(
+                    InputError, match=r"a\.exr\.bands: belongs to another command that is at work; wait"
+                ):
+                    render_bands(place / "a.exr", second, here(second, scene), quiet)
+            yield band, rendered
+
+    kept, rendered = render_bands(place / "a.exr", whole, disturbed, quiet)
+    assert rendered == [0, 1, 2, 3, 4]
+    write_still(place / "a.exr", whole, kept)
+    assert not (place / "a.exr.bands").exists()
+    kept, _ = render_bands(place / "a.exr", other, here(other, scene), quiet)
+    assert kept.removed == 0
+
+
+def test_a_picture_that_cannot_be_written_keeps_its_bands(place, narrow, monkeypatch):
+    whole, scene = still(place, SETTINGS[1])
+    told = []
+
+    def fails(error):
+        def failing(*_):
+            raise error
+
+        return failing
+
+    kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+    with monkeypatch.context() as patched:
+        patched.setattr(bands, "write_picture", fails(NoSpaceError("full")))
+        with pytest.raises(NoSpaceError):
+            write_still(place / "a.exr", whole, kept, told.append)
+    assert told == [f"300 of 300 rows are kept in {place / 'a.exr.bands'}: the same command goes on from there"]
+    kept, rendered = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+    assert rendered == []
+    with monkeypatch.context() as patched:
+        patched.setattr(np, "memmap", fails(OSError(errno.ENOMEM, "no memory")))
+        with pytest.raises(MemoryError):  # and not: the band is gone
+            kept.missing()
+    write_still(place / "a.exr", whole, kept)
+    assert (place / "a.exr").exists()
 
 
 def npy(array, **options):

@@ -24,7 +24,7 @@ from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.remarks import depth_remarks
 from lippmann.rendering.bands import Still, Work, here, is_kept, render_bands, still_of, write_still
-from lippmann.rendering.cluster import local_workers, render_on_cluster
+from lippmann.rendering.cluster import check_scheduler, local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Progress, peak_memory_mb, process_seconds
 from lippmann.rendering.scene import Scene, check_scene_file
@@ -55,7 +55,8 @@ def command(
 
     Layers take --engine golden (their default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
 
-    A large or long render keeps its finished bands in OUT.bands: after an interruption the same command goes on.
+    A large or long render, and one by workers, keeps its finished bands in OUT.bands: after an interruption the same
+    command goes on.
 
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
@@ -71,6 +72,8 @@ def command(
         checked = check_scene_file(scene_path)
         placement, arrange = moved.placement(checked), moved.arrange(checked)
         shared = workers is not None or scheduler is not None
+        if scheduler is not None:
+            check_scheduler(scheduler)
         with progress_bar("render") as progress:
             display = load_display(display_path)
             if shared or is_kept(display, options.settings.samples):
@@ -108,8 +111,8 @@ def command(
     text = (
         f"{path}: {panel.width_px} x {panel.height_px}, model {made.metadata['model']}, "
         f"{'shared light, ' if result['shading'] == 'shared' else ''}"
-        f"{seconds:.2f} s ({made.measured['samples_per_second'] / 1e6:.2f} M samples/s), "
-        f"peak memory {peak_memory_mb():.0f} MB"
+        f"{seconds:.2f} s ({made.measured['samples_per_second'] / 1e6:.2f} M samples/s"
+        f"{_before(made.measured)}), peak memory {peak_memory_mb():.0f} MB"
     )
     emit(result, text)
 
@@ -135,7 +138,7 @@ def _written(path: Path, still: Still, work: Work, progress: Progress) -> _Made:
     started = time.perf_counter()
     kept, rendered = render_bands(path, still, work, progress, log)
     between = time.perf_counter()
-    write_still(path, still, kept)
+    write_still(path, still, kept, log)
     panel, bands = still.display.panel, len(still.bands)
     pixels = sum(len(still.bands[number]) for number in rendered) * panel.width_px
     measured = {
@@ -157,6 +160,12 @@ def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None
         yield lambda bands: render_on_cluster(scheduler, device, bands, log)
     else:
         yield here(still, scene)
+
+
+def _before(measured: Mapping[str, float]) -> str:
+    """Return what is said of the bands that an earlier command has rendered."""
+    kept = measured.get("bands_kept")
+    return f", after {kept} of {measured['bands']} bands of before" if kept else ""
 
 
 def _given(name: str) -> bool:

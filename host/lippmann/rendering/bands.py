@@ -6,6 +6,7 @@ The bands that are finished stay in a folder beside the picture until it is whol
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import io
 import math
@@ -20,7 +21,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.errors import NoSpaceError, input_error
-from lippmann.files import make_folder, remove_stale, replacing
+from lippmann.files import FolderLock, remove_stale, replacing
 from lippmann.images import Radiance, write_picture
 from lippmann.integral_image import metadata_of
 from lippmann.rendering.arrange import load_placed
@@ -36,6 +37,9 @@ from lippmann.subpixels import layout_of
 KEPT_PIXELS, KEPT_SAMPLES = 1 << 25, 1 << 27
 #: The name of a kept band: its picture's identity and its number.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
+
+#: What is said when a render ends before its picture is written.
+GOES_ON = "{} of {} rows are kept in {}: the same command goes on from there"
 
 #: The radiance of a band, and its numbers of lost samples by reason.
 Rendered = tuple[Radiance, list[int]]
@@ -139,12 +143,18 @@ def _renderer(still: Still) -> Renderer:
 
 
 class KeptBands:
-    """The finished bands of a still in a folder; like an array of rows to what writes the picture."""
+    """The finished bands of a still in a folder; like an array of rows to what writes the picture.
+
+    One process has them, until it lets go of them (`release`) or ends.
+    """
 
     def __init__(self, folder: Path, still: Still) -> None:
-        """Make the folder, and remove the bands of another still from it; InputError when it cannot be made."""
-        make_folder(folder, "choose another place with -o")
-        self._folder, self._still = folder, still
+        """Make the folder, and remove the bands of another still from it.
+
+        InputError when it cannot be made, or another process has it.
+        """
+        self._lock = FolderLock(folder, "choose another place with -o")
+        self.folder, self._still = folder, still
         panel = still.display.panel
         self.shape = panel.height_px, panel.width_px, 3
         #: Number of bands of another still that were there.
@@ -175,16 +185,21 @@ class KeptBands:
                 return np.array(found[first - band.start : stop - band.start])
         return np.empty((0, *self.shape[1:]), np.float32)
 
+    def release(self) -> None:
+        """Let another process have the folder; that of a command which is to go on holds its bands."""
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
+        self._lock.close()
+
     def remove(self) -> None:
         """Remove the bands, and the folder when nothing else is in it."""
         for number in range(len(self._still.bands)):
             self._path(number).unlink(missing_ok=True)
-        remove_stale(self._folder)
-        with contextlib.suppress(OSError):
-            self._folder.rmdir()
+        remove_stale(self.folder)
+        self.release()
 
     def _path(self, number: int) -> Path:
-        return self._folder / f"{self._still.identity}-{number:05d}.npy"
+        return self.folder / f"{self._still.identity}-{number:05d}.npy"
 
     def _read(self, number: int) -> Radiance | None:
         """Return a band that is there and whole; what numpy would write is compared, and nothing else is read."""
@@ -197,7 +212,9 @@ class KeptBands:
                 if stream.read(len(begin)) != begin or path.stat().st_size != len(begin) + 4 * math.prod(shape):
                     return None
             return np.memmap(path, np.dtype("<f4"), "r", len(begin), shape)
-        except OSError:
+        except OSError as error:
+            if error.errno == errno.ENOMEM:  # it is there
+                raise MemoryError from None
             return None
 
 
@@ -244,18 +261,25 @@ def render_bands(
             done += len(radiance)
             progress(done, panel.height_px)
     except BaseException:
-        with contextlib.suppress(OSError):  # it holds bands
-            folder.rmdir()
+        kept.release()
         if done:
-            note(f"{done} of {panel.height_px} rows are kept in {folder}: the same command goes on from there")
+            note(GOES_ON.format(done, panel.height_px, folder))
         raise
     return kept, [band.number for band in missing]
 
 
-def write_still(path: Path, still: Still, kept: KeptBands) -> None:
-    """Write the picture of all its bands, and remove their folder; InputError when it cannot be written."""
+def write_still(path: Path, still: Still, kept: KeptBands, note: Callable[[str], None] = lambda remark: None) -> None:
+    """Write the picture of all its bands, and remove their folder; InputError and NoSpaceError when that fails.
+
+    The bands stay then, and `note` says so.
+    """
     panel = still.display.panel
-    write_picture(path, kept, still.metadata, panel.transfer, panel.bits)
+    try:
+        write_picture(path, kept, still.metadata, panel.transfer, panel.bits)
+    except BaseException:
+        kept.release()
+        note(GOES_ON.format(panel.height_px, panel.height_px, kept.folder))
+        raise
     kept.remove()
 
 

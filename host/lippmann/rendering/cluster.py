@@ -117,6 +117,11 @@ def render_on_cluster(
         client.close()
 
 
+def check_scheduler(address: str) -> None:
+    """Raise the errors of `render_on_cluster` where no scheduler with a worker answers, before more is done."""
+    _connected(address).close()
+
+
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Any]]:
     """Start workers on this machine, on loopback alone; yield their scheduler's address and its `Security`.
@@ -142,7 +147,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
             signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
             cluster = LocalCluster(
                 n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=security,
-                silence_logs=logging.CRITICAL,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
             )  # fmt: skip
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -54,6 +54,8 @@ SHARED_DB, RAYS_A_POINT = 45.0, 4
 LEAST_LAMPS = 3
 #: Parts of the image, each way, in each of which that is tried, and samples in all of them.
 TRIAL_PARTS, TRIAL_SAMPLES = 4, 1 << 18
+#: The seed of their places: every render of a scene, of any seed, is tried in the same ones.
+TRIAL_SEED = 1
 #: Rays of a picture for which the trial pays, at least.
 LEAST_RAYS = 8 * TRIAL_SAMPLES
 #: Share of the samples that may meet surfaces without a lattice.
@@ -246,10 +248,14 @@ class Renderer:
             keeps = decibels is not None and decibels >= SHARED_DB
             self.shading = "shared" if keeps else "each"
             self._program = self._tried if keeps else self._each
-            if decibels is not None:
+            if decibels is None:
+                self.remark = "light is not shared: most rays meet surfaces that are not plain diffuse, or too large"
+            else:
                 likeness = f"PSNR {decibels:.1f} dB" if math.isfinite(decibels) else "no difference"
+                part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
                 verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
-                self.remark = f"shared light, tried beside each ray's own: {likeness}; {verdict}"
+                tried = f"shared light, tried beside each ray's own in {100 * part:.1f} % of the picture"
+                self.remark = f"{tried}: {likeness}; {verdict}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
@@ -258,6 +264,16 @@ class Renderer:
         if self.shading == "auto":
             self.prepare()
         return self.shading
+
+    def _trial_tiles(self) -> npt.NDArray[np.int64]:
+        """Return the tiles that are tried: one anywhere in each of equal parts, for a regular grid misses columns."""
+        side = max(1, math.isqrt(TRIAL_SAMPLES // (TILE_PX * TILE_PX * self._samples)) // TRIAL_PARTS) * TRIAL_PARTS
+        within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
+        places = (np.mgrid[:side, :side] + within) / side
+        down = -(-self._height // TILE_PX)
+        rows, columns = (places * np.array([down, self._across])[:, None, None]).astype(np.int64).reshape(2, -1)
+        tiles: npt.NDArray[np.int64] = rows * self._across + columns
+        return tiles
 
     def _trial(self) -> float | None:
         """Return the likeness, dB, of tiles all over the image with shared light to those with each sample's own.
@@ -268,13 +284,10 @@ class Renderer:
         mi = mitsuba()
         import drjit as dr
 
-        samples = TILE_PX * TILE_PX * self._samples
-        side = max(1, math.isqrt(TRIAL_SAMPLES // samples) // TRIAL_PARTS) * TRIAL_PARTS
-        middles = (np.arange(side) + 0.5) / side
-        rows, columns = ((middles * -(-size // TILE_PX)).astype(np.int64) for size in (self._height, self._width))
-        tiles = (rows[:, None] * self._across + columns).ravel()
+        tiles = self._trial_tiles()
+        side, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self._samples
         # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
-        together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles[-1] + 1) * samples < 1 << 32
+        together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles.max() + 1) * samples < 1 << 32
         # Of their own, as in `_run`: one for two of them would be another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._seed, self._pass)))
         found = []

@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 
 from lippmann.images import Radiance
-from lippmann.rendering.irradiance import NONE, SPHERE, TWO, Irradiance, Lattices, Place, has_point_lamps, on_octahedron
+from lippmann.rendering.irradiance import (
+    MOST_LAMPS,
+    NONE,
+    SPHERE,
+    TWO,
+    Irradiance,
+    Lattices,
+    Place,
+    has_point_lamps,
+    on_octahedron,
+)
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.samples import Part, Pose, Seeds, lines_of, passes_of, pixel_of
@@ -202,5 +212,5 @@ def why_not_shared(scene: Scene, source: RaySource, integrator: str) -> str | No
     if has_splats(scene.mitsuba):
         return "splats are lit by themselves"
     if not has_point_lamps(scene.mitsuba):
-        return "the scene has other lamps than some few points, spots and directions"
+        return f"the scene has other lamps than 1 to {MOST_LAMPS} points, spots and directions without pictures"
     return "there are no lenslets" if source.detail_mm is None else None
