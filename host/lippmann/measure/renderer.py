@@ -323,8 +323,8 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     settings = {name: Settings(samples=4, integrator=name, seed=seed, shading="each") for name in INTEGRATORS[::-1]}
     for name in ("fish", "chart", "knot"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
-        for integrator in ("path", "lights"):
-            row = lenslet_growth(scene, display, settings[integrator])
+        for integrator in ("depth", "path", "lights"):
+            row = lenslet_growth(scene, display, replace(settings["path"], integrator=integrator))
             yield {"what": f"10,404 lenslets against 121, {name}, {integrator}, 4 samples", **row}
         for integrator, chosen in settings.items():
             row = against_perspective(scene, display, chosen)
