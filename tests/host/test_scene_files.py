@@ -17,6 +17,7 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
+from lippmann.scene_files import meshes
 from lippmann.scene_files.ply_faces import check_faces
 from PIL import Image
 from plyfile import PlyData, PlyElement
@@ -670,6 +671,18 @@ def test_missing_and_broken_textures_are_named(tmp_path, mi):
     refused(glb(tmp_path / "b.glb", dielectric(baseColorTexture={"index": 0}), [b"no picture"]), "texture")
     whole = png_of(picture(), tmp_path / "whole.png")
     refused(glb(tmp_path / "c.glb", dielectric(baseColorTexture={"index": 0}), [whole[:-60]]), "texture")
+    large = png_of(Image.new("1", (8192, 4097)), tmp_path / "large.png")
+    told = "a texture of 8192 x 4097 pixels; 33 million are allowed"
+    refused(glb(tmp_path / "d.glb", dielectric(baseColorTexture={"index": 0}), [large]), told)
+
+
+def test_a_factor_multiplies_every_row_of_a_texture(tmp_path, mi):
+    """Of one that is taken in several parts: half of a linear 1 is 0.5, 188 in sRGB."""
+    made = meshes._Folder(tmp_path)
+    name = made.picture(Image.new("RGB", (2, 600), (255, 255, 0)), "colour", tmp_path, np.array([0.5, 1.0, 0.5]))
+    written = np.asarray(Image.open(tmp_path / name))
+    assert written.shape == (600, 2, 3)
+    assert (written == [188, 255, 0]).all()
 
 
 def test_points_without_faces_or_colours_are_told(tmp_path, mi):

@@ -30,6 +30,8 @@ from lippmann.scene_files.xml import add_lights, bitmap, new_scene, plugin, uniq
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 #: Largest file, and most corners of a file's faces, vertices of each instance counted.
 MOST_BYTES, MOST_CORNERS = 1 << 30, 100_000_000
+#: Pixels of a texture at most; rows of it whose colours are multiplied at once.
+MOST_PIXELS, PART_ROWS = 1 << 25, 256
 #: Albedo of a surface of which the file tells nothing.
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's numbers of a material that does not tell them.
@@ -213,12 +215,17 @@ class _Folder:
         scaled = None if factor is None or (factor == 1.0).all() else tuple(factor.tolist())
         key = id(picture), part, scaled
         if key not in self._pictures:
+            if picture.width * picture.height > MOST_PIXELS:
+                what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
+                raise input_error(str(source), f"{what} are allowed", "make it smaller")
             try:
                 pixels = np.array(picture.convert("RGBA"))
             except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
                 raise input_error(str(source), f"has a texture that cannot be read ({error})", REMEDY) from None
             if scaled is not None and part == "colour":
-                pixels[..., :3] = _as_bytes(encode(decode(pixels[..., :3] / 255.0, "srgb") * np.array(scaled), "srgb"))
+                for first in range(0, len(pixels), PART_ROWS):
+                    rows = pixels[first : first + PART_ROWS, :, :3]
+                    rows[:] = _as_bytes(encode(decode(rows / 255.0, "srgb") * np.array(scaled), "srgb"))
             chosen = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
             if scaled is not None and part != "colour":
                 chosen = _as_bytes(np.clip(chosen / 255.0 * scaled[0], 0.0, 1.0))
