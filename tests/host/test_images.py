@@ -376,14 +376,14 @@ def test_a_file_that_does_not_fit_is_told(tmp_path, suffix):
     script = """
         import resource, sys
         import numpy as np
-        from lippmann.errors import InputError
+        from lippmann.errors import NoSpaceError
         from lippmann.images import write_picture
         light = np.random.default_rng(1).random((64, 64, 3)).astype(np.float32)
         for limit in (0, 100, 4096, 10_000):
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
             try:
                 write_picture(sys.argv[1], light, {})
-            except InputError as error:
+            except NoSpaceError as error:
                 print(error)
     """
     path = tmp_path / f"a{suffix}"
