@@ -102,18 +102,17 @@ class Irradiance:
     def find(self, points: list[Any], wanted: Any) -> None:
         """Find the light at points (each an array of numbers), where it is not known yet."""
         dr, mi = drjit(), mitsuba()
-        asked = []
-        for point in points:
-            lamps = dr.gather(mi.UInt32, self._lamps, point, wanted)
-            asked.append(dr.gather(mi.UInt32, point, dr.compress(wanted & (lamps == 0))))
-        asked = [one for one in asked if dr.width(one)]
-        if not asked:
+        a, b, c = (dr.gather(mi.UInt32, self._lamps, point, wanted) for point in points)
+        asking = dr.compress(wanted & ((a == 0) | (b == 0) | (c == 0)))
+        if not dr.width(asking):
             return
-        asked = dr.concat(asked)
+        asked = dr.concat([dr.gather(mi.UInt32, point, asking) for point in points])
         # Of several that ask for a point one wins; which one does not matter.
         lane = dr.arange(mi.UInt32, dr.width(asked))
         dr.scatter(self._asker, lane, asked)
-        new = dr.gather(mi.UInt32, asked, dr.compress(dr.gather(mi.UInt32, self._asker, asked) == lane))
+        won = dr.gather(mi.UInt32, self._asker, asked) == lane
+        unknown = dr.gather(mi.UInt32, self._lamps, asked) == 0
+        new = dr.gather(mi.UInt32, asked, dr.compress(won & unknown))
         light, lamps = self._at_points(new, self.lattices)
         for plane, values in zip(self._light, (light.x, light.y, light.z), strict=True):
             dr.scatter(plane, values, new)
