@@ -44,7 +44,8 @@ def test_the_limits_are_those_of_the_code():
     most = pictures.MAX_PIXELS // 10**6
     assert row("layer's picture").endswith(f"; {most} million pixels of a picture that `layers` cuts")
     corners, large = meshes.MOST_CORNERS // 10**6, splats.MOST_BYTES >> 30
-    assert row("mesh, splats") == f"{meshes.MOST_BYTES >> 30} GB and {corners} million corners of faces, {large} GB"
+    texture = f"{corners} million corners of faces and {meshes.MOST_PIXELS // 10**6} million pixels a texture"
+    assert row("mesh, splats") == f"{meshes.MOST_BYTES >> 30} GB, {texture}; {large} GB"
     assert limits.MAX_HEADER_BYTES == 10_000
     assert row("bitstream") == f"{limits.MAX_BITSTREAM_BYTES >> 20} MB"
     assert IDLE_S == 60
