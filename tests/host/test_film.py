@@ -335,7 +335,7 @@ def test_a_film_has_one_way_to_shade(place, mi, monkeypatch, capfd, likeness, sh
     frames = [read_picture(place / f"out/frame_{k:04d}.exr") for k in range(5)]
     assert {frame.metadata["shading"] for frame in frames} == {shading}
     err = capfd.readouterr().err
-    tried = "shared light, tried beside each ray's own in 100.0 % of the picture"
+    tried = "shared light, tried beside each ray's own in 100 % of the picture"
     assert err.count(f"{said}: {tried}: PSNR {likeness[1]} dB; ") == 1
     assert err.count(f"so light is {'not ' * (shading == 'each')}shared") == 1
     assert not list(trials)

@@ -254,7 +254,7 @@ class Renderer:
                 likeness = f"PSNR {decibels:.1f} dB" if math.isfinite(decibels) else "no difference"
                 part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
                 verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
-                tried = f"shared light, tried beside each ray's own in {100 * part:.1f} % of the picture"
+                tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
                 self.remark = f"{tried}: {likeness}; {verdict}"
         self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
