@@ -376,6 +376,27 @@ def test_the_trial_sees_all_of_the_picture(mi, display, middle, eager):
     assert shading == "each"
 
 
+@pytest.mark.parametrize("samples", [4, 16])
+def test_the_trial_looks_between_the_columns_of_a_grid(mi, samples):
+    """Of 300 x 300 tiles some are tried in every strip of 6, upright or level: a regular grid left most strips out."""
+    wide = focused_display("square", width_px=2400, height_px=2400, pitch=0.5, pixel_pitch=1.0 / 12.0)
+    source = display_source(wide, "pinhole", samples)
+    tiles = Renderer(scene(wall=wall(mi), a=lamp([2, 9, 40])), source, Settings(samples, shading="each"))._trial_tiles()
+    for place in (tiles % 300, tiles // 300):
+        assert (np.bincount(place // 6, minlength=50) > 0).all()
+
+
+def test_why_a_trial_was_not_kept_is_told(mi, display, eager):
+    """Gloss, which has no lattice, hides all that has one."""
+    told = []
+    glossy = {"type": "roughconductor"}
+    front = {"type": "rectangle", "bsdf": glossy, "to_world": mi.ScalarTransform4f().scale([50, 50, 1])}
+    made = scene(front=front, back=wall(mi), a=lamp([2, 9, 40]))
+    settings = replace(SETTINGS, shading="auto")
+    assert render_integral(made, display, "exact", settings, note=told.append).shading == "each"
+    assert told == ["light is not shared: most rays meet surfaces that are not plain diffuse, or too large"]
+
+
 @pytest.mark.parametrize("samples", [1, 5, 300])
 def test_the_trial_does_not_depend_on_how_it_is_done(mi, display, eager, samples, monkeypatch):
     """All tiles at once, or one after the other; and it is that of these tiles in the two pictures."""

@@ -145,13 +145,13 @@ def _renderer(still: Still) -> Renderer:
 class KeptBands:
     """The finished bands of a still in a folder; like an array of rows to what writes the picture.
 
-    One process has them, until it lets go of them (`release`) or ends.
+    One command has them, until it lets go of them (`release`) or ends.
     """
 
     def __init__(self, folder: Path, still: Still) -> None:
         """Make the folder, and remove the bands of another still from it.
 
-        InputError when it cannot be made, or another process has it.
+        InputError when it cannot be made, or another command has it.
         """
         self._lock = FolderLock(folder, "choose another place with -o")
         self.folder, self._still = folder, still
@@ -186,7 +186,7 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def release(self) -> None:
-        """Let another process have the folder; that of a command which is to go on holds its bands."""
+        """Let another command have the folder; it goes, unless bands are in it."""
         with contextlib.suppress(OSError):
             self.folder.rmdir()
         self._lock.close()
