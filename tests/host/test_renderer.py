@@ -348,7 +348,7 @@ def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, s
     settings = Settings(samples, seed=9, shading=shading)
     whole = render_integral(points, display, "exact", settings).radiance
     done = []
-    monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * 31 * samples * parts)
+    monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * 31 * 3 * samples * parts)
     pieces = render_integral(points, display, "exact", settings, lambda k, n: done.append((k, n))).radiance
     np.testing.assert_array_equal(whole, pieces)
     # 12 x 9 tiles of 8 x 8 pixels, 31 at a time.

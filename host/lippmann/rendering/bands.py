@@ -28,7 +28,7 @@ from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
 from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
-from lippmann.rendering.samples import passes_of
+from lippmann.rendering.samples import colours_of
 from lippmann.rendering.scene import Scene, digest_of, load_scene
 from lippmann.select.model import TOLERANCE
 from lippmann.subpixels import layout_of
@@ -74,7 +74,7 @@ class Still:
     @property
     def rays(self) -> int:
         """Rays for each pixel."""
-        return self.options.settings.samples * len(passes_of(layout_of(self.display.panel.subpixels)))
+        return self.options.settings.samples * colours_of(layout_of(self.display.panel.subpixels))
 
     @property
     def metadata(self) -> dict[str, str]:

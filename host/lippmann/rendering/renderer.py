@@ -29,11 +29,10 @@ from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.samples import TILE_PX, Part, Pose, Seeds, lines_of, passes_of, pixel_of
+from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colours_of, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.shading import Program, SharedProgram, each_program, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
-from lippmann.subpixels import Box
 from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once, by device. Part of an image's definition, because random integrators draw their numbers by
@@ -174,7 +173,7 @@ class Renderer:
 
         `program` is what lights samples where light is shared.
         """
-        self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
+        self._seed, self._pass = settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
         integrator = make_integrator(scene, settings)
@@ -184,7 +183,7 @@ class Renderer:
         self._in_memory = bands is None
         self.bands = bands_of(self._width, self._height) if bands is None else bands
         #: Rays for each pixel.
-        self.rays = settings.samples * len(passes_of(source.layout))
+        self.rays = settings.samples * colours_of(source.layout)
         #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
         self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
 
@@ -199,7 +198,7 @@ class Renderer:
     def _chunk(self) -> int:
         """Tiles of a chunk."""
         most = CHUNK_SAMPLES[current_device()] // (SHARED_PARTS if self.shading == "shared" else 1)
-        return max(1, most // (self._samples * TILE_PX * TILE_PX))
+        return max(1, most // (self.rays * TILE_PX * TILE_PX))
 
     def _chosen(
         self, scene: Scene, source: RaySource, settings: Settings, integrator: Any, program: type[SharedProgram]
@@ -267,7 +266,7 @@ class Renderer:
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
         """Return the tiles that are tried: one anywhere in each of equal parts, for a regular grid misses columns."""
-        side = max(1, math.isqrt(TRIAL_SAMPLES // (TILE_PX * TILE_PX * self._samples)) // TRIAL_PARTS) * TRIAL_PARTS
+        side = max(1, math.isqrt(TRIAL_SAMPLES // (TILE_PX * TILE_PX * self.rays)) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
         places = (np.mgrid[:side, :side] + within) / side
         down = -(-self._height // TILE_PX)
@@ -285,7 +284,7 @@ class Renderer:
         import drjit as dr
 
         tiles = self._trial_tiles()
-        side, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self._samples
+        side, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays
         # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
         together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles.max() + 1) * samples < 1 << 32
         # Of their own, as in `_run`: one for two of them would be another recording.
@@ -355,7 +354,7 @@ class Renderer:
         import drjit as dr
 
         pixels = count * TILE_PX * TILE_PX
-        index = dr.arange(mi.UInt32, pixels * self._samples)
+        index = dr.arange(mi.UInt32, pixels * self.rays)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         numbers = ((self._seed + self._pass) * 0x9E3779B1 + chunk) & 0xFFFFFFFF, self._seed, self._pass
@@ -482,8 +481,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
-    whole = Part.of([Box(0.0, 0.0, 1.0, 1.0)])
-    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0, 0), number, dr.zeros(mi.UInt32, 1), whole)
+    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0, 0), number, dr.zeros(mi.UInt32, 1), Parts.of(None))
     _, valid, depth = first_hit(scene, lines, front)
     found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
     return found.reshape(window.height_px, window.width_px)

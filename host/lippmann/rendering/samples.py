@@ -1,12 +1,11 @@
 """The samples of an image: which pixel each belongs to, its line of sight, and the ray into the scene.
 
-Samples are numbered pixel by pixel. Pixels come in square tiles, row by row, and in Morton order in each, so that rays
-traced together stay close.
+Samples are numbered pixel by pixel, and in each colour by colour, where a pixel has sub-pixels. Pixels come in square
+tiles, row by row, and in Morton order in each, so that rays traced together stay close.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,11 +22,9 @@ from lippmann.variant import current_device, mitsuba
 TILE_PX = 8
 
 
-def passes_of(layout: Layout | None) -> list[tuple[tuple[int, ...], list[Box]]]:
-    """Return for each pass its channels, and the part of a pixel that shows them, for each pixel of the layout."""
-    if layout is None:
-        return [((0, 1, 2), [Box(0.0, 0.0, 1.0, 1.0)])]
-    return [((k,), layout.boxes(colour)) for k, colour in enumerate(COLOURS[:3])]
+def colours_of(layout: Layout | None) -> int:
+    """Return how many colours of a pixel have rays of their own."""
+    return 1 if layout is None else 3
 
 
 def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
@@ -46,19 +43,22 @@ def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any,
 
 
 @dataclass
-class Part:
-    """The part of each pixel of a layout that is sampled (`Box`): Dr.Jit values, one for each pixel of the layout."""
+class Parts:
+    """The parts of pixels that are sampled (`Box`): Dr.Jit values, for each colour one for each pixel of the layout."""
 
     box: tuple[Any, Any, Any, Any]
     #: Whether all parts are as high as their pixels.
     full_height: bool
 
     @classmethod
-    def of(cls, boxes: Sequence[Box]) -> Part:
-        """Return the parts of boxes, row by row; opaque, so that another place needs no compilation."""
+    def of(cls, layout: Layout | None) -> Parts:
+        """Return the parts of a layout; opaque, so that other places need no compilation."""
         mi = mitsuba()
         import drjit as dr
 
+        boxes = [Box(0.0, 0.0, 1.0, 1.0)]
+        if layout is not None:
+            boxes = [box for colour in COLOURS[: colours_of(layout)] for box in layout.boxes(colour)]
         u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
         dr.make_opaque(u, v, width, height)
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
@@ -76,8 +76,10 @@ class Seeds:
     number: Any
 
 
-def lines_of(source: RaySource, samples: int, seeds: Seeds, pixel: Any, sample: Any, part: Part) -> Lines:
-    """Return the lines of sight of samples, by their pixels' numbers and theirs in the pixel (UInt32)."""
+def lines_of(
+    source: RaySource, samples: int, seeds: Seeds, pixel: Any, sample: Any, parts: Parts, colour: Any = 0
+) -> Lines:
+    """Return the lines of sight of samples, by the numbers of their pixels, their own, and their colours (UInt32)."""
     mi = mitsuba()
     import drjit as dr
 
@@ -85,12 +87,13 @@ def lines_of(source: RaySource, samples: int, seeds: Seeds, pixel: Any, sample: 
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
     column = pixel - row * source.width_px
-    box = Box(*part.box)
+    box = Box(*parts.box)
     if source.layout is not None:
-        number = row % source.layout.rows * source.layout.columns + column % source.layout.columns
+        number = (colour * source.layout.rows + row % source.layout.rows) * source.layout.columns
+        number += column % source.layout.columns
         box = Box(*(dr.gather(mi.Float, values, number) for values in box))
     u = b.double(column) + b.double(0.5 + box.u + box.width * (x - 0.5))
-    if not part.full_height:
+    if not parts.full_height:
         y = 0.5 + box.v + box.height * (y - 0.5)
     return source.lines(b, u, b.double(row) + b.double(y), points_in_square(pixel, sample, seeds.image + seeds.number))
 

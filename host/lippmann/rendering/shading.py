@@ -21,7 +21,7 @@ from lippmann.rendering.irradiance import (
 )
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.recorded import Recorded
-from lippmann.rendering.samples import Part, Pose, Seeds, lines_of, passes_of, pixel_of
+from lippmann.rendering.samples import Parts, Pose, Seeds, colours_of, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import RaySource
 from lippmann.variant import drjit, mitsuba
@@ -37,18 +37,12 @@ BLACK, SHARED, ALONE = 0, 1, 2
 
 def each_program(scene: Scene, source: RaySource, samples: int, integrator: Any) -> Program:
     """Return the program that asks an integrator for each sample."""
-    passes = passes_of(source.layout)
-    parts = [Part.of(boxes) for _, boxes in passes]
+    parts = Parts.of(source.layout)
     traced = _colour_of_each(scene, source, samples, integrator)
 
     def program(index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[list[Any], list[Any]]:
-        colours: list[Any] = []
-        losses: list[Any] = []
-        for (channels, _), part in zip(passes, parts, strict=True):
-            colour, *lost = traced(index, first, seeds, pose, part)
-            colours += _means(colour, channels, samples)
-            losses = _added(losses, lost)
-        return colours, losses
+        colour, *lost = traced(index, first, seeds, pose, parts)
+        return _means(colour, colours_of(source.layout), samples), lost
 
     return program
 
@@ -60,8 +54,7 @@ class SharedProgram:
         self, scene: Scene, source: RaySource, samples: int, integrator: Any, max_depth: int, light: Irradiance
     ) -> None:
         self.light, self.samples = light, samples
-        self._passes = passes_of(source.layout)
-        self._parts = [Part.of(boxes) for _, boxes in self._passes]
+        self._colours, self._parts = colours_of(source.layout), Parts.of(source.layout)
         self._traced = _colour_of_each(scene, source, samples, integrator)
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
@@ -69,19 +62,14 @@ class SharedProgram:
         """Return what a `Program` does."""
         dr, mi = drjit(), mitsuba()
 
-        colours: list[Any] = []
-        losses: list[Any] = []
-        for (channels, _), part in zip(self._passes, self._parts, strict=True):
-            weight, place, fate, *lost = self._met(index, first, seeds, pose, part, self.light.lattices)
-            shared = fate == SHARED
-            colour = dr.select(shared, weight * self.light_of(place, shared), 0.0)
-            alone = dr.compress(fate == ALONE)
-            if dr.width(alone):
-                own, *_ = self._traced(dr.gather(mi.UInt32, index, alone), first, seeds, pose, part)
-                dr.scatter(colour, own, alone)
-            colours += _means(colour, channels, self.samples)
-            losses = _added(losses, lost)
-        return colours, losses
+        weight, place, fate, *lost = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
+        shared = fate == SHARED
+        colour = dr.select(shared, weight * self.light_of(place, shared), 0.0)
+        alone = dr.compress(fate == ALONE)
+        if dr.width(alone):
+            own, *_ = self._traced(dr.gather(mi.UInt32, index, alone), first, seeds, pose, self._parts)
+            dr.scatter(colour, own, alone)
+        return _means(colour, self._colours, self.samples), lost
 
     def light_of(self, place: Place, shared: Any) -> Any:
         """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
@@ -91,11 +79,11 @@ class SharedProgram:
         """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black."""
         dr, mi = drjit(), mitsuba()
 
-        weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts[0], self.light.lattices)
+        weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
         on = fate == SHARED
         found = []
         for light in (self.light.between(place, on), self.light.at(place)):
-            means = _means(dr.select(on, weight * light, 0.0), (0, 1, 2), self.samples)
+            means = _means(dr.select(on, weight * light, 0.0), self._colours, self.samples)
             found.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
         return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
 
@@ -103,11 +91,14 @@ class SharedProgram:
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Any]:
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
     dr, mi = drjit(), mitsuba()
+    rays = samples * colours_of(source.layout)
 
-    def trace(index: Any, first: Any, seeds: Seeds, pose: Pose, part: Part, *given: Any) -> tuple[Any, ...]:
-        place = index // samples
+    def trace(index: Any, first: Any, seeds: Seeds, pose: Pose, parts: Parts, *given: Any) -> tuple[Any, ...]:
+        place = index // rays
+        own = index - place * rays
+        colour = own // samples
         pixel, inside = pixel_of(first, place, source.width_px, source.height_px)
-        lines = lines_of(source, samples, seeds, pixel, index - place * samples, part)
+        lines = lines_of(source, samples, seeds, pixel, own - colour * samples, parts, colour)
         lost = [mask & inside for mask in lines.lost]
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seeds.chunk, dr.width(index))
@@ -192,17 +183,19 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
     return follow
 
 
-def _means(colour: Any, channels: tuple[int, ...], samples: int) -> list[Any]:
-    """Return the pixels' means of the samples' channels."""
-    dr = drjit()
+def _means(colour: Any, colours: int, samples: int) -> list[Any]:
+    """Return the pixels' means of red, green and blue; of several colours each has the samples of its own."""
+    dr, mi = drjit(), mitsuba()
 
-    if samples == 1:
-        return [colour[k] for k in channels]
-    return [dr.block_reduce(dr.ReduceOp.Add, colour[k], samples) * (1.0 / samples) for k in channels]
+    def mean(values: Any) -> Any:
+        return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)
 
-
-def _added(before: list[Any], counts: list[Any]) -> list[Any]:
-    return [a + b for a, b in zip(before, counts, strict=True)] if before else counts
+    if colours == 1:
+        return [mean(channel) for channel in colour]
+    number = dr.arange(mi.UInt32, dr.width(colour)) // samples % colours
+    means = mean(dr.select(number == 0, colour.x, dr.select(number == 1, colour.y, colour.z)))
+    pixel = dr.arange(mi.UInt32, dr.width(means) // colours)
+    return [dr.gather(mi.Float, means, pixel * colours + k) for k in range(colours)]
 
 
 def why_not_shared(scene: Scene, source: RaySource, integrator: str) -> str | None:
