@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from golden_pictures import GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
+from golden_pictures import BEFORE, GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
+from lippmann.optics.sampling import points_in_square
+from lippmann.rendering import samples
 from lippmann.rendering.scene import load_scene
 from PIL import Image
 
@@ -30,13 +32,25 @@ def blocks(picture):
 @pytest.mark.parametrize(("name", "grid"), list(itertools.product(STANDS, SUBPIXELS)))
 def test_as_stored(mi, scene_of, name, grid):
     """Wanted changes: python tests/host/make_golden.py"""
-    stored = np.asarray(Image.open(path_of(name, grid)))
-    now = render_golden(scene_of(name), grid)
+    check(render_golden(scene_of(name), grid), path_of(name, grid))
+
+
+@pytest.mark.parametrize(("name", "grid"), list(itertools.product(STANDS, SUBPIXELS)))
+def test_as_version_0_1_but_for_the_places_of_samples(mi, scene_of, name, grid, monkeypatch):
+    """By the places that it gave samples, each ray's own light makes its pictures."""
+    monkeypatch.setattr(
+        samples, "points_in_pixel", lambda pixel, sample, _, seed, number: points_in_square(pixel, sample, seed, 0)
+    )
+    check(render_golden(scene_of(name), grid), BEFORE / f"{name}-{grid}.png")
+
+
+def check(now, path):
+    stored = np.asarray(Image.open(path))
     assert stored.shape == now.shape == (96, 96, 3)
     error = now.astype(float) - stored
     psnr = 10.0 * math.log10(255.0**2 / max((error**2).mean(), 1e-9))
     worst = np.abs(blocks(now) - blocks(stored)).max()
-    print(f"{name} {grid}: PSNR {psnr:.1f} dB, largest difference of 4 x 4 means {worst:.2f}")
+    print(f"{path.stem}: PSNR {psnr:.1f} dB, largest difference of 4 x 4 means {worst:.2f}")
     assert psnr >= PSNR
     assert worst <= MAX_MEAN
 

@@ -22,9 +22,11 @@ from lippmann.optics.sampling import points_in_pixel, points_in_square, square_t
 from lippmann.rendering import renderer, sources
 from lippmann.rendering.lights import needs_chance
 from lippmann.rendering.placement import Placement, load_placement
-from lippmann.rendering.renderer import Settings, check_memory, render_integral, render_view
+from lippmann.rendering.renderer import Renderer, Settings, check_memory, render_integral, render_view
+from lippmann.rendering.sampler import sampler_of
+from lippmann.rendering.samples import Seeds
 from lippmann.rendering.scene import load_scene
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sources import Window, display_source
 from lippmann.variant import current_device
 from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import centres, first_sphere, focused_display, generator, glowing_sphere, rgb, write_scene
@@ -353,6 +355,52 @@ def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, s
     np.testing.assert_array_equal(whole, pieces)
     # 12 x 9 tiles of 8 x 8 pixels, 31 at a time.
     assert done == [(31, 108), (62, 108), (93, 108), (108, 108)]
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct", "lights"])
+def test_random_pictures_do_not_depend_on_chunks_and_bands(mi, lit, integrator, monkeypatch):
+    display = display_for("hex", subpixels="rgb")
+    settings = Settings(2, integrator=integrator, seed=SEED)
+    whole = render_integral(lit, display, "exact", settings).radiance
+    monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * 31 * 3 * 2)
+    np.testing.assert_array_equal(render_integral(lit, display, "exact", settings).radiance, whole)
+    height = display.panel.height_px
+    bands = [range(first, min(first + 16, height)) for first in range(0, height, 16)]
+    made = Renderer(lit, display_source(display, "exact", 2), settings, bands)
+    for number in reversed(range(len(bands))):
+        np.testing.assert_array_equal(made.render(number)[0], whole[bands[number].start : bands[number].stop])
+
+
+def test_random_numbers_of_samples(mi):
+    """Uniform, and alike in nothing: neighbouring pixels, samples, seeds, and one number and the next."""
+    import drjit as dr
+
+    pixels, samples = 4096, 16
+    index = dr.arange(mi.UInt32, pixels * samples)
+
+    def numbers(seed, number=0):
+        sampler = sampler_of(Seeds(mi.UInt32(seed), mi.UInt32(number)), index // samples, index % samples)
+        drawn = [sampler.next_1d(), *sampler.next_2d(), sampler.next_1d()]
+        return np.array(drawn, np.float64).reshape(4, pixels, samples)
+
+    found = numbers(SEED)
+    assert found.min() >= 0.0
+    assert found.max() < 1.0
+    counts = np.histogram(found, 256, (0.0, 1.0))[0]
+    expected = found.size / 256
+    # 255 degrees of freedom: mean 255, standard deviation 22.6; six of them.
+    assert ((counts - expected) ** 2 / expected).sum() < 255 + 6 * 22.6
+    others = {
+        "pixels": (found[:, 1:], found[:, :-1]),
+        "samples": (found[:, :, 1:], found[:, :, :-1]),
+        "next": (found[1:], found[:-1]),
+        "seeds": (found, numbers(SEED ^ 1)),
+        "passes": (found, numbers(SEED, 1)),
+    }
+    for name, (a, b) in others.items():
+        correlation = np.corrcoef(a.ravel(), b.ravel())[0, 1]
+        assert abs(correlation) < 6.0 / np.sqrt(a.size), name
+    np.testing.assert_array_equal(found, numbers(SEED))
 
 
 # --- integrator lights ----------------------------------------------------------------------------

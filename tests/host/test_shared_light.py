@@ -176,6 +176,20 @@ def test_pictures_are_those_of_each_rays_light(mi, display):
     assert views_db(shared, each, display) > 45.0
 
 
+def test_glass_draws_the_same_lots_both_ways(mi, display):
+    """A large ball of glass and a pane before a wall: what is reflected and what refracted is the same."""
+    pane = {"type": "cube", "to_world": mi.ScalarTransform4f().translate([5, -4, 2]).scale([3, 3, 0.2]),
+            "bsdf": {"type": "thindielectric"}}  # fmt: skip
+    glass = ball(-2, 0, 2, 5.0, {"type": "dielectric", "int_ior": 1.5})
+    made = scene(wall=wall(mi), glass=glass, pane=pane, a=lamp([10, 25, 40]), b=lamp([-30, 5, 25], 2000.0))
+    shared, each = both_ways(made, display)
+    assert each.max() > 0.3
+    assert psnr_db(shared, each) > 45.0
+    other = render_integral(made, display, "exact", replace(SETTINGS, seed=1)).radiance
+    print(psnr_db(shared, each), psnr_db(other, shared))
+    assert psnr_db(other, shared) < 35.0
+
+
 def test_gloss_is_not_shared(mi, display):
     """Bit for bit the picture of each ray's light: gloss, a bump, a disk, and an instance have no lattice."""
     heights = mi.Bitmap(generator(6).random((16, 16, 1)).astype(np.float32))
@@ -203,13 +217,14 @@ def test_pictures_do_not_depend_on_bands(mi, subpixels):
 
 
 def random_scene(mi, seed):
-    """Bodies of all kinds, paints and lamps; glass is left to its own test, because its noise is another one."""
+    """Bodies of all kinds, paints and lamps."""
     rng = generator(seed)
-    paints = [BOTH, PAINT, {"type": "conductor"}, {"type": "roughplastic", "alpha": 0.2}, {"type": "plastic"}]
+    glass = {"type": "dielectric", "int_ior": 1.5}
+    paints = [BOTH, PAINT, {"type": "conductor"}, glass, {"type": "roughplastic", "alpha": 0.2}, {"type": "plastic"}]
     parts = {"wall": wall(mi, rng.uniform(-9.0, -4.0))}
     for k in range(rng.integers(2, 7)):
         at, size = rng.uniform(-6.0, 6.0, 3) * [1.0, 0.7, 0.5], rng.uniform(0.5, 2.0)
-        bsdf = paints[rng.choice(5, p=[0.4, 0.3, 0.1, 0.1, 0.1])]
+        bsdf = paints[rng.choice(6, p=[0.3, 0.3, 0.1, 0.1, 0.1, 0.1])]
         kind = rng.choice(["sphere", "cube", "rectangle", "cylinder", "disk"])
         turn = mi.ScalarTransform4f().translate(list(at)).rotate([1, 1, 0], rng.uniform(0, 90)).scale(size)
         parts[f"body{k}"] = {"type": str(kind), "to_world": turn, "bsdf": bsdf}

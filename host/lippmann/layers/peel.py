@@ -16,6 +16,8 @@ from lippmann import interrupts
 from lippmann.layers.stack import Floats
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, first_hit, make_integrator
+from lippmann.rendering.sampler import sampler_of
+from lippmann.rendering.samples import Seeds
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
 from lippmann.variant import current_device, mitsuba
@@ -89,7 +91,8 @@ def peel(
     integrator = make_integrator(scene, settings)
     surroundings = math.isinf(back) and scene.mitsuba.environment() is not None
     light, coverage = np.empty((width * height, 3)), np.empty(width * height)
-    for number, (first, count) in enumerate(_chunks(width * height, samples)):
+    seeds = Seeds(dr.opaque(mi.UInt32, settings.seed), dr.opaque(mi.UInt32, 0))
+    for first, count in _chunks(width * height, samples):
         index = dr.arange(mi.UInt32, count * samples)
         texel = dr.opaque(mi.UInt32, first) + index // samples
         lines = _lines(area, eye_mm, size, texel, index % samples, settings)
@@ -97,9 +100,7 @@ def peel(
         seen = valid & (z >= dr.opaque(mi.Float, back))
         if surroundings:
             seen |= ~valid
-        sampler = mi.load_dict({"type": "independent"})
-        seed = dr.opaque(mi.UInt32, (settings.seed * 0x9E3779B1 + number) & 0xFFFFFFFF)
-        sampler.seed(seed, count * samples)
+        sampler = sampler_of(seeds, texel, index % samples)
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, seen)
         colour = dr.select(seen, mi.Color3f(radiance), 0.0)
         share = dr.select(seen, mi.Float(1.0), 0.0)

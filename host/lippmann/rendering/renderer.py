@@ -35,8 +35,7 @@ from lippmann.rendering.shading import Program, SharedProgram, each_program, why
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.variant import current_device, mitsuba
 
-#: Samples traced at once, by device. Part of an image's definition, because random integrators draw their numbers by
-#: chunk. A GPU is idle between chunks, and has registers where a CPU has memory.
+#: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
@@ -255,7 +254,7 @@ class Renderer:
                 verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
                 tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
                 self.remark = f"{tried}: {likeness}; {verdict}"
-        self._run(range(TILE_PX), 0, 1, 0, self.planes(TILE_PX), 0)
+        self._run(range(TILE_PX), 0, 1, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
     def decide(self) -> Shading:
@@ -288,7 +287,7 @@ class Renderer:
         # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
         together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles.max() + 1) * samples < 1 << 32
         # Of their own, as in `_run`: one for two of them would be another recording.
-        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._seed, self._pass)))
+        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         found = []
         for first, ours in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
             # Computed here: numpy's memory is aligned otherwise, which would be another recording.
@@ -321,14 +320,11 @@ class Renderer:
         import drjit as dr
 
         rows, tiles = self.bands[number], self.tiles_of(number)
-        chunks = range(0, tiles, self._chunk)
-        # Random integrators draw by chunk: no two of an image have one number.
-        first_chunk = number * -(-self.tiles_of(0) // self._chunk)
         lost = []
-        for chunk, first in enumerate(chunks, first_chunk):
+        for first in range(0, tiles, self._chunk):
             interrupts.check()
             count = min(self._chunk, tiles - first)
-            lost.append(self._run(rows, first, count, chunk, planes, first_row))
+            lost.append(self._run(rows, first, count, planes, first_row))
             if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
                 dr.sync_thread()
             if progress is not None:
@@ -346,9 +342,7 @@ class Renderer:
 
         return [dr.zeros(mi.Float, self._width * rows) for _ in range(3)]
 
-    def _run(
-        self, rows: range, first_tile: int, count: int, chunk: int, planes: list[Any], first_row: int
-    ) -> list[Any]:
+    def _run(self, rows: range, first_tile: int, count: int, planes: list[Any], first_row: int) -> list[Any]:
         """Render tiles of some rows, numbered from their first, into planes; return the numbers of lost samples."""
         mi = mitsuba()
         import drjit as dr
@@ -357,8 +351,7 @@ class Renderer:
         index = dr.arange(mi.UInt32, pixels * self.rays)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
-        numbers = ((self._seed + self._pass) * 0x9E3779B1 + chunk) & 0xFFFFFFFF, self._seed, self._pass
-        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in numbers))
+        seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
         colours, lost = self._program(index, first, seeds, self._pose)
         pixel, inside = pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
@@ -481,7 +474,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
-    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0, 0), number, dr.zeros(mi.UInt32, 1), Parts.of(None))
+    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0), number, dr.zeros(mi.UInt32, 1), Parts.of(None))
     _, valid, depth = first_hit(scene, lines, front)
     found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
     return found.reshape(window.height_px, window.width_px)

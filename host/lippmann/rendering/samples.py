@@ -68,9 +68,7 @@ class Parts:
 class Seeds:
     """Seeds of random numbers: Dr.Jit values (UInt32). No named tuple, whose values Dr.Jit would not record."""
 
-    #: Of the integrator, in a chunk of samples.
-    chunk: Any
-    #: Of the places in pixels and lenslets.
+    #: Of the image.
     image: Any
     #: The picture's pass: how many were made before.
     number: Any

@@ -21,6 +21,7 @@ from lippmann.rendering.irradiance import (
 )
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.sampler import sampler_of
 from lippmann.rendering.samples import Parts, Pose, Seeds, colours_of, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import RaySource
@@ -90,18 +91,18 @@ class SharedProgram:
 
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Any]:
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
-    dr, mi = drjit(), mitsuba()
+    dr = drjit()
     rays = samples * colours_of(source.layout)
 
     def trace(index: Any, first: Any, seeds: Seeds, pose: Pose, parts: Parts, *given: Any) -> tuple[Any, ...]:
         place = index // rays
         own = index - place * rays
         colour = own // samples
+        sample = own - colour * samples
         pixel, inside = pixel_of(first, place, source.width_px, source.height_px)
-        lines = lines_of(source, samples, seeds, pixel, own - colour * samples, parts, colour)
+        lines = lines_of(source, samples, seeds, pixel, sample, parts, colour)
         lost = [mask & inside for mask in lines.lost]
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seeds.chunk, dr.width(index))
+        sampler = sampler_of(seeds, pixel, sample)
         found = follow(index, sampler, pose.ray(lines), lines.active & inside, *given)
         # Evaluated before the sums, because each sum would trace the rays again.
         dr.eval(found, lost)
