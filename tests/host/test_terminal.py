@@ -1,13 +1,15 @@
 """What files and names bring to the terminal, and to other programs."""
 
+import itertools
 import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from lippmann import errors
-from lippmann.cli import run
+from lippmann.cli import output, run
 from lippmann.film.video import write_video
 from lippmann.rendering import cluster
 
@@ -54,6 +56,21 @@ def test_bytes_that_are_no_text_in_a_name(tmp_path):
 def test_ordinary_text_stays():
     text = "Größe µm 3 × 4\n\tαβ → 日本 – “x”"
     assert errors.printable(text) == text
+
+
+def test_long_work_tells_its_progress_in_a_log(tmp_path, capsys, monkeypatch):
+    """Two bands of a picture, and a clock that goes on by ten seconds at each look."""
+    clock = itertools.count(0.0, 10.0)
+    monkeypatch.setattr(output.time, "monotonic", lambda: next(clock))
+    lines = []
+    monkeypatch.setattr(output, "log", lines.append)
+    with click.Context(click.Command("x"), info_name="x") as context:
+        context.params["as_json"] = True
+        with output.progress_bar("render") as progress:
+            for rows in (100, 150, 200, 250, 300, 400):
+                progress(rows, 400)
+    # Looks at 10 (100 rows were there), 20, 30 (100 new in 30 s), 40, 50, and 60 s.
+    assert lines == ["render: 50 % after 30 s, about 60 s left", "render: 100 % after 60 s, about 0 s left"]
 
 
 @pytest.mark.parametrize("name", ["a:b.mkv", "-x.mkv", "concat:a|b.mkv", "%03d.mkv", "http://x.mkv"])

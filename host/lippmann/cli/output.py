@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -13,6 +14,8 @@ import click
 from lippmann.errors import printable
 
 Item = TypeVar("Item")
+#: Seconds between two lines about a long work's progress.
+LOGGED_S = 30.0
 
 
 def log(message: str) -> None:
@@ -37,9 +40,12 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str]) -> None:
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """Provide a callback (done, total) that draws a bar with the remaining time, on a terminal and without --json."""
+    """Provide a callback (done, total) that draws a bar with the remaining time.
+
+    With --json, or where stderr is no terminal, it logs a line now and then.
+    """
     if as_json() or not sys.stderr.isatty():
-        yield lambda done, total: None
+        yield _logged(label)
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
@@ -49,6 +55,25 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _logged(label: str) -> Callable[[int, int], None]:
+    """Return a callback (done, total) that logs a line every `LOGGED_S` seconds."""
+    started = told = time.monotonic()
+    before: int | None = None
+
+    def line(done: int, total: int) -> None:
+        nonlocal told, before
+        now = time.monotonic()
+        # What a command finds done already tells nothing of its speed.
+        before = done if before is None else before
+        if now - told < LOGGED_S or done <= before:
+            return
+        told = now
+        left = (now - started) * (total - done) / (done - before)
+        log(f"{label}: {100 * done // total} % after {now - started:.0f} s, about {left:.0f} s left")
+
+    return line
 
 
 def counted(items: Collection[Item], progress: Callable[[int, int], None]) -> Iterator[Item]:
