@@ -248,7 +248,8 @@ def large(place):
 
 
 def started(place, *words):
-    command = [sys.executable, "-m", "lippmann", *RENDER, "--json", *words]
+    # SIGHUP is ignored where the tests run under nohup.
+    command = ["env", "--default-signal=HUP", sys.executable, "-m", "lippmann", *RENDER, "--json", *words]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, cwd=place, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
 
