@@ -299,7 +299,7 @@ def test_noise_is_that_of_the_picture(mi, tmp_path, samples):
         return
     (line,) = said
     told, enough = re.match(
-        rf"note: with {samples} samples the noise is (\d+) % .*; --samples (\d+) gives 10 %", line
+        rf"note: with {samples} samples? the noise is (\d+) % .*; --samples (\d+) gives 10 %", line
     ).groups()
     assert float(told) == pytest.approx(100.0 * noise, rel=0.15)
     assert noted(scene, samples=math.ceil(1.4 * int(enough)), seed=3) == []

@@ -443,3 +443,19 @@ def test_unknown_shading(tmp_path, capfd):
     words = ["render", "s.xml", "--display", "d.toml", "-o", "a.exr", "--shading", "none"]
     assert run(words) == 2
     assert "'none' is not one of 'auto', 'each', 'shared'" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("subpixels", ["none", "rgb"])
+def test_the_trial_looks_at_as_many_places_of_many_samples(mi, subpixels, eager):
+    """Its places, and what it says, depend little on the number of samples; before, of 22 it saw 16 places."""
+    wide = focused_display("square", width_px=1000, height_px=1000, pixel_pitch=1.0 / 12.0, subpixels=subpixels)
+    made = scene(wall=wall(mi), ball=ball(2, 1, 2, 1.5), a=lamp([10, 25, 40]), b=lamp([-30, 5, 25], 2000.0))
+    said = []
+    for samples in (4, 22, 1024):
+        tried = Renderer(
+            made, display_source(wide, "exact", samples), replace(SETTINGS, samples=samples, shading="auto")
+        )
+        assert len(tried._trial_tiles()) == 32 * 32
+        tried.prepare()
+        said.append(float(re.search(r"PSNR ([\d.]+) dB", tried.remark)[1]))
+    assert max(said) - min(said) < 6.0, said

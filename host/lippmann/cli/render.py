@@ -155,9 +155,9 @@ def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None
     """Give what renders bands: this process, workers that it starts, or those of a scheduler."""
     if workers is not None:
         with local_workers(workers) as (address, security):
-            yield lambda bands: render_on_cluster(address, device, bands, log, security)
+            yield lambda bands, _: render_on_cluster(address, device, bands, log, security)
     elif scheduler is not None:
-        yield lambda bands: render_on_cluster(scheduler, device, bands, log)
+        yield lambda bands, _: render_on_cluster(scheduler, device, bands, log)
     else:
         yield here(still, scene)
 

@@ -97,7 +97,8 @@ def still_of(
     loaded = load_placed(scene, display, placement, arrange, note)
     # No tolerance is left when the model is chosen.
     chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
-    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px))
+    rays = chosen.settings.samples * colours_of(layout_of(display.panel.subpixels))
+    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, rays))
     path = loaded.path.resolve()  # workers have folders of their own
     still = Still(path, digest_of(path), loaded.placement, display, chosen, bands)
     renderer = still.renderer(loaded)
@@ -218,18 +219,26 @@ class KeptBands:
             return None
 
 
-#: Renders bands, in any order.
-Work = Callable[[Sequence[Band]], Iterable[tuple[Band, Rendered]]]
+#: Renders bands, in any order. It may tell how many rows of the band that it renders are done.
+Work = Callable[[Sequence[Band], Callable[[int], None]], Iterable[tuple[Band, Rendered]]]
 
 
 def here(still: Still, scene: Scene) -> Work:
     """Return the work that renders bands in this process, with a scene that is loaded."""
 
-    def work(bands: Sequence[Band]) -> Iterator[tuple[Band, Rendered]]:
-        if bands:
-            renderer = still.renderer(scene)
-            for band in bands:
-                yield band, renderer.render(band.number)
+    def work(bands: Sequence[Band], told: Callable[[int], None]) -> Iterator[tuple[Band, Rendered]]:
+        if not bands:
+            return
+        renderer = still.renderer(scene)
+        for band in bands:
+            rows, tiles, done = len(still.bands[band.number]), renderer.tiles_of(band.number), 0
+
+            def part(count: int, rows: int = rows, tiles: int = tiles) -> None:
+                nonlocal done
+                done += count
+                told(rows * done // tiles)
+
+            yield band, renderer.render(band.number, part)
 
     return work
 
@@ -239,8 +248,8 @@ def render_bands(
 ) -> tuple[KeptBands, list[int]]:
     """Render the bands of a still that its folder, PATH.bands, lacks; return all, and the numbers of the new ones.
 
-    `progress` is called with (rows there, rows in all), `note` when bands of another still are removed, or this one's
-    stay after an error or an interruption.
+    `progress` is called with (rows rendered, rows in all), `note` when bands of another still are removed, or those of
+    this one stay after an error or an interruption.
 
     Raises InputError and NoSpaceError when a file cannot be written, or a band exceeds the memory limit, and what
     `work` raises; the finished bands are kept.
@@ -255,8 +264,12 @@ def render_bands(
     missing = kept.missing()
     done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
     progress(done, panel.height_px)
+
+    def within(rows: int) -> None:
+        progress(done + rows, panel.height_px)
+
     try:
-        for band, (radiance, _) in work(missing):
+        for band, (radiance, _) in work(missing, within):
             kept.keep(band, radiance)
             done += len(radiance)
             progress(done, panel.height_px)
@@ -296,7 +309,7 @@ def _check_disk(folder: Path, still: Still) -> None:
 def check_band_memory(still: Still) -> None:
     """Raise InputError when a band exceeds the memory limit."""
     rows, settings = max(len(rows) for rows in still.bands), still.options.settings
-    needed = memory_mb(still.display.panel.width_px, rows, settings.shading)
+    needed = memory_mb(still.display.panel.width_px, rows, settings.shading, still.rays)
     what = f"a band of {rows} rows of {still.display.panel.width_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb")
 

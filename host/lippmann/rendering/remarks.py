@@ -89,6 +89,7 @@ def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]
         if noise > NOISE:
             enough = math.ceil(settings.samples * (noise / NOISE) ** 2)
             yield (
-                f"note: with {settings.samples} samples the noise is {100.0 * noise:.0f} % of the mean light; "
+                f"note: with {settings.samples} sample{'s' if settings.samples > 1 else ''} the noise is "
+                f"{100.0 * noise:.0f} % of the mean light; "
                 f"--samples {enough} gives {100.0 * NOISE:.0f} %"
             )

@@ -39,6 +39,8 @@ from lippmann.variant import current_device, mitsuba
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
+#: Rays of a band, about, where a pixel has many: some ten seconds of a processor's or a GPU's time.
+BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
 Shading = Literal["auto", "each", "shared"]
 SHADINGS: tuple[Shading, ...] = get_args(Shading)
 #: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
@@ -50,16 +52,19 @@ SHARED_PARTS = 2
 SHARED_DB, RAYS_A_POINT = 45.0, 4
 #: Shadow rays to fewer lamps take less time than to look for what is known (measured with the fish).
 LEAST_LAMPS = 3
-#: Parts of the image, each way, in each of which that is tried, and samples in all of them.
-TRIAL_PARTS, TRIAL_SAMPLES = 4, 1 << 18
+#: Parts of the image, each way, in each of which that is tried, rays of a colour in all of them, and samples of a pixel
+#: at most: of more, fewer places would be seen.
+TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 1 << 18, 4
 #: The seed of their places: every render of a scene, of any seed, is tried in the same ones.
 TRIAL_SEED = 1
 #: Rays of a picture for which the trial pays, at least.
-LEAST_RAYS = 8 * TRIAL_SAMPLES
+LEAST_RAYS = 8 * TRIAL_RAYS
 #: Share of the samples that may meet surfaces without a lattice.
 MOST_ALONE = 0.5
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
+#: Memory of each further ray of a chunk that is one tile of many samples, bytes (measured).
+RAY_BYTES = 80.0
 MAX_SAMPLES = 65536
 
 
@@ -90,6 +95,10 @@ class Settings:
         for what, name, names in (("aperture", self.aperture, APERTURES), ("shading", self.shading, SHADINGS)):
             if name not in names:
                 raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
+        if not isinstance(self.integrator, str):
+            raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
+        if self.memory_mb is not None:
+            check_limit_mb(self.memory_mb)
 
 
 @dataclass(frozen=True)
@@ -151,9 +160,14 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
     return integrator
 
 
-def bands_of(width_px: int, height_px: int) -> list[range]:
-    """Return the rows of the bands in which an image is rendered; they are whole tiles, and whole bands of a file."""
-    rows = BAND_ROWS * max(1, round(BAND_PIXELS[current_device()] / (width_px * BAND_ROWS)))
+def bands_of(width_px: int, height_px: int, rays: int) -> list[range]:
+    """Return the rows of the bands in which an image of so many rays a pixel is rendered.
+
+    They are whole tiles, and whole bands of a file.
+    """
+    device = current_device()
+    pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
+    rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
     return [range(first, min(first + rows, height_px)) for first in range(0, height_px, rows)]
 
 
@@ -172,7 +186,7 @@ class Renderer:
 
         `program` is what lights samples where light is shared.
         """
-        self._seed, self._pass = settings.seed, 0
+        self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
         integrator = make_integrator(scene, settings)
@@ -180,9 +194,10 @@ class Renderer:
         self._program: Program = self._each
         self._pose = Pose.of(scene.placement)
         self._in_memory = bands is None
-        self.bands = bands_of(self._width, self._height) if bands is None else bands
+        self._colours = colours_of(source.layout)
         #: Rays for each pixel.
-        self.rays = settings.samples * colours_of(source.layout)
+        self.rays = settings.samples * self._colours
+        self.bands = bands_of(self._width, self._height, self.rays) if bands is None else bands
         #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
         self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
 
@@ -191,7 +206,7 @@ class Renderer:
         if limit_mb is None:
             return True
         rows = self._height if self._in_memory else max(len(rows) for rows in self.bands)
-        return memory_mb(self._width, rows, "shared") <= limit_mb
+        return memory_mb(self._width, rows, "shared", self.rays) <= limit_mb
 
     @property
     def _chunk(self) -> int:
@@ -249,7 +264,7 @@ class Renderer:
             if decibels is None:
                 self.remark = "light is not shared: most rays meet surfaces that are not plain diffuse, or too large"
             else:
-                likeness = f"PSNR {decibels:.1f} dB" if math.isfinite(decibels) else "no difference"
+                likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
                 part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
                 verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
                 tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
@@ -265,7 +280,8 @@ class Renderer:
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
         """Return the tiles that are tried: one anywhere in each of equal parts, for a regular grid misses columns."""
-        side = max(1, math.isqrt(TRIAL_SAMPLES // (TILE_PX * TILE_PX * self.rays)) // TRIAL_PARTS) * TRIAL_PARTS
+        rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
+        side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
         places = (np.mgrid[:side, :side] + within) / side
         down = -(-self._height // TILE_PX)
@@ -283,19 +299,25 @@ class Renderer:
         import drjit as dr
 
         tiles = self._trial_tiles()
-        side, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays
-        # All at once, where the samples' numbers allow it; they do not in few tiles of many samples.
-        together = len(tiles) * samples <= 2 * TRIAL_SAMPLES and (tiles.max() + 1) * samples < 1 << 32
+        side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
+        # All at once, where the samples' numbers have 31 bits (programs take the 32nd for 0); they have not in large
+        # pictures of many samples.
+        together = (tiles.max() + 1) * rays < 1 << 31
         # Of their own, as in `_run`: one for two of them would be another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         found = []
         for first, ours in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
             # Computed here: numpy's memory is aligned otherwise, which would be another recording.
-            lane = dr.arange(mi.UInt32, len(ours) * samples)
-            tile = dr.gather(mi.UInt32, mi.UInt32(ours.astype(np.uint32)), lane // samples)
-            index = tile * samples + lane % samples
+            lane = dr.arange(mi.UInt32, len(ours) * TILE_PX * TILE_PX * self._colours * samples)
+            # Of each colour of a pixel so many of its samples, far apart.
+            group = lane // samples
+            pixel = group // self._colours
+            tile = dr.gather(mi.UInt32, mi.UInt32(ours.astype(np.uint32)), pixel // (TILE_PX * TILE_PX))
+            sample = (lane - group * samples) * self._samples // samples
+            own = (pixel % (TILE_PX * TILE_PX) * self._colours + group % self._colours) * self._samples + sample
+            index = tile * rays + own
             dr.make_opaque(index)
-            found.append(self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose))
+            found.append(self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose, samples))
         shared, own, alone = zip(*found, strict=True)
         if np.mean(alone) > MOST_ALONE:
             return None
@@ -387,7 +409,7 @@ def render_rays(
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
-    check_memory(source.width_px, source.height_px, settings)
+    check_memory(source.width_px, source.height_px, settings, colours_of(source.layout))
     renderer = Renderer(scene, source, settings, program=program)
     prepare_seconds = renderer.prepare()
     if note is not None and renderer.remark is not None:
@@ -423,16 +445,18 @@ def render_rays(
     )
 
 
-def memory_mb(width_px: int, height_px: int, shading: Shading) -> float:
-    """Return the memory that a picture, or a band of one, needs, MB."""
+def memory_mb(width_px: int, height_px: int, shading: Shading, rays: int) -> float:
+    """Return the memory that a picture, or a band of one, of so many rays a pixel needs, MB."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
+    # A chunk is a tile at least.
+    needed += max(0, TILE_PX * TILE_PX * rays - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
     return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
 
 
-def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
+def check_memory(width_px: int, height_px: int, settings: Settings, colours: int = 1) -> None:
     """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
-    needed = memory_mb(width_px, height_px, settings.shading)
+    needed = memory_mb(width_px, height_px, settings.shading, settings.samples * colours)
     what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
@@ -440,10 +464,15 @@ def check_memory(width_px: int, height_px: int, settings: Settings) -> None:
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
     """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
-    if not limit > 0.0:
-        raise InputError(f"--memory-mb {limit:g} is not a limit; give a number above 0")
+    check_limit_mb(limit)
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
+
+
+def check_limit_mb(limit: object) -> None:
+    """Raise InputError for a memory limit (MB) that is not a number above 0."""
+    if not isinstance(limit, int | float) or not limit > 0.0:
+        raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")
 
 
 def peak_memory_mb() -> float:

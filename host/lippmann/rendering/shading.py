@@ -76,15 +76,18 @@ class SharedProgram:
         """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
         return self.light.between(place, shared)
 
-    def trial(self, index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[Radiance, Radiance, float]:
-        """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black."""
+    def trial(self, index: Any, first: Any, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
+        """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black.
+
+        It has so many samples of each pixel and colour. And return the share of samples without a lattice.
+        """
         dr, mi = drjit(), mitsuba()
 
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
         on = fate == SHARED
         found = []
         for light in (self.light.between(place, on), self.light.at(place)):
-            means = _means(dr.select(on, weight * light, 0.0), self._colours, self.samples)
+            means = _means(dr.select(on, weight * light, 0.0), self._colours, samples)
             found.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
         return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
 
