@@ -455,7 +455,7 @@ def test_the_trial_looks_at_as_many_places_of_many_samples(mi, subpixels, eager)
         tried = Renderer(
             made, display_source(wide, "exact", samples), replace(SETTINGS, samples=samples, shading="auto")
         )
-        assert len(tried._trial_tiles()) == 32 * 32
+        assert len(tried._trial_tiles()) == 28 * 28
         tried.prepare()
         said.append(float(re.search(r"PSNR ([\d.]+) dB", tried.remark)[1]))
     assert max(said) - min(said) < 6.0, said

@@ -53,12 +53,12 @@ SHARED_DB, RAYS_A_POINT = 45.0, 4
 #: Shadow rays to fewer lamps take less time than to look for what is known (measured with the fish).
 LEAST_LAMPS = 3
 #: Parts of the image, each way, in each of which that is tried, rays of a colour in all of them, and samples of a pixel
-#: at most: of more, fewer places would be seen.
-TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 1 << 18, 4
+#: at most: of more, fewer places would be seen. Not 2^18 rays: a texture with as many values is another recording.
+TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 28 * 28 * 256, 4
 #: The seed of their places: every render of a scene, of any seed, is tried in the same ones.
 TRIAL_SEED = 1
 #: Rays of a picture for which the trial pays, at least.
-LEAST_RAYS = 8 * TRIAL_RAYS
+LEAST_RAYS = 1 << 21
 #: Share of the samples that may meet surfaces without a lattice.
 MOST_ALONE = 0.5
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
