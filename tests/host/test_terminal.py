@@ -58,8 +58,8 @@ def test_ordinary_text_stays():
     assert errors.printable(text) == text
 
 
-def test_long_work_tells_its_progress_in_a_log(tmp_path, capsys, monkeypatch):
-    """Two bands of a picture, and a clock that goes on by ten seconds at each look."""
+def test_long_work_tells_its_progress_in_a_log(monkeypatch):
+    """A render that goes on after a quarter, by a clock that moves on ten seconds at each look."""
     clock = itertools.count(0.0, 10.0)
     monkeypatch.setattr(output.time, "monotonic", lambda: next(clock))
     lines = []

@@ -65,8 +65,8 @@ def _logged(label: str) -> Callable[[int, int], None]:
     def line(done: int, total: int) -> None:
         nonlocal told, before
         now = time.monotonic()
-        # What a command finds done already tells nothing of its speed.
-        before = done if before is None else before
+        if before is None:
+            before = done  # what a command finds done already tells nothing of its speed
         if now - told < LOGGED_S or done <= before:
             return
         told = now

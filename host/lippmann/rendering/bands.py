@@ -28,7 +28,7 @@ from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
 from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
-from lippmann.rendering.samples import colours_of
+from lippmann.rendering.samples import colour_count
 from lippmann.rendering.scene import Scene, digest_of, load_scene
 from lippmann.select.model import TOLERANCE
 from lippmann.subpixels import layout_of
@@ -74,7 +74,7 @@ class Still:
     @property
     def rays(self) -> int:
         """Rays for each pixel."""
-        return self.options.settings.samples * colours_of(layout_of(self.display.panel.subpixels))
+        return _rays(self.options, self.display)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -83,6 +83,11 @@ class Still:
         assert options.model != "auto"
         made = image_metadata(options.model, options.settings, self.scene, options.engine, options.fraction_bits)
         return {**made, **metadata_of(self.display)}
+
+
+def _rays(options: RenderOptions, display: Display) -> int:
+    """Return the rays for each pixel."""
+    return options.settings.samples * colour_count(layout_of(display.panel.subpixels))
 
 
 def still_of(
@@ -97,8 +102,7 @@ def still_of(
     loaded = load_placed(scene, display, placement, arrange, note)
     # No tolerance is left when the model is chosen.
     chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
-    rays = chosen.settings.samples * colours_of(layout_of(display.panel.subpixels))
-    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, rays))
+    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, _rays(chosen, display)))
     path = loaded.path.resolve()  # workers have folders of their own
     still = Still(path, digest_of(path), loaded.placement, display, chosen, bands)
     renderer = still.renderer(loaded)

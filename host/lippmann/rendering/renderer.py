@@ -29,7 +29,7 @@ from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colours_of, lines_of, pixel_of
+from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.shading import Program, SharedProgram, each_program, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
@@ -194,10 +194,10 @@ class Renderer:
         self._program: Program = self._each
         self._pose = Pose.of(scene.placement)
         self._in_memory = bands is None
-        self._colours = colours_of(source.layout)
+        self._colours = colour_count(source.layout)
         #: Rays for each pixel.
         self.rays = settings.samples * self._colours
-        self.bands = bands_of(self._width, self._height, self.rays) if bands is None else bands
+        self.bands = bands or bands_of(self._width, self._height, self.rays)
         #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
         self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
 
@@ -409,7 +409,7 @@ def render_rays(
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
-    check_memory(source.width_px, source.height_px, settings, colours_of(source.layout))
+    check_memory(source.width_px, source.height_px, settings, colour_count(source.layout))
     renderer = Renderer(scene, source, settings, program=program)
     prepare_seconds = renderer.prepare()
     if note is not None and renderer.remark is not None:

@@ -22,9 +22,11 @@ from lippmann.variant import current_device, mitsuba
 TILE_PX = 8
 
 
-def colours_of(layout: Layout | None) -> int:
-    """Return how many colours of a pixel have rays of their own."""
-    return 1 if layout is None else 3
+def colour_count(layout: Layout | None) -> int:
+    """Return how many colours have samples of their own: three where pixels have sub-pixels, else one for all."""
+    if layout is None:
+        return 1
+    return 3
 
 
 def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
@@ -58,7 +60,7 @@ class Parts:
 
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
-            boxes = [box for colour in COLOURS[: colours_of(layout)] for box in layout.boxes(colour)]
+            boxes = [box for colour in COLOURS[: colour_count(layout)] for box in layout.boxes(colour)]
         u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
         dr.make_opaque(u, v, width, height)
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))

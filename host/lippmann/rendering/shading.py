@@ -22,7 +22,7 @@ from lippmann.rendering.irradiance import (
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.sampler import sampler_of
-from lippmann.rendering.samples import Parts, Pose, Seeds, colours_of, lines_of, pixel_of
+from lippmann.rendering.samples import Parts, Pose, Seeds, colour_count, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import RaySource
 from lippmann.variant import drjit, mitsuba
@@ -43,7 +43,7 @@ def each_program(scene: Scene, source: RaySource, samples: int, integrator: Any)
 
     def program(index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[list[Any], list[Any]]:
         colour, *lost = traced(index, first, seeds, pose, parts)
-        return _means(colour, colours_of(source.layout), samples), lost
+        return _means(colour, colour_count(source.layout), samples), lost
 
     return program
 
@@ -55,7 +55,7 @@ class SharedProgram:
         self, scene: Scene, source: RaySource, samples: int, integrator: Any, max_depth: int, light: Irradiance
     ) -> None:
         self.light, self.samples = light, samples
-        self._colours, self._parts = colours_of(source.layout), Parts.of(source.layout)
+        self._colours, self._parts = colour_count(source.layout), Parts.of(source.layout)
         self._traced = _colour_of_each(scene, source, samples, integrator)
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
@@ -77,9 +77,10 @@ class SharedProgram:
         return self.light.between(place, shared)
 
     def trial(self, index: Any, first: Any, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
-        """Return a chunk's radiance (pixels, 3) by shared light, and by each sample's own; the rest is black.
+        """Return the radiance (pixels, 3) of a chunk by shared light, and by each sample's own light.
 
-        It has so many samples of each pixel and colour. And return the share of samples without a lattice.
+        Samples without a lattice are black in both; the third value is their share. Each pixel, or each of its
+        colours, has so many `samples`.
         """
         dr, mi = drjit(), mitsuba()
 
@@ -95,7 +96,7 @@ class SharedProgram:
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Any]:
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
     dr = drjit()
-    rays = samples * colours_of(source.layout)
+    rays = samples * colour_count(source.layout)
 
     def trace(index: Any, first: Any, seeds: Seeds, pose: Pose, parts: Parts, *given: Any) -> tuple[Any, ...]:
         place = index // rays
