@@ -78,8 +78,9 @@ class Irradiance:
         """
         dr, mi = drjit(), mitsuba()
         self.lattices, self.points = _laid(scene.mitsuba, spacing, most)
-        self._light = [dr.zeros(mi.Float, 2 * self.points) for _ in range(3)]
-        self._lamps, self._asker = (dr.zeros(mi.UInt32, 2 * self.points) for _ in range(2))
+        # What is read was written before, but for the lamps' words: 0 where the light is not known.
+        self._light = [dr.empty(mi.Float, 2 * self.points) for _ in range(3)]
+        self._lamps, self._asker = dr.zeros(mi.UInt32, 2 * self.points), dr.empty(mi.UInt32, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
 
         def lit(place: Place, known: Any, seen: Any, lattices: Lattices) -> tuple[Any, Any]:
@@ -101,11 +102,26 @@ class Irradiance:
 
     def find(self, points: list[Any], wanted: Any) -> None:
         """Find the light at points (each an array of numbers), where it is not known yet."""
+        dr = drjit()
+        new = self._unknown(points, wanted)
+        if not dr.width(new):
+            return
+        light, lamps = self._at_points(new, self.lattices)
+        for plane, values in zip(self._light, (light.x, light.y, light.z), strict=True):
+            dr.scatter(plane, values, new)
+        dr.scatter(self._lamps, lamps, new)
+        dr.eval(self._light, self._lamps)
+
+    def _unknown(self, points: list[Any], wanted: Any) -> Any:
+        """Return those of the points whose light is not known, each once.
+
+        A function of its own: while its values live, Dr.Jit copies all lamps' words before it writes new ones.
+        """
         dr, mi = drjit(), mitsuba()
         a, b, c = (dr.gather(mi.UInt32, self._lamps, point, wanted) for point in points)
         asking = dr.compress(wanted & ((a == 0) | (b == 0) | (c == 0)))
         if not dr.width(asking):
-            return
+            return asking
         asked = dr.concat([dr.gather(mi.UInt32, point, asking) for point in points])
         # Of several that ask for a point one wins; which one does not matter.
         lane = dr.arange(mi.UInt32, dr.width(asked))
@@ -113,11 +129,8 @@ class Irradiance:
         won = dr.gather(mi.UInt32, self._asker, asked) == lane
         unknown = dr.gather(mi.UInt32, self._lamps, asked) == 0
         new = dr.gather(mi.UInt32, asked, dr.compress(won & unknown))
-        light, lamps = self._at_points(new, self.lattices)
-        for plane, values in zip(self._light, (light.x, light.y, light.z), strict=True):
-            dr.scatter(plane, values, new)
-        dr.scatter(self._lamps, lamps, new)
-        dr.eval(self._light, self._lamps)
+        dr.eval(new)
+        return new
 
     def between(self, place: Place, wanted: Any) -> Any:
         """Return the light at places, divided by pi: between three points, or found there where a shadow's edge is."""
@@ -131,6 +144,7 @@ class Irradiance:
         a, b, c = (dr.gather(mi.UInt32, self._lamps, point, wanted) for point in points)
         light, differ = mi.Color3f(*total), (a ^ b) | (b ^ c)
         dr.eval(light, differ, a)
+        del total  # else Dr.Jit copies what it writes into
         edge = dr.compress(wanted & (differ != 0))
         if dr.width(edge):
             there = Place(*(dr.gather(type(one), one, edge) for one in (place.lattice, place.u, place.v, place.back)))

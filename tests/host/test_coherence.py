@@ -1,0 +1,58 @@
+"""The hint of coherence: that it follows the processor's packets, and that pictures do not depend on it."""
+
+import re
+
+import numpy as np
+import pytest
+from lippmann.rendering import coherence
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.scene import scene_of
+from lippmann.variant import current_device
+from scene_cases import focused_display, generator
+
+
+def test_wide_packets_are_those_of_the_programs_that_drjit_writes(mi):
+    if current_device() != "llvm":
+        pytest.skip("a GPU has no packets")
+    import drjit as dr
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        dr.eval(dr.opaque(mi.Float, 2.0, 100) * 3.0)
+        (written,) = (k["ir"].getvalue() for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT)
+    widest = max(int(width) for width in re.findall(r"<(\d+) x float>", written))
+    assert coherence.has_wide_packets() == (widest == 16)
+
+
+@pytest.mark.parametrize("shading", ["each", "shared"])
+def test_the_hint_changes_no_picture(mi, monkeypatch, shading):
+    random = generator(71)
+    white = {"type": "twosided", "bsdf": {"type": "diffuse"}}
+    mirror = mi.ScalarTransform4f().translate([0, -3, 0]).rotate([1, 0, 0], -70).scale([12, 12, 1])
+    parts = {
+        "wall": {"type": "rectangle", "to_world": mi.ScalarTransform4f().translate([0, 0, -6]).scale([12, 12, 1])},
+        "mirror": {"type": "rectangle", "to_world": mirror, "bsdf": {"type": "conductor", "material": "none"}},
+        **{
+            f"ball{k}": {"type": "sphere", "center": list(random.uniform([-9, -2, -5], [9, 7, 5])), "radius": 0.8}
+            for k in range(40)
+        },
+        **{
+            f"lamp{k}": {"type": "point", "position": [8.0 * k - 8.0, 15.0, 20.0], "intensity": 4000.0}
+            for k in range(3)
+        },
+    }
+    for name, part in parts.items():
+        if not name.startswith("lamp"):
+            part.setdefault("bsdf", white)
+    display = focused_display("square", width_px=288, height_px=216, pixel_pitch=1.0 / 12.0)
+    pictures = []
+    for wide in (False, True):
+        monkeypatch.setattr(coherence, "has_wide_packets", lambda wide=wide: wide)
+        scene = scene_of({"type": "scene", **parts}, Placement(near_mm=30.0, far_mm=-30.0))
+        rendered = render_integral(scene, display, "exact", Settings(samples=4, shading=shading))
+        assert rendered.shading == shading
+        pictures.append(rendered.radiance)
+    assert pictures[0].max() > 0.1
+    # Rays that meet two surfaces at one place may take either.
+    assert np.mean((pictures[0] != pictures[1]).any(axis=-1)) < 1e-4
