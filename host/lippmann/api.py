@@ -42,6 +42,7 @@ from lippmann.rendering.integral import ModelOption, RenderOptions, image_metada
 from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.remarks import overridden
 from lippmann.rendering.renderer import Progress, Settings, Shading, check_memory
+from lippmann.rendering.samples import colours_of
 from lippmann.rendering.scene import Part, Scene, check_scene_file, scene_of
 from lippmann.rendering.scene import load_scene as load_scene_file
 from lippmann.rendering.sources import Aperture, Window
@@ -198,7 +199,7 @@ def render_with(
     """Render the integral image of a scene for a display, with options; see `render`."""
     built = display_at(display)
     try:
-        check_memory(built.panel.width_px, built.panel.height_px, options.settings)
+        check_memory(built.panel.width_px, built.panel.height_px, options.settings, colours_of(built.panel))
     except InputError as error:
         where = f"display '{built.name}'" if isinstance(display, Display) else display
         raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None

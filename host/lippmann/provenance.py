@@ -6,21 +6,18 @@ import datetime
 import importlib.metadata
 import os
 import platform
-import re
 import shutil
 import subprocess
 from collections.abc import Mapping
-from pathlib import Path
 
 from lippmann import __version__
+from lippmann.processor import processor_name
 
 
 def machine_name() -> str:
-    """Return processor and cores, such as "AMD EPYC, 2 cores, Linux x86_64"."""
-    information = Path("/proc/cpuinfo")
-    named = re.search(r"^model name\s*:(.*)$", information.read_text() if information.exists() else "", re.MULTILINE)
-    model = named[1].strip() if named else platform.processor() or "unknown processor"
-    return f"{model}, {len(os.sched_getaffinity(0))} cores, {platform.system()} {platform.machine()}"
+    """Return processor and cores, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    cores = len(os.sched_getaffinity(0))
+    return f"{processor_name()}, {cores} cores, {platform.system()} {platform.machine()}"
 
 
 def gpu_name() -> str:

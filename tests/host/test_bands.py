@@ -249,6 +249,15 @@ def test_a_limit_below_one_band_is_refused(place, narrow):
     assert not (place / "a.exr.bands").exists()
 
 
+@pytest.mark.parametrize(("name", "samples"), [("paper-square", 23), ("uhd-4k", 5)])
+def test_long_renders_are_kept(name, samples):
+    """2^27 rays: 2400 x 2400 pixels of one colour at a time, 3840 x 2160 of three."""
+    display = load_display(repository() / f"scenes/displays/{name}.toml")
+    for more, kept in ((0, False), (1, True)):
+        options = RenderOptions("exact", settings=Settings(samples=samples + more))
+        assert bands.is_kept(options, display) == kept
+
+
 # --- the command ----------------------------------------------------------------------------------
 
 #: A panel of four bands.

@@ -1,9 +1,10 @@
-"""The hint of coherence: that it follows the processor's packets, and that pictures do not depend on it."""
+"""The hint of coherence: that the processor's packets are known, and that pictures do not depend on it."""
 
 import re
 
 import numpy as np
 import pytest
+from lippmann.processor import has_avx512
 from lippmann.rendering import coherence
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
@@ -12,7 +13,7 @@ from lippmann.variant import current_device
 from scene_cases import focused_display, generator
 
 
-def test_wide_packets_are_those_of_the_programs_that_drjit_writes(mi):
+def test_packets_are_those_of_the_programs_that_drjit_writes(mi):
     if current_device() != "llvm":
         pytest.skip("a GPU has no packets")
     import drjit as dr
@@ -22,7 +23,7 @@ def test_wide_packets_are_those_of_the_programs_that_drjit_writes(mi):
         dr.eval(dr.opaque(mi.Float, 2.0, 100) * 3.0)
         (written,) = (k["ir"].getvalue() for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT)
     widest = max(int(width) for width in re.findall(r"<(\d+) x float>", written))
-    assert coherence.has_wide_packets() == (widest == 16)
+    assert has_avx512() == (widest == 16)
 
 
 @pytest.mark.parametrize("shading", ["each", "shared"])
@@ -48,7 +49,7 @@ def test_the_hint_changes_no_picture(mi, monkeypatch, shading):
     display = focused_display("square", width_px=288, height_px=216, pixel_pitch=1.0 / 12.0)
     pictures = []
     for wide in (False, True):
-        monkeypatch.setattr(coherence, "has_wide_packets", lambda wide=wide: wide)
+        monkeypatch.setattr(coherence, "has_avx512", lambda wide=wide: wide)
         scene = scene_of({"type": "scene", **parts}, Placement(near_mm=30.0, far_mm=-30.0))
         rendered = render_integral(scene, display, "exact", Settings(samples=4, shading=shading))
         assert rendered.shading == shading

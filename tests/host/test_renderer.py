@@ -683,6 +683,14 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
             render_integral(spheres, display_for(), "exact", Settings(memory_mb=limit))
 
 
+def test_memory_of_all_colours_is_refused_before_the_scene_is_loaded(mi):
+    """A tile of 65,536 samples of three colours: 80 bytes for each ray above 2^22."""
+    striped = focused_display("square", subpixels="rgb", width_px=32, height_px=32)
+    needed = renderer.BASE_MEMORY_MB + 80e-6 * (64 * 3 * 65536 - 2**22)
+    with pytest.raises(InputError, match=f"needs {needed:.0f} MB, the limit is 900 MB"):
+        lippmann.render("missing.obj", striped, samples=65536, memory_mb=900.0)
+
+
 def test_peak_memory_is_the_process_s_own():
     """Not that of who started it, which its resource usage begins with; and the most there was, not what is left."""
     code = "import numpy as np; from lippmann.rendering.renderer import peak_memory_mb; "

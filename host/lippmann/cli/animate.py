@@ -28,6 +28,7 @@ from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.placement import SCALE_RANGE, unplaced_note
 from lippmann.rendering.renderer import BASE_MEMORY_MB, check_memory, check_memory_mb
+from lippmann.rendering.samples import colours_of
 from lippmann.rendering.scene import check_scene_file
 from lippmann.rendering.sources import Window
 from lippmann.variant import start_mitsuba
@@ -71,7 +72,7 @@ def command(
     display = load_display(display_path)
     looker = None if eye is None else Eye(eye)
     panel = display.panel
-    check_memory(panel.width_px, panel.height_px, options.settings)
+    check_memory(panel.width_px, panel.height_px, options.settings, colours_of(panel))
     unplaced = unplaced_note(check_scene_file(film.scene))
     if unplaced is not None and not fit:
         log(unplaced)

@@ -31,6 +31,7 @@ from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
+from lippmann.rendering.samples import colours_of
 from lippmann.rendering.scene import check_scene_file
 from lippmann.variant import start_mitsuba
 
@@ -78,7 +79,7 @@ def command(
     path = check_scene_file(scene_path if film is None else film.scene)
     view = None if eye is None else EyeView(Eye(eye), whole_window(display, VIEW_PX))
     panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
-    check_memory(panel.width_px, panel.height_px, settings)
+    check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:

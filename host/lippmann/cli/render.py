@@ -76,7 +76,7 @@ def command(
             check_scheduler(scheduler)
         with progress_bar("render") as progress:
             display = load_display(display_path)
-            if shared or is_kept(display, options.settings.samples):
+            if shared or is_kept(options, display):
                 start_mitsuba(device)
                 still, scene = still_of(options, Path(scene_path), display, placement, arrange, log)
                 with _work(still, scene, workers, scheduler, device) as work:

@@ -28,13 +28,12 @@ from lippmann.rendering.arrange import load_placed
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
 from lippmann.rendering.placement import Arrange, Placement
 from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
-from lippmann.rendering.samples import colour_count
+from lippmann.rendering.samples import colours_of
 from lippmann.rendering.scene import Scene, digest_of, load_scene
 from lippmann.select.model import TOLERANCE
-from lippmann.subpixels import layout_of
 
-#: A picture of more pixels than these, or more samples, is rendered by bands that are kept.
-KEPT_PIXELS, KEPT_SAMPLES = 1 << 25, 1 << 27
+#: A picture of more pixels than these, or more rays, is rendered by bands that are kept.
+KEPT_PIXELS, KEPT_RAYS = 1 << 25, 1 << 27
 #: The name of a kept band: its picture's identity and its number.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
 
@@ -87,7 +86,7 @@ class Still:
 
 def _rays(options: RenderOptions, display: Display) -> int:
     """Return the rays for each pixel."""
-    return options.settings.samples * colour_count(layout_of(display.panel.subpixels))
+    return options.settings.samples * colours_of(display.panel)
 
 
 def still_of(
@@ -318,7 +317,7 @@ def check_band_memory(still: Still) -> None:
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb")
 
 
-def is_kept(display: Display, samples: int) -> bool:
+def is_kept(options: RenderOptions, display: Display) -> bool:
     """Tell whether a picture is so large, or takes so long, that its bands are kept."""
     pixels = display.panel.width_px * display.panel.height_px
-    return pixels > KEPT_PIXELS or pixels * samples > KEPT_SAMPLES
+    return pixels > KEPT_PIXELS or pixels * _rays(options, display) > KEPT_RAYS

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from lippmann.display import Panel
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel, points_in_square
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.sources import Lines, RaySource
-from lippmann.subpixels import COLOURS, Box, Layout
+from lippmann.subpixels import COLOURS, Box, Layout, layout_of
 from lippmann.variant import current_device, mitsuba
 
 #: Side of the tiles.
@@ -27,6 +28,11 @@ def colour_count(layout: Layout | None) -> int:
     if layout is None:
         return 1
     return 3
+
+
+def colours_of(panel: Panel) -> int:
+    """Return how many colours of a panel's pixels have samples of their own."""
+    return colour_count(layout_of(panel.subpixels))
 
 
 def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:

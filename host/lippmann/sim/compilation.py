@@ -17,6 +17,7 @@ from pathlib import Path
 
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.files import is_full, moved, no_space, partial_folder
+from lippmann.processor import features
 from lippmann.programs import run_program
 from lippmann.sim.tools import build_folder, hardware, verilator_environment, verilator_version
 
@@ -57,7 +58,8 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
     inputs are all that decides the file: files, whose contents count, and texts. This processor and the version of
     Verilator always count.
     """
-    key = hashlib.sha256(processor() + verilator_version().encode() + Path(__file__).read_bytes())
+    always = " ".join(sorted(features())) + verilator_version()
+    key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
     key.update(repr(_counters()).encode() if _counters() else b"")
     for one in inputs:
         key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
@@ -133,11 +135,6 @@ def _counters() -> list[str]:
     if not os.environ.get(COVERAGE):
         return []
     return ["--coverage-line", *(["--coverage-toggle"] if os.environ.get(TOGGLES) else [])]
-
-
-def processor() -> bytes:
-    """Return what the processor can do, as programs are compiled for it."""
-    return b"".join(sorted({line for line in Path("/proc/cpuinfo").read_bytes().splitlines() if b"flags" in line}))
 
 
 def _runtime(source: Path, flags: Sequence[str]) -> Path:
