@@ -686,8 +686,8 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
 def test_memory_of_all_colours_is_refused_before_the_scene_is_loaded(mi):
     """A tile of 65,536 samples of three colours: 80 bytes for each ray above 2^22."""
     striped = focused_display("square", subpixels="rgb", width_px=32, height_px=32)
-    needed = renderer.BASE_MEMORY_MB + 80e-6 * (64 * 3 * 65536 - 2**22)
-    with pytest.raises(InputError, match=f"needs {needed:.0f} MB, the limit is 900 MB"):
+    needed = renderer.BASE_MEMORY_MB + 36e-6 * 32 * 32 + 80e-6 * (64 * 3 * 65536 - 2**22)
+    with pytest.raises(InputError, match=f"needs {math.ceil(needed)} MB, the limit is 900 MB"):
         lippmann.render("missing.obj", striped, samples=65536, memory_mb=900.0)
 
 
