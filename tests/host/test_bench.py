@@ -9,6 +9,7 @@ import pytest
 from lippmann.cli import bench, cli, run
 from lippmann.measure import animate, renderer
 from lippmann.measure.figures import read_csv
+from lippmann.report import benches
 from lippmann.report.benches import (
     MEASURED,
     calibration_page,
@@ -196,6 +197,21 @@ def test_kept_pages_are_those_of_the_kept_rows(make, names):
     assert len({tuple(origin.items()) for origin, _ in read}) == 1
     page = make(read[0][0], *(rows for _, rows in read))
     assert (REPORTS / f"{page.name}.md").read_text() == page.text() + "\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "device", "wide", "kept"),
+    [
+        ("render", "llvm", False, "render"),
+        ("render", "llvm", True, "render-avx512"),
+        ("stages", "cuda", True, "stages-cuda"),
+        ("live", "llvm", True, "live"),  # has one set of figures for all processors
+    ],
+)
+def test_figures_of_devices_stand_beside_each_other(monkeypatch, name, device, wide, kept):
+    monkeypatch.setattr(benches, "has_avx512", lambda: wide)
+    assert benches.measured_name(name, device) == kept
+    assert kept in MEASURED
 
 
 def test_measured_figures_are_those_of_the_kept_rows():

@@ -96,8 +96,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
                 written.write(kept)
             elif kept is not None:
                 (kept / "measured").mkdir(exist_ok=True)
-                # A GPU's figures stand beside the CPU's.
-                write_csv(kept / f"measured/{name}{'-cuda' * (chosen == 'cuda')}.csv", origin, found["rows"])
+                write_csv(kept / f"measured/{benches.measured_name(name, chosen)}.csv", origin, found["rows"])
                 benches.measured_page(kept).write(kept)
             emit({**origin, **found}, written.text() if written else _plain(origin, found))
 

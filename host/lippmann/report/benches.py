@@ -21,6 +21,7 @@ from lippmann.measure import adaptive, content, depth, fixed, layers, shading
 from lippmann.measure.calibration import photo_width
 from lippmann.measure.configurations import SYNTHESIS
 from lippmann.measure.figures import groups, read_csv
+from lippmann.processor import has_avx512
 from lippmann.report import plots
 from lippmann.report.pages import Page
 from lippmann.report.tables import Rows, columns, values, where
@@ -192,7 +193,21 @@ def layers_page(origin: Origin, rows: Rows) -> Page:
 
 
 #: Measurements of `docs/measured.md`.
-MEASURED = ("trace", "render", "stages", "stages-cuda", "live", "live-cuda", "rtl", "view", "animate", "observe")
+MEASURED = (
+    *("trace", "render", "render-avx512", "stages", "stages-avx512", "stages-cuda", "live", "live-cuda"),
+    *("rtl", "view", "animate", "observe"),
+)
+
+
+def measured_name(name: str, device: str) -> str:
+    """Return the name under which a measurement is kept: a GPU's figures stand beside the CPU's.
+
+    So do those of rays on processors with AVX-512, which follow them otherwise (`lippmann.rendering.coherence`).
+    """
+    if device == "cuda":
+        return f"{name}-cuda"
+    own = f"{name}-avx512"
+    return own if has_avx512() and own in MEASURED else name
 
 
 def measured_page(folder: Path) -> Page:
@@ -207,7 +222,7 @@ def measured_page(folder: Path) -> Page:
             origins[name], rows[name] = read_csv(path)
     _, placed = read_csv(repository() / SYNTHESIS)
     rows = {name.replace("-", "_"): kept for name, kept in rows.items()}
-    context = {**rows, "origins": origins, "placed": placed, "groups": groups, "ratios": _ratios(rows["render"])}
+    context = {**rows, "origins": origins, "placed": placed, "groups": groups, "ratios": _ratios}
     return Page("measured", {}, (), {}, context)
 
 
