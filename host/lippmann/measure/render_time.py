@@ -45,7 +45,7 @@ def register_stages() -> None:
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
-            hit = scene.ray_intersect_preliminary(ray, coherent=is_coherent(), active=active)
+            hit = scene.ray_intersect_preliminary(ray, coherent=is_coherent(mi.UInt32(0)), active=active)
             return mi.Spectrum(dr.select(hit.is_valid(), hit.t + hit.prim_uv.x, 0.0)), active, []
 
     class Unshadowed(base):  # type: ignore[misc]

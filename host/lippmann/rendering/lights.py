@@ -94,7 +94,7 @@ def register_lights() -> None:
             def bounce(
                 sampler: Any, ray: Any, throughput: Any, radiance: Any, depth: Any, seen: Any, active: Any
             ) -> tuple[Any, ...]:
-                si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=is_coherent(), active=active)
+                si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=is_coherent(depth), active=active)
                 if visible_emitters:
                     # The radiance of an emitter that is seen directly or in a mirror.
                     radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
