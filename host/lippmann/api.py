@@ -418,7 +418,7 @@ def capture(
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
     panel = built.display.panel
-    check_memory(panel.width_px, panel.height_px, settings)
+    check_memory(panel.width_px, panel.height_px, settings, colours=1)
     placement = None
     if isinstance(scene, str | Path):
         path = None if isinstance(setup, Setup) else setup

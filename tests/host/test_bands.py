@@ -251,7 +251,7 @@ def test_a_limit_below_one_band_is_refused(place, narrow):
 
 @pytest.mark.parametrize(("name", "samples"), [("paper-square", 23), ("uhd-4k", 5)])
 def test_long_renders_are_kept(name, samples):
-    """2^27 rays: 2400 x 2400 pixels of one colour at a time, 3840 x 2160 of three."""
+    """2^27 rays: 2400 x 2400 pixels with one for all colours, 3840 x 2160 with one for each of three."""
     display = load_display(repository() / f"scenes/displays/{name}.toml")
     for more, kept in ((0, False), (1, True)):
         options = RenderOptions("exact", settings=Settings(samples=samples + more))

@@ -675,9 +675,9 @@ def test_what_does_not_fit_in_memory_is_refused(mi, spheres):
     """The picture three times in float32, RGB: 3 x 12 bytes a pixel on top of the base."""
     pixels = 7680 * 4320
     needed = renderer.BASE_MEMORY_MB + 36e-6 * pixels
-    check_memory(7680, 4320, Settings(memory_mb=needed + 1.0))
+    check_memory(7680, 4320, Settings(memory_mb=needed + 1.0), colours=1)
     with pytest.raises(InputError, match=r"7680 x 4320.*MB.*--memory-mb"):
-        check_memory(7680, 4320, Settings(memory_mb=needed - 1.0))
+        check_memory(7680, 4320, Settings(memory_mb=needed - 1.0), colours=1)
     for limit in (math.nan, -1.0, 0.0, 100.0):
         with pytest.raises(InputError, match="memory"):
             render_integral(spheres, display_for(), "exact", Settings(memory_mb=limit))

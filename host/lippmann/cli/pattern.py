@@ -34,7 +34,7 @@ def command(
     path = check_output(output)
     display = load_display(display_path)
     panel = display.panel
-    check_memory(panel.width_px, panel.height_px, Settings())
+    check_memory(panel.width_px, panel.height_px, Settings(), colours=1)
     with nullcontext() if eye is None else own_variant(device):
         image = draw(display, kind, None if eye is None else Eye(eye), lens, fraction_bits)
     image.save(path)

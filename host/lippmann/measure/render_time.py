@@ -13,7 +13,7 @@ from lippmann.display import Display, load_display
 from lippmann.measure.figures import in_turn
 from lippmann.measure.renderer import ROUNDS, separately, timed
 from lippmann.provenance import gpu_name
-from lippmann.rendering.coherence import is_coherent
+from lippmann.rendering.coherence import coherence_hint
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.variant import current_device, mitsuba
@@ -45,7 +45,7 @@ def register_stages() -> None:
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
-            hit = scene.ray_intersect_preliminary(ray, coherent=is_coherent(mi.UInt32(0)), active=active)
+            hit = scene.ray_intersect_preliminary(ray, coherent=coherence_hint(mi.UInt32(0)), active=active)
             return mi.Spectrum(dr.select(hit.is_valid(), hit.t + hit.prim_uv.x, 0.0)), active, []
 
     class Unshadowed(base):  # type: ignore[misc]

@@ -78,7 +78,7 @@ class Irradiance:
         """
         dr, mi = drjit(), mitsuba()
         self.lattices, self.points = _laid(scene.mitsuba, spacing, most)
-        # What is read was written before, but for the lamps' words: 0 where the light is not known.
+        # Of light and askers only what was written is read. A lamps' word of 0 is a point whose light is not known.
         self._light = [dr.empty(mi.Float, 2 * self.points) for _ in range(3)]
         self._lamps, self._asker = dr.zeros(mi.UInt32, 2 * self.points), dr.empty(mi.UInt32, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
@@ -115,7 +115,7 @@ class Irradiance:
     def _unknown(self, points: list[Any], wanted: Any) -> Any:
         """Return those of the points whose light is not known, each once.
 
-        A function of its own: while its values live, Dr.Jit copies all lamps' words before it writes new ones.
+        A function of its own, whose variables end with it: `dr.scatter` copies an array that another refers to.
         """
         dr, mi = drjit(), mitsuba()
         a, b, c = (dr.gather(mi.UInt32, self._lamps, point, wanted) for point in points)
@@ -128,9 +128,7 @@ class Irradiance:
         dr.scatter(self._asker, lane, asked)
         won = dr.gather(mi.UInt32, self._asker, asked) == lane
         unknown = dr.gather(mi.UInt32, self._lamps, asked) == 0
-        new = dr.gather(mi.UInt32, asked, dr.compress(won & unknown))
-        dr.eval(new)
-        return new
+        return dr.gather(mi.UInt32, asked, dr.compress(won & unknown))
 
     def between(self, place: Place, wanted: Any) -> Any:
         """Return the light at places, divided by pi: between three points, or found there where a shadow's edge is."""
@@ -144,7 +142,7 @@ class Irradiance:
         a, b, c = (dr.gather(mi.UInt32, self._lamps, point, wanted) for point in points)
         light, differ = mi.Color3f(*total), (a ^ b) | (b ^ c)
         dr.eval(light, differ, a)
-        del total  # else Dr.Jit copies what it writes into
+        del total  # it refers to the light, which `dr.scatter` would copy
         edge = dr.compress(wanted & (differ != 0))
         if dr.width(edge):
             there = Place(*(dr.gather(type(one), one, edge) for one in (place.lattice, place.u, place.v, place.back)))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lippmann.rendering.coherence import is_coherent
+from lippmann.rendering.coherence import coherence_hint
 from lippmann.variant import mitsuba
 
 #: Splats that a ray may pass; after that, or when they leave a hundredth of the light, what is behind is left out.
@@ -94,7 +94,7 @@ def register_lights() -> None:
             def bounce(
                 sampler: Any, ray: Any, throughput: Any, radiance: Any, depth: Any, seen: Any, active: Any
             ) -> tuple[Any, ...]:
-                si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=is_coherent(depth), active=active)
+                si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=coherence_hint(depth), active=active)
                 if visible_emitters:
                     # The radiance of an emitter that is seen directly or in a mirror.
                     radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)

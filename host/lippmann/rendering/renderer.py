@@ -454,7 +454,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, rays: int) -> flo
     return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
 
 
-def check_memory(width_px: int, height_px: int, settings: Settings, colours: int = 1) -> None:
+def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
     """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
     needed = memory_mb(width_px, height_px, settings.shading, settings.samples * colours)
     what = f"an image of {width_px} x {height_px} pixels"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lippmann.images import Radiance
-from lippmann.rendering.coherence import is_coherent
+from lippmann.rendering.coherence import coherence_hint
 from lippmann.rendering.irradiance import (
     MOST_LAMPS,
     NONE,
@@ -144,7 +144,7 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
             sampler: Any, ray: Any, throughput: Any, depth: Any, fate: Any, lattice: Any, u: Any, v: Any, back: Any,
             active: Any,
         ) -> tuple[Any, ...]:  # fmt: skip
-            hit = scene.mitsuba.ray_intersect_preliminary(ray, coherent=is_coherent(depth), active=active)
+            hit = scene.mitsuba.ray_intersect_preliminary(ray, coherent=coherence_hint(depth), active=active)
             active &= hit.is_valid()
             si = hit.compute_surface_interaction(ray, mi.RayFlags.All, active)
             bsdf = si.bsdf(ray)
