@@ -25,6 +25,7 @@ from lippmann.rendering.scene import Part, load_scene
 from lippmann.sim.tools import repository
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, rgb, write_scene
+from scipy import ndimage
 
 SEED = 1616
 #: 32 x 24 mm; p D / pixel = 20 mm of depth.
@@ -145,8 +146,10 @@ def test_detail_at_an_edge_is_that_of_the_nearer_surface(scene):
     # Colours are square roots: where a texel's samples all fall on one side, the step is this much.
     step = ((np.sqrt(RED) - np.sqrt(GREEN)) ** 2).sum()
     assert detail[front].max() > 0.9 * step
-    # Texels around the front show its edge in part: around a square there are four more than along its own edge.
-    assert (detail[~front] > 1e-4).sum() <= (detail[front] > 1e-4).sum() + 4
+    # Texels around the front that it covers in part show its edge too, and so do those around these. How many of them
+    # have a sample on the front depends on the samples' places.
+    within = ndimage.binary_dilation(front.reshape(48, 64), iterations=3).ravel()
+    assert not detail[~within].any()
     assert detail[front].sum() > 3.0 * detail[~front].sum()
 
 
