@@ -1,4 +1,4 @@
-"""The hint of coherence: what it is on which processor, and that pictures do not depend on it."""
+"""When Embree is told that rays go the same way: it depends on the processor, and pictures do not depend on it."""
 
 import re
 

@@ -146,10 +146,10 @@ def test_detail_at_an_edge_is_that_of_the_nearer_surface(scene):
     # Colours are square roots: where a texel's samples all fall on one side, the step is this much.
     step = ((np.sqrt(RED) - np.sqrt(GREEN)) ** 2).sum()
     assert detail[front].max() > 0.9 * step
-    # Texels around the front that it covers in part show its edge too, and so do those around these. How many of them
-    # have a sample on the front depends on the samples' places.
-    within = ndimage.binary_dilation(front.reshape(48, 64), iterations=3).ravel()
-    assert not detail[~within].any()
+    # Texels around the front that it covers in part show its edge too. Of such a texel and one farther out, both the
+    # back's, the nearer by a rounding error has the detail: so their number is any, but they are in these two rings.
+    rings = ndimage.binary_dilation(front.reshape(48, 64), np.ones((3, 3)), iterations=2).ravel()
+    assert not detail[~rings].any()
     assert detail[front].sum() > 3.0 * detail[~front].sum()
 
 

@@ -60,17 +60,17 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
 def _logged(label: str) -> Callable[[int, int], None]:
     """Return a callback (done, total) that logs a line every `LOGGED_S` seconds."""
     started = told = time.monotonic()
-    before: int | None = None
+    found: int | None = None  # done before the first call: it tells nothing of the speed
 
     def line(done: int, total: int) -> None:
-        nonlocal told, before
+        nonlocal told, found
         now = time.monotonic()
-        if before is None:
-            before = done  # what a command finds done already tells nothing of its speed
-        if now - told < LOGGED_S or done <= before:
+        if found is None:
+            found = done
+        if now - told < LOGGED_S or done <= found:
             return
         told = now
-        left = (now - started) * (total - done) / (done - before)
+        left = (now - started) * (total - done) / (done - found)
         log(f"{label}: {100 * done // total} % after {now - started:.0f} s, about {left:.0f} s left")
 
     return line

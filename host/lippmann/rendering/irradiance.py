@@ -78,7 +78,7 @@ class Irradiance:
         """
         dr, mi = drjit(), mitsuba()
         self.lattices, self.points = _laid(scene.mitsuba, spacing, most)
-        # Of light and askers only what was written is read. A lamps' word of 0 is a point whose light is not known.
+        # Light and askers are written before they are read. In the lamps' words 0 means that the light is not known.
         self._light = [dr.empty(mi.Float, 2 * self.points) for _ in range(3)]
         self._lamps, self._asker = dr.zeros(mi.UInt32, 2 * self.points), dr.empty(mi.UInt32, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
