@@ -13,7 +13,7 @@ from lippmann.dev.peers import page as peers_page
 from lippmann.dev.seed import Timed, findings, lenslets_in, with_window
 from lippmann.display import load_display
 from lippmann.errors import InputError
-from lippmann.measure.pictures import every_row
+from lippmann.measure.pictures import every_strip
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -124,7 +124,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
     assert difference.unexplained < 0.001
     # Noise is measured in rows of the picture: with one sample those rows themselves.
-    rows = render_rays(scene, every_row(source, 8), Settings()).radiance
+    rows = render_rays(scene, every_strip(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
 
 

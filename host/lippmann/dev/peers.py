@@ -30,7 +30,7 @@ from lippmann.cli.bench import Bench, measurement
 from lippmann.dev.seed import ANTIALIAS, SETUPS, TEMPLATES, fastest, load_for, with_window
 from lippmann.images import Radiance, encode
 from lippmann.measure.figures import in_turn, row_of
-from lippmann.measure.pictures import every_row
+from lippmann.measure.pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
@@ -53,8 +53,8 @@ REFERENCE_SAMPLES = 256
 TRIED_SAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 24, 32)
 #: Smaller differences, of 255, do not count.
 THRESHOLD = 2.0
-#: Noise is measured in every sixteenth row.
-EVERY_ROW = 16
+#: Noise is measured in every sixteenth strip of eight rows.
+EVERY_STRIP, STRIP_ROWS = 16, 8
 #: Distances, px, and directions in which rays are moved to find outlines near them.
 OUTLINE_PX = (0.1, 0.25, 0.5)
 OUTLINE_DIRECTIONS = 16
@@ -226,11 +226,11 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
     """Return the fewest samples with which Lippmann has no more noise than POV-Ray, and the noise of both."""
 
     def rows(samples: int, seed: int) -> Radiance:
-        source = every_row(capture_source(setup), EVERY_ROW)
+        source = every_strip(capture_source(setup), EVERY_STRIP, STRIP_ROWS)
         return render_rays(scene, source, Settings(samples=samples, seed=seed, shading="each")).radiance
 
     reference = rows(REFERENCE_SAMPLES, 1)
-    allowed = noise_of(theirs[EVERY_ROW // 2 :: EVERY_ROW], reference)
+    allowed = noise_of(theirs[rows_of_strips(len(theirs), EVERY_STRIP, STRIP_ROWS)], reference)
     for samples in TRIED_SAMPLES:
         noise = noise_of(rows(samples, 0), reference)
         if noise <= allowed:
@@ -293,7 +293,8 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -
         "THRESHOLD",
         "MAP_WHITE",
         "REFERENCE_SAMPLES",
-        "EVERY_ROW",
+        "EVERY_STRIP",
+        "STRIP_ROWS",
         "WHOLE_ROUNDS",
     )
     context = {"rows": rows, "times": times, **{name: globals()[name] for name in names}}

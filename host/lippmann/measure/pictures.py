@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.display import Display
 from lippmann.images import Radiance, encode
@@ -16,6 +17,7 @@ from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.renderer import Settings, render_integral, render_view
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.rendering.sources import Aperture, Lines, RaySource
+from lippmann.variant import mitsuba
 
 #: Position of the eye: off the axis, within the viewing angle of the displays that ship.
 EYE_MM = (20.0, -20.0, 600.0)
@@ -39,13 +41,32 @@ def noise_levels(one: Radiance, other: Radiance) -> float:
     return float(np.sqrt((apart**2).mean() / 2.0))
 
 
-def every_row(source: RaySource, every: int) -> RaySource:
-    """Return a part of a picture: every so many rows, from the middle of the first group of rows on."""
+def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
+    """Return a part of a picture: every so many strips of so many rows (`rows_of_strips`)."""
+    mi = mitsuba()
+
+    def moved(b: Any, v: Any) -> tuple[Any, Any]:
+        strip = b.floor(v * (1.0 / rows))
+        return strip, v + (strip * (every - 1.0) + every // 2) * rows
 
     def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
-        return source.lines(b, u, v + b.floor(v) * (every - 1.0) + every // 2, square)
+        return source.lines(b, u, moved(b, v)[1], square)
 
-    return replace(source, height_px=source.height_px // every, lines=lines)
+    def part(b: Any, u: Any, v: Any) -> Any:
+        assert source.part is not None
+        strip, v = moved(b, v)
+        # The strips' number is added, that pixels of two of them are no neighbours.
+        return source.part(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
+
+    height = source.height_px // (every * rows) * rows
+    return replace(source, height_px=height, lines=lines, part=None if source.part is None else part)
+
+
+def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.int64]:
+    """Return the picture's rows that `every_strip` takes, from the middle of the first group of strips on."""
+    strips = np.arange(height_px // (every * rows)) * every + every // 2
+    taken: npt.NDArray[np.int64] = (strips[:, None] * rows + np.arange(rows)).ravel()
+    return taken
 
 
 @dataclass(frozen=True)

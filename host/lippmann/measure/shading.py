@@ -15,7 +15,7 @@ from lippmann.capturing.capture import capture, placement_before
 from lippmann.capturing.setup import load_setup
 from lippmann.display import Display, load_display
 from lippmann.images import Radiance, psnr_db
-from lippmann.measure.pictures import EYE_MM, VIEW_SAMPLES, every_row
+from lippmann.measure.pictures import EYE_MM, VIEW_SAMPLES, every_strip, rows_of_strips
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.irradiance import NONE, Place
 from lippmann.rendering.placement import placement_beside
@@ -95,7 +95,7 @@ def curves(scenes: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
         wanted = _reference(scene, display, seed)
         for way, samples in ((way, samples) for way in WAYS for samples in SAMPLES):
             seconds, found = _drawn(scene, display, Settings(samples, seed=seed), way)
-            decibels = psnr_db(found[EVERY_ROW // 2 :: EVERY_ROW][: len(wanted)], wanted)
+            decibels = psnr_db(found[rows_of_strips(len(found), EVERY_ROW)], wanted)
             yield {"lamps": lamps, "way": way, "samples": samples, "seconds": seconds, "panel_db": decibels}
 
 
@@ -103,7 +103,7 @@ def _reference(scene: Scene, display: Display, seed: int) -> Radiance:
     """Return rows of the picture by each ray's own light, of many samples."""
     settings = Settings(REFERENCE_SAMPLES, seed=seed + OTHER_SEED, shading="each")
     source = display_source(display, "exact", REFERENCE_SAMPLES, "chief", "fast", None)
-    return render_rays(scene, every_row(source, EVERY_ROW), settings).radiance
+    return render_rays(scene, every_strip(source, EVERY_ROW), settings).radiance
 
 
 def _drawn(scene: Scene, display: Display, settings: Settings, way: str) -> tuple[float, Radiance]:

@@ -28,10 +28,11 @@ from lippmann.limits import free_memory_mb, proc_mb
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
 from lippmann.rendering.lights import register_lights
+from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, MOST_SAMPLES, PixelFilter, is_filtered
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.shading import Program, SharedProgram, each_program, why_not_shared
+from lippmann.rendering.shading import Program, SharedProgram, each_program, means_of, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.variant import current_device, mitsuba
 
@@ -182,9 +183,10 @@ class Renderer:
         bands: Sequence[range] | None = None,
         program: type[SharedProgram] = SharedProgram,
     ) -> None:
-        """Raise InputError when there is no such integrator; `bands` are the rows of each, None: `bands_of`.
+        """Raise InputError when there is no such integrator.
 
-        `program` is what lights samples where light is shared.
+        `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `program` is what lights
+        samples where light is shared.
         """
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
@@ -195,6 +197,7 @@ class Renderer:
         self._pose = Pose.of(scene.placement)
         self._in_memory = bands is None
         self._colours = colour_count(source.layout)
+        self._source, self._filtered = source, is_filtered(source, settings.samples)
         #: Rays for each pixel.
         self.rays = settings.samples * self._colours
         self.bands = bands or bands_of(self._width, self._height, self.rays)
@@ -269,7 +272,7 @@ class Renderer:
                 verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
                 tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
                 self.remark = f"{tried}: {likeness}; {verdict}"
-        self._run(range(TILE_PX), 0, 1, self.planes(TILE_PX), 0)
+        self._draw(range(TILE_PX), 1, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
     def decide(self) -> Shading:
@@ -339,18 +342,36 @@ class Renderer:
         self, number: int, planes: list[Any], first_row: int = 0, progress: Callable[[int], None] | None = None
     ) -> list[int]:
         """Draw a band into planes whose first row is the image's `first_row`; return what `render` does beside it."""
+        return self._draw(self.bands[number], self.tiles_of(number), planes, first_row, progress)
+
+    def _draw(
+        self,
+        rows: range,
+        tiles: int,
+        planes: list[Any],
+        first_row: int,
+        progress: Callable[[int], None] | None = None,
+    ) -> list[int]:
+        """Draw so many tiles of some rows, from their first on."""
+        mi = mitsuba()
         import drjit as dr
 
-        rows, tiles = self.bands[number], self.tiles_of(number)
+        sums = PixelFilter(self._source, self._samples, rows) if self._filtered else None
         lost = []
         for first in range(0, tiles, self._chunk):
             interrupts.check()
             count = min(self._chunk, tiles - first)
-            lost.append(self._run(rows, first, count, planes, first_row))
+            lost.append(self._run(rows, first, count, planes, first_row, sums))
             if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
                 dr.sync_thread()
             if progress is not None:
                 progress(count)
+        if sums is not None:
+            start = dr.opaque(mi.UInt32, (rows.start - first_row) * self._width)
+            place = start + dr.arange(mi.UInt32, len(rows) * self._width)
+            for plane, colour in zip(planes, sums.colours(), strict=True):
+                dr.scatter(plane, colour, place)
+            dr.eval(planes)
         return [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def tiles_of(self, number: int) -> int:
@@ -364,8 +385,13 @@ class Renderer:
 
         return [dr.zeros(mi.Float, self._width * rows) for _ in range(3)]
 
-    def _run(self, rows: range, first_tile: int, count: int, planes: list[Any], first_row: int) -> list[Any]:
-        """Render tiles of some rows, numbered from their first, into planes; return the numbers of lost samples."""
+    def _run(
+        self, rows: range, first_tile: int, count: int, planes: list[Any], first_row: int, sums: PixelFilter | None
+    ) -> list[Any]:
+        """Render tiles of some rows, numbered from their first; return the numbers of lost samples.
+
+        Into the filter's sums, or, where there is none, the samples' means into planes.
+        """
         mi = mitsuba()
         import drjit as dr
 
@@ -375,11 +401,14 @@ class Renderer:
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
-        colours, lost = self._program(index, first, seeds, self._pose)
+        colour, lost = self._program(index, first, seeds, self._pose)
         pixel, inside = pixel_of(first, dr.arange(mi.UInt32, pixels), self._width, self._height)
+        if sums is not None:
+            sums.add(colour, pixel, inside, seeds)
+            return lost
         place = pixel - dr.opaque(mi.UInt32, first_row * self._width)
-        for plane, colour in zip(planes, colours, strict=True):
-            dr.scatter(plane, colour, place, inside)
+        for plane, mean in zip(planes, means_of(colour, self._colours, self._samples), strict=True):
+            dr.scatter(plane, mean, place, inside)
         dr.eval(planes)
         return lost
 
@@ -448,7 +477,10 @@ def render_rays(
 def memory_mb(width_px: int, height_px: int, shading: Shading, rays: int) -> float:
     """Return the memory that a picture, or a band of one, of so many rays a pixel needs, MB."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
-    needed = BASE_MEMORY_MB + 3.0 * width_px * height_px * 3 * 4 / 1e6
+    pixels = width_px * height_px
+    needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
+    if 1 < rays <= MOST_SAMPLES:
+        needed += BYTES_A_PIXEL * min(pixels, max(BAND_PIXELS["llvm"], BAND_ROWS * width_px)) / 1e6
     # A chunk is a tile at least.
     needed += max(0, TILE_PX * TILE_PX * rays - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
     return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)

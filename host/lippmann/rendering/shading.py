@@ -28,9 +28,9 @@ from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import RaySource
 from lippmann.variant import drjit, mitsuba
 
-#: Renders a chunk: its pixels' three colours, and the numbers of lost samples. Its arguments are the numbers of the
-#: chunk's samples (UInt32), its first tile, its `Seeds`, and the scene's `Pose`.
-Program = Callable[[Any, Any, Seeds, Pose], tuple[list[Any], list[Any]]]
+#: Renders a chunk: its samples' colours, and the numbers of lost ones. Its arguments are the numbers of the chunk's
+#: samples (UInt32), its first tile, its `Seeds`, and the scene's `Pose`.
+Program = Callable[[Any, Any, Seeds, Pose], tuple[Any, list[Any]]]
 #: What happens to a ray; its arguments are a sampler, rays, which of them exist, and what else the program is given.
 Follow = Callable[..., tuple[Any, ...]]
 #: What becomes of a sample by shared light: nothing to see, on a lattice, or to be traced by itself.
@@ -42,9 +42,9 @@ def each_program(scene: Scene, source: RaySource, samples: int, integrator: Any)
     parts = Parts.of(source.layout)
     traced = _colour_of_each(scene, source, samples, integrator)
 
-    def program(index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[list[Any], list[Any]]:
+    def program(index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[Any, list[Any]]:
         colour, *lost = traced(index, first, seeds, pose, parts)
-        return _means(colour, colour_count(source.layout), samples), lost
+        return colour, lost
 
     return program
 
@@ -60,7 +60,7 @@ class SharedProgram:
         self._traced = _colour_of_each(scene, source, samples, integrator)
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
-    def __call__(self, index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[list[Any], list[Any]]:
+    def __call__(self, index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[Any, list[Any]]:
         """Return what a `Program` does."""
         dr, mi = drjit(), mitsuba()
 
@@ -71,7 +71,7 @@ class SharedProgram:
         if dr.width(alone):
             own, *_ = self._traced(dr.gather(mi.UInt32, index, alone), first, seeds, pose, self._parts)
             dr.scatter(colour, own, alone)
-        return _means(colour, self._colours, self.samples), lost
+        return colour, lost
 
     def light_of(self, place: Place, shared: Any) -> Any:
         """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
@@ -89,7 +89,7 @@ class SharedProgram:
         on = fate == SHARED
         found = []
         for light in (self.light.between(place, on), self.light.at(place)):
-            means = _means(dr.select(on, weight * light, 0.0), self._colours, samples)
+            means = means_of(dr.select(on, weight * light, 0.0), self._colours, samples)
             found.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
         return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
 
@@ -189,7 +189,7 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
     return follow
 
 
-def _means(colour: Any, colours: int, samples: int) -> list[Any]:
+def means_of(colour: Any, colours: int, samples: int) -> list[Any]:
     """Return the pixels' means of red, green and blue; of several colours each has the samples of its own."""
     dr, mi = drjit(), mitsuba()
 

@@ -1,0 +1,105 @@
+"""The pixels' filter: a sample near a pixel's edge counts for the neighbour too, where one lenslet shows both.
+
+A pixel is to be the mean over its area. An edge of the scene runs on into the neighbours, so their samples tell of it.
+The weight of a sample that lies x, y from a pixel's middle is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s between 0
+and 1: the pixel's box, blurred by one of 2 s pixels (`softness`). A pixel is the weighted mean of its own samples and
+those of the four neighbours beside it. Pixels of other lenslets look elsewhere, and give nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from lippmann.images import BAND_ROWS
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.sampling import points_in_pixel
+from lippmann.rendering.samples import Seeds
+from lippmann.rendering.sources import RaySource
+from lippmann.variant import current_device, drjit, mitsuba
+
+#: Samples of a pixel, at most, that count for neighbours: of more, their own mean is as good where detail is finest.
+MOST_SAMPLES = 4
+#: The weights begin to fall half the samples' distance from a pixel's edge: there the noise of straight edges is least.
+SOFTNESS = 0.5
+#: That of the second and later passes over a picture, whose mean needs none.
+NO_SOFTNESS = 1e-6
+#: The four neighbours: columns to the right, and rows down.
+SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
+#: Memory for each pixel of a band: sums of four numbers, for itself and the sides, and its part.
+BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
+
+
+def softness(samples: int) -> float:
+    """Return how far from a pixel's edge, px, the weights of samples begin to fall."""
+    return SOFTNESS / math.sqrt(samples)
+
+
+def weight(distance: Any, soft: Any) -> Any:
+    """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's middle."""
+    dr = drjit()
+    return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
+
+
+def is_filtered(source: RaySource, samples: int) -> bool:
+    """Tell whether samples of a source count for neighbours: not one of a sub-pixel, whose neighbours are far."""
+    return 1 < samples <= MOST_SAMPLES and source.layout is None and source.part is not None
+
+
+class PixelFilter:
+    """Sums over the samples of a band's pixels: for themselves, and for each of `SIDES`."""
+
+    def __init__(self, source: RaySource, samples: int, rows: range) -> None:
+        """Raise ValueError for a source that is not to be filtered."""
+        if source.part is None:
+            raise ValueError("pixels of this source stand alone")
+        dr, mi = drjit(), mitsuba()
+        self._part, self._samples, self._rows, self._width = source.part, samples, rows, source.width_px
+        pixels = len(rows) * source.width_px
+        #: Red, green, blue and weight of each pixel, for itself and for each side.
+        self._sums = [dr.empty(mi.Float, 4 * pixels) for _ in range(1 + len(SIDES))]
+        self._parts = dr.empty(mi.UInt32, pixels)
+
+    def add(self, colour: Any, pixel: Any, inside: Any, seeds: Seeds) -> None:
+        """Add the samples of pixels, one pixel's after the other's, by the pixels' numbers in the image."""
+        dr, mi = drjit(), mitsuba()
+        soft = dr.select(seeds.number == 0, softness(self._samples), NO_SOFTNESS)
+        number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
+        sums = [mi.Vector4f(0.0)] * len(self._sums)
+        for k in range(self._samples):
+            places = points_in_pixel(pixel, mi.UInt32(k), self._samples, seeds.image, seeds.number)
+            x, y = (place - 0.5 for place in places)
+            own = mi.Vector4f(*(dr.gather(mi.Float, channel, number + k) for channel in colour), 1.0)
+            along, up = weight(x, soft), weight(y, soft)
+            weights = [along * up]
+            weights += [weight(x - dx, soft) * up if dx else weight(y - dy, soft) * along for dx, dy in SIDES]
+            sums = [sum_ + w * own for sum_, w in zip(sums, weights, strict=True)]
+        b = DrJitBackend(current_device())
+        row = pixel // self._width
+        part = self._part(b, b.double(pixel - row * self._width) + 0.5, b.double(row) + 0.5)
+        place = pixel - dr.opaque(mi.UInt32, self._rows.start * self._width)
+        for plane, value in zip(self._sums, sums, strict=True):
+            dr.scatter(plane, value, place, inside)
+        dr.scatter(self._parts, part, place, inside)
+        dr.eval(self._sums, self._parts)
+
+    def colours(self) -> list[Any]:
+        """Return the band's red, green and blue, row by row.
+
+        Nothing is given across rows that are multiples of `BAND_ROWS`, so that bands of any height are alike.
+        """
+        dr, mi = drjit(), mitsuba()
+        pixel = dr.arange(mi.UInt32, self._width * len(self._rows))
+        # Opaque, so that bands of other heights need no compilation.
+        height, width = (dr.opaque(mi.Int32, value) for value in (len(self._rows), self._width))
+        row = mi.Int32(pixel) // width
+        column = mi.Int32(pixel) - row * width
+        total = dr.gather(mi.Vector4f, self._sums[0], pixel)
+        for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
+            # A pixel is given what the neighbour on the other side has for this one.
+            x, y = column - dx, row - dy
+            there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
+            neighbour = mi.UInt32(y * width + x)
+            there &= dr.gather(mi.UInt32, self._parts, neighbour, there) == dr.gather(mi.UInt32, self._parts, pixel)
+            total += dr.gather(mi.Vector4f, plane, neighbour, there)
+        return [channel / total.w for channel in (total.x, total.y, total.z)]
