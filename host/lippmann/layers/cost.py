@@ -17,6 +17,7 @@ from lippmann.layers.cut import Cut, Progress, Reach, cut_scene, reach_of
 from lippmann.layers.drawing import ExitLines, Filter, draw_golden, panel_bytes
 from lippmann.layers.stack import COLOURS, LayerStack
 from lippmann.observer import Eye, observe, whole_window
+from lippmann.rendering.pixel_filter import MOST_SAMPLES
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.rendering.scene import Scene
 
@@ -31,8 +32,8 @@ CURVE_BYTES = 8192
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Places of a moving eye, as shares of the reach to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
-#: Samples for each pixel of the full render.
-FULL_SAMPLES = 4
+#: Samples for each pixel of the full render: so many that pixels share none.
+FULL_SAMPLES = MOST_SAMPLES + 1
 
 
 @dataclass(frozen=True)

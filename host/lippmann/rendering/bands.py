@@ -312,8 +312,9 @@ def _check_disk(folder: Path, still: Still) -> None:
 def check_band_memory(still: Still) -> None:
     """Raise InputError when a band exceeds the memory limit."""
     rows, settings = max(len(rows) for rows in still.bands), still.options.settings
-    needed = memory_mb(still.display.panel.width_px, rows, settings.shading, still.rays)
-    what = f"a band of {rows} rows of {still.display.panel.width_px} pixels"
+    panel = still.display.panel
+    needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
+    what = f"a band of {rows} rows of {panel.width_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb")
 
 

@@ -35,6 +35,14 @@ def softness(samples: int) -> float:
     return SOFTNESS / math.sqrt(samples)
 
 
+def share_of_noise(samples: int) -> float:
+    """Return what is left of the noise of independent samples, where pixels share so many.
+
+    The root of the sum of the weights' squares, for samples anywhere: 1 - 2 s / 3 along each axis.
+    """
+    return 1.0 - 2.0 * softness(samples) / 3.0 if 1 < samples <= MOST_SAMPLES else 1.0
+
+
 def weight(distance: Any, soft: Any) -> Any:
     """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's middle."""
     dr = drjit()

@@ -11,9 +11,11 @@ import numpy as np
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
 from lippmann.rendering.lights import has_splats, needs_chance
+from lippmann.rendering.pixel_filter import share_of_noise
 from lippmann.rendering.renderer import Settings, make_integrator, render_view
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
+from lippmann.subpixels import layout_of
 from lippmann.viewing import viewing_distance
 
 #: Range of a scene's width, in widths of the panel, that gives no remark.
@@ -85,9 +87,12 @@ def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]
     )
     mean = 0.5 * float((first + second).mean())
     if mean > 0.0:
-        noise = float(np.sqrt(0.5 * ((first - second) ** 2).mean() / settings.samples)) / mean
+        noise = float(np.sqrt(0.5 * ((first - second) ** 2).mean())) / mean
+        enough = math.ceil((noise / NOISE) ** 2)
+        noise *= math.sqrt(1.0 / settings.samples)
+        if layout_of(panel.subpixels) is None:
+            noise *= share_of_noise(settings.samples)
         if noise > NOISE:
-            enough = math.ceil(settings.samples * (noise / NOISE) ** 2)
             yield (
                 f"note: with {settings.samples} sample{'s' if settings.samples > 1 else ''} the noise is "
                 f"{100.0 * noise:.0f} % of the mean light; "

@@ -209,7 +209,7 @@ class Renderer:
         if limit_mb is None:
             return True
         rows = self._height if self._in_memory else max(len(rows) for rows in self.bands)
-        return memory_mb(self._width, rows, "shared", self.rays) <= limit_mb
+        return memory_mb(self._width, rows, "shared", self._samples, self._colours) <= limit_mb
 
     @property
     def _chunk(self) -> int:
@@ -474,21 +474,21 @@ def render_rays(
     )
 
 
-def memory_mb(width_px: int, height_px: int, shading: Shading, rays: int) -> float:
-    """Return the memory that a picture, or a band of one, of so many rays a pixel needs, MB."""
+def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
+    """Return the memory that a picture, or a band of one, of so many samples for each colour of a pixel needs, MB."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
-    if 1 < rays <= MOST_SAMPLES:
+    if colours == 1 < samples <= MOST_SAMPLES:
         needed += BYTES_A_PIXEL * min(pixels, max(BAND_PIXELS["llvm"], BAND_ROWS * width_px)) / 1e6
     # A chunk is a tile at least.
-    needed += max(0, TILE_PX * TILE_PX * rays - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
+    needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
     return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
     """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
-    needed = memory_mb(width_px, height_px, settings.shading, settings.samples * colours)
+    needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
     what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
