@@ -52,7 +52,7 @@ test-full: lint ## lint, then every test (half an hour)
 	$(BIN)/pytest -n $(JOBS) --junitxml=build/test-full.xml
 
 # Those that trace or render with Dr.Jit; they fail without a GPU.
-GPU_TESTS := fast_engine recorded renderer golden_pictures converged panel observer capture_rays capture_lens mitsuba_sensor models_nest viewing parallax shared_light live
+GPU_TESTS := fast_engine recorded renderer pixel_filter golden_pictures converged panel observer capture_rays capture_lens mitsuba_sensor models_nest viewing parallax shared_light live
 test-gpu: $(READY) ## the fast engine and the renderer on an NVIDIA GPU (minutes)
 	LIPPMANN_TEST_DEVICE=cuda $(BIN)/pytest -n $(JOBS) --dist loadfile -m "not full" $(GPU_TESTS:%=tests/host/test_%.py)
 
