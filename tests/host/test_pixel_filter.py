@@ -1,26 +1,31 @@
 """The pixels' filter: against sums written out, and by what it is for."""
 
 import math
+from dataclasses import replace
 
 import drjit as dr
 import numpy as np
 import pytest
 from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import load_setup
+from lippmann.measure.pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.pixel_filter import MOST_SAMPLES, PixelFilter, is_filtered, softness
+from lippmann.rendering.placement import Placement
+from lippmann.rendering.renderer import Renderer, Settings, render_rays
 from lippmann.rendering.samples import Seeds
-from lippmann.rendering.sources import RaySource, Window, display_source, eye_source
+from lippmann.rendering.scene import scene_of
+from lippmann.rendering.sources import Lines, RaySource, Window, display_source, eye_source
 from lippmann.sim.tools import repository
-from lippmann.variant import current_device
+from lippmann.variant import current_device, mitsuba
 from scene_cases import focused_display, generator
 
 WIDTH, HEIGHT = 40, 150
 
 
-def source_of(part):
-    return RaySource(WIDTH, HEIGHT, lambda *_: None, part=part)
+def source_of(owner):
+    return RaySource(WIDTH, HEIGHT, lambda *_: None, owner=owner)
 
 
 def places_of(mi, samples, seed=3, number=0):
@@ -31,25 +36,31 @@ def places_of(mi, samples, seed=3, number=0):
     return np.array([np.array(x), np.array(y)]).reshape(2, -1, samples)
 
 
-def filtered(mi, colours, part, seed=3, number=0):
+def filtered(mi, colours, owner, seed=3):
     """The picture (HEIGHT, WIDTH, 3) of samples' colours (pixels, samples, 3), given in two pieces."""
     samples = colours.shape[1]
-    made = PixelFilter(source_of(part), samples, range(HEIGHT))
+    made = PixelFilter(source_of(owner), samples, range(HEIGHT))
     half = WIDTH * HEIGHT // 3
     for pixels in (np.arange(half, WIDTH * HEIGHT), np.arange(half)):
         flat = colours[pixels].reshape(-1, 3).T.astype(np.float32)
-        seeds = Seeds(mi.UInt32(seed), mi.UInt32(number))
+        seeds = Seeds(mi.UInt32(seed), mi.UInt32(0))
         made.add(mi.Color3f(*flat), mi.UInt32(pixels), mi.Bool(True), seeds)
     return np.stack([np.array(plane) for plane in made.colours()], axis=-1).reshape(HEIGHT, WIDTH, 3)
 
 
 def number_of(mi):
-    """Parts seven pixels wide and eleven high."""
+    """Owners seven pixels wide and eleven high."""
 
-    def part(b, u, v):
+    def owner(b, u, v):
         return mi.UInt32(mi.Int32(b.floor(u / 7.0))) * 0x10001 + mi.UInt32(mi.Int32(b.floor(v / 11.0)))
 
-    return part
+    return owner
+
+
+def owners(source, v):
+    """The owners of a row's pixels."""
+    u = dr.arange(mitsuba().Float64, source.width_px) + 0.5
+    return np.broadcast_to(np.array(source.owner(DrJitBackend(current_device()), u, 0.0 * u + v)), source.width_px)
 
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
@@ -115,11 +126,66 @@ def test_straight_edges_are_nearer_to_the_truth(mi, samples, most):
     assert soft < most * plain
 
 
-def test_a_second_pass_is_the_plain_mean(mi):
-    """Their mean over many passes has no softness."""
-    colours = generator(4).uniform(0.0, 2.0, (WIDTH * HEIGHT, 4, 3))
-    picture = filtered(mi, colours, lambda b, u, v: mi.UInt32(0), number=1)
-    np.testing.assert_allclose(picture.reshape(-1, 3), colours.mean(axis=1), rtol=1e-4)
+def test_an_infinite_sample_stays_where_it_counts(mi):
+    """A pixel that is given none of it keeps its own colour."""
+    colours = np.ones((WIDTH * HEIGHT, 4, 3))
+    middle = 75 * WIDTH + 20
+    colours[middle] = np.inf
+    picture = filtered(mi, colours, lambda b, u, v: mi.UInt32(0)).reshape(-1, 3)
+    assert not np.isnan(picture).any()
+    touched = np.flatnonzero(np.isinf(picture[:, 0]))
+    assert set(touched) <= {middle, middle - 1, middle + 1, middle - WIDTH, middle + WIDTH}
+    assert middle in touched
+    # One sample is near no more than one side along each axis, at least one is a quarter of a pixel from all.
+    colours[middle, 1:] = 1.0
+    assert len(np.flatnonzero(np.isinf(filtered(mi, colours, lambda b, u, v: mi.UInt32(0))[..., 0]))) <= 3
+
+
+def sheared(mi):
+    """A slanted plane, and a source that looks straight at it: a depth is a linear function of the place."""
+    turn = mi.ScalarTransform4f().rotate([0, 1, 0], 35.0).rotate([1, 0, 0], 20.0).scale([900.0, 900.0, 1.0])
+    card = {"type": "rectangle", "to_world": turn, "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse"}}}
+    scene = scene_of({"type": "scene", "card": card}, Placement(near_mm=100.0, far_mm=-100.0))
+
+    def lines(b, u, v, square):
+        x, y = mi.Float(u), mi.Float(v)
+        return Lines((x, y, 0.0 * x), (0.0 * x, 0.0 * x, 0.0 * x + 1.0), mi.Bool(True))
+
+    normal = np.array(turn @ mi.ScalarNormal3f(0, 0, 1)).ravel()
+    return scene, RaySource(WIDTH, HEIGHT, lines, owner=number_of(mi)), normal
+
+
+@pytest.mark.parametrize("samples", [2, 3, 4])
+def test_a_renderers_samples_lie_where_the_filter_takes_them_to_be(mi, samples):
+    """The depth of a slanted plane, by the plane's equation at the samples' places."""
+    scene, source, (a, b, c) = sheared(mi)
+    settings = Settings(samples, integrator="depth", seed=3, shading="each")
+    picture = render_rays(scene, source, settings).radiance
+    row, column = np.divmod(np.arange(WIDTH * HEIGHT), WIDTH)
+    x, y = places_of(mi, samples) + np.stack([column, row])[..., None]
+    depths = 100.0 + (a * x + b * y) / c
+    wanted = filtered(mi, np.repeat(depths[..., None], 3, axis=2), number_of(mi))
+    np.testing.assert_allclose(picture, wanted, atol=1e-3)
+    # A second pass, of other places, is the plain mean.
+    renderer = Renderer(scene, source, settings)
+    renderer.move(scene.placement, 1)
+    x, y = places_of(mi, samples, number=1) + np.stack([column, row])[..., None]
+    plain = (100.0 + (a * x + b * y) / c).mean(axis=1).reshape(HEIGHT, WIDTH)
+    np.testing.assert_allclose(renderer.render(0)[0][..., 0], plain, atol=1e-3)
+    assert np.abs(wanted[..., 0] - plain).max() > 0.05
+
+
+def test_strips_of_a_picture(mi):
+    """Of 150 rows the second of two strips of 8 in 16, by hand; pixels of two strips share nothing."""
+    assert rows_of_strips(150, 2, 8).tolist() == [16 * k + 8 + j for k in range(9) for j in range(8)]
+    scene, source, (a, b, c) = sheared(mi)
+    strips = every_strip(replace(source, owner=lambda b, u, v: mi.UInt32(0)), 2, 8)
+    assert (strips.width_px, strips.height_px) == (WIDTH, 72)
+    picture = render_rays(scene, strips, Settings(1, integrator="depth")).radiance[..., 0]
+    row, column = np.meshgrid(rows_of_strips(150, 2, 8), np.arange(WIDTH), indexing="ij")
+    np.testing.assert_allclose(picture, 100.0 + (a * (column + 0.5) + b * (row + 0.5)) / c, atol=1e-3)
+    assert len(np.unique(owners(strips, 7.5))) == len(np.unique(owners(strips, 0.5))) == 1
+    assert np.unique([owners(strips, row + 0.5)[0] for row in range(72)], return_counts=True)[1].tolist() == [8] * 9
 
 
 def test_which_pixels_share(mi):
@@ -132,24 +198,21 @@ def test_which_pixels_share(mi):
     assert is_filtered(eye_source((0.0, 0.0, 600.0), Window(10.0, 10.0, 8, 8)), 4)
 
 
-def changes(mi, source, row):
+def changes(source, row):
     """The columns where another lenslet's pixels begin."""
-    b = DrJitBackend(current_device())
-    u = dr.arange(mi.Float64, source.width_px) + 0.5
-    numbers = np.array(source.part(b, u, mi.Float64(row + 0.5) + 0.0 * u))
-    return np.flatnonzero(np.diff(numbers.astype(np.int64))) + 1
+    return np.flatnonzero(np.diff(owners(source, row + 0.5).astype(np.int64))) + 1
 
 
 def test_the_lenslets_of_a_display(mi):
     """Eight pixels each, and the panel's middle is one's."""
     display = focused_display("square", width_px=40, height_px=40, pixel_pitch=1.0 / 8.0)
-    assert changes(mi, display_source(display, "exact", 4), 3).tolist() == [8, 16, 24, 32]
+    assert changes(display_source(display, "exact", 4), 3).tolist() == [8, 16, 24, 32]
 
 
 def test_the_lenslets_of_a_captured_picture(mi):
     """They are as far apart as on the display that shows it."""
     setup = load_setup(repository() / "scenes/setups/fig8a.toml")
     pitch = setup.array.pitches_mm[0] / setup.display.panel.coarsest_mm
-    found = changes(mi, capture_source(setup), 1000)
+    found = changes(capture_source(setup), 1000)
     np.testing.assert_allclose(found - found[0], pitch * np.arange(len(found)), atol=1.0)
     assert len(found) > 50

@@ -13,7 +13,7 @@ from lippmann.observer import Eye, Window, observe
 from lippmann.rendering import renderer as renderers
 from lippmann.rendering.irradiance import Irradiance, Place, corners, from_octahedron, on_octahedron, place_of
 from lippmann.rendering.placement import Placement
-from lippmann.rendering.renderer import Renderer, Settings, render_integral
+from lippmann.rendering.renderer import Renderer, Settings, radiance_of, render_integral
 from lippmann.rendering.scene import scene_of
 from lippmann.rendering.sources import display_source
 from lippmann.variant import current_device
@@ -213,6 +213,10 @@ def test_pictures_do_not_depend_on_bands(mi, subpixels):
     parts = Renderer(made, source, SETTINGS, [range(0, 64), range(64, 128), range(128, 150)])
     found = {number: parts.render(number)[0] for number in reversed(range(3))}
     assert (np.concatenate([found[number] for number in range(3)]) == whole).all()
+    planes = parts.planes(150)
+    for number in (1, 2, 0):
+        parts.draw(number, planes)
+    assert (radiance_of(planes, 96) == whole).all()
 
 
 def random_scene(mi, seed):

@@ -114,7 +114,7 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
             point, direction, through_array & through_lens, (through_array & ~through_lens, mi.Bool(~through_array))
         )
 
-    def part(b: DrJitBackend, u: Any, v: Any) -> Any:
+    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
         return number_of_lenslet(*lenslets_of(b, setup, u, v)[:2])
 
-    return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm, part=part)
+    return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm, owner=owner)

@@ -39,7 +39,7 @@ from lippmann.povray.optics import setup_view
 from lippmann.povray.program import POVRAY, Run
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.scene import Scene
-from lippmann.rendering.sources import RaySource
+from lippmann.rendering.sources import Lines, RaySource
 from lippmann.report.pages import Page
 from lippmann.report.plots import Plot
 from lippmann.variant import mitsuba
@@ -100,7 +100,11 @@ def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
 
     # Opaque: a literal would be compiled in, each time anew.
     du, dv = (dr.opaque(mi.Float, shift) for shift in shift_px)
-    return replace(source, lines=lambda b, u, v, square: source.lines(b, u + b.double(du), v + b.double(dv), square))
+
+    def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
+        return source.lines(b, u + b.double(du), v + b.double(dv), square)
+
+    return replace(source, lines=lines, owner=None)
 
 
 def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:

@@ -38,7 +38,7 @@ from lippmann.report.plots import MARKS, Plot, drawn, finish
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
-#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3; 5 suffice (`bench peers`).
+#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3; 4 suffice (`bench peers`).
 SAMPLES = 8
 #: Lippmann renders each picture without anti-aliasing so often; the fastest run counts.
 ROUNDS = 2

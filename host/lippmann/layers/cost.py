@@ -32,7 +32,7 @@ CURVE_BYTES = 8192
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Places of a moving eye, as shares of the reach to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
-#: Samples for each pixel of the full render: so many that pixels share none.
+#: Samples for each pixel of the full render: above `MOST_SAMPLES`, so that no pixel uses its neighbours'.
 FULL_SAMPLES = MOST_SAMPLES + 1
 
 

@@ -175,6 +175,7 @@ def _coarse(source: RaySource, block: int) -> RaySource:
         height_px=-(-source.height_px // block),
         lines=lambda b, u, v, square: source.lines(b, u * block, v * block, square),
         layout=None,
+        owner=None,
     )
 
 

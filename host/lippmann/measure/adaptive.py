@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,10 @@ import numpy.typing as npt
 from lippmann.display import Display, load_display
 from lippmann.images import encode
 from lippmann.measure.pictures import middle
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.samples import TILE_PX
 from lippmann.rendering.scene import Scene, load_scene
+from lippmann.rendering.sources import display_source
 
 #: Display and side of its middle that is rendered, px; scenes.
 DISPLAY, SIDE_PX, SCENES = "paper-square", 480, ("fish", "chart", "knot")
@@ -85,7 +87,9 @@ def samples_needed(true: Field, guess: Field, samples: float, least: float, powe
 
 
 def _encoded(scene: Scene, display: Display, seed: int, samples: int) -> Field:
-    rendered = render_integral(scene, display, "exact", Settings(samples, seed=seed, shading="each"))
+    # Plain means, so that one law of noise holds for pilots and for pictures of many samples.
+    source = replace(display_source(display, "exact", samples), owner=None)
+    rendered = render_rays(scene, source, Settings(samples, seed=seed, shading="each"))
     return encode(rendered.radiance, "srgb").astype(np.float64)
 
 

@@ -52,14 +52,14 @@ def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
     def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
         return source.lines(b, u, moved(b, v)[1], square)
 
-    def part(b: Any, u: Any, v: Any) -> Any:
-        assert source.part is not None
+    def owner(b: Any, u: Any, v: Any) -> Any:
+        assert source.owner is not None
         strip, v = moved(b, v)
-        # The strips' number is added, that pixels of two of them are no neighbours.
-        return source.part(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
+        # The strip's number is added, so that pixels of two strips never share.
+        return source.owner(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
 
     height = source.height_px // (every * rows) * rows
-    return replace(source, height_px=height, lines=lines, part=None if source.part is None else part)
+    return replace(source, height_px=height, lines=lines, owner=None if source.owner is None else owner)
 
 
 def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.int64]:

@@ -63,7 +63,7 @@ def chosen_model(
     """
     settings = options.settings
     if note is not None:
-        for remark in remarks(scene, display, settings):
+        for remark in remarks(scene, display, settings, options.engine):
             note(remark)
     if options.model != "auto":
         return options.model

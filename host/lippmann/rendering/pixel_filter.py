@@ -1,9 +1,10 @@
-"""The pixels' filter: a sample near a pixel's edge counts for the neighbour too, where one lenslet shows both.
+"""The pixels' filter: a sample near a pixel's edge counts for the neighbour too, where both have the same owner.
 
-A pixel is to be the mean over its area. An edge of the scene runs on into the neighbours, so their samples tell of it.
-The weight of a sample that lies x, y from a pixel's middle is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s between 0
-and 1: the pixel's box, blurred by one of 2 s pixels (`softness`). A pixel is the weighted mean of its own samples and
-those of the four neighbours beside it. Pixels of other lenslets look elsewhere, and give nothing.
+A pixel is to be the mean over its area. An edge of the scene that crosses it goes on in its neighbours, so their
+samples hold information about it. The weight of a sample that lies x, y from a pixel's middle is f(x) f(y), with
+f(d) = (1/2 + s - |d|) / 2s between 0 and 1: the pixel's box, blurred by one of 2 s pixels (`softness`). A pixel is the
+weighted mean of its own samples and those of the four neighbours beside it. Samples of pixels that another lenslet owns
+are not used.
 """
 
 from __future__ import annotations
@@ -22,11 +23,9 @@ from lippmann.variant import current_device, drjit, mitsuba
 MOST_SAMPLES = 4
 #: The weights begin to fall half the samples' distance from a pixel's edge: there the noise of straight edges is least.
 SOFTNESS = 0.5
-#: That of the second and later passes over a picture, whose mean needs none.
-NO_SOFTNESS = 1e-6
 #: The four neighbours: columns to the right, and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Memory for each pixel of a band: sums of four numbers, for itself and the sides, and its part.
+#: Memory for each pixel of a band: sums of four numbers, for itself and the sides, and its owner.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 
@@ -36,14 +35,15 @@ def softness(samples: int) -> float:
 
 
 def share_of_noise(samples: int) -> float:
-    """Return what is left of the noise of independent samples, where pixels share so many.
+    """Return, about, what is left of the noise of independent samples (of a lamp's random points, say).
 
-    The root of the sum of the weights' squares, for samples anywhere: 1 - 2 s / 3 along each axis.
+    It is the root of the weights' mean square, which is 1 - 2 s / 3 along each axis. Pixels at a lenslet's border,
+    which have fewer neighbours, keep more of it.
     """
     return 1.0 - 2.0 * softness(samples) / 3.0 if 1 < samples <= MOST_SAMPLES else 1.0
 
 
-def weight(distance: Any, soft: Any) -> Any:
+def weight(distance: Any, soft: float) -> Any:
     """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's middle."""
     dr = drjit()
     return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
@@ -51,7 +51,7 @@ def weight(distance: Any, soft: Any) -> Any:
 
 def is_filtered(source: RaySource, samples: int) -> bool:
     """Tell whether samples of a source count for neighbours: not one of a sub-pixel, whose neighbours are far."""
-    return 1 < samples <= MOST_SAMPLES and source.layout is None and source.part is not None
+    return 1 < samples <= MOST_SAMPLES and source.layout is None and source.owner is not None
 
 
 class PixelFilter:
@@ -59,19 +59,19 @@ class PixelFilter:
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         """Raise ValueError for a source that is not to be filtered."""
-        if source.part is None:
+        if source.owner is None:
             raise ValueError("pixels of this source stand alone")
         dr, mi = drjit(), mitsuba()
-        self._part, self._samples, self._rows, self._width = source.part, samples, rows, source.width_px
+        self._owner, self._samples, self._rows, self._width = source.owner, samples, rows, source.width_px
         pixels = len(rows) * source.width_px
         #: Red, green, blue and weight of each pixel, for itself and for each side.
         self._sums = [dr.empty(mi.Float, 4 * pixels) for _ in range(1 + len(SIDES))]
-        self._parts = dr.empty(mi.UInt32, pixels)
+        self._owners = dr.empty(mi.UInt32, pixels)
 
     def add(self, colour: Any, pixel: Any, inside: Any, seeds: Seeds) -> None:
         """Add the samples of pixels, one pixel's after the other's, by the pixels' numbers in the image."""
         dr, mi = drjit(), mitsuba()
-        soft = dr.select(seeds.number == 0, softness(self._samples), NO_SOFTNESS)
+        soft = softness(self._samples)
         number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
         sums = [mi.Vector4f(0.0)] * len(self._sums)
         for k in range(self._samples):
@@ -81,15 +81,16 @@ class PixelFilter:
             along, up = weight(x, soft), weight(y, soft)
             weights = [along * up]
             weights += [weight(x - dx, soft) * up if dx else weight(y - dy, soft) * along for dx, dy in SIDES]
-            sums = [sum_ + w * own for sum_, w in zip(sums, weights, strict=True)]
+            # Not 0 times a colour, which may be infinite.
+            sums = [sum_ + dr.select(w > 0.0, w * own, 0.0) for sum_, w in zip(sums, weights, strict=True)]
         b = DrJitBackend(current_device())
         row = pixel // self._width
-        part = self._part(b, b.double(pixel - row * self._width) + 0.5, b.double(row) + 0.5)
+        owner = self._owner(b, b.double(pixel - row * self._width) + 0.5, b.double(row) + 0.5)
         place = pixel - dr.opaque(mi.UInt32, self._rows.start * self._width)
         for plane, value in zip(self._sums, sums, strict=True):
             dr.scatter(plane, value, place, inside)
-        dr.scatter(self._parts, part, place, inside)
-        dr.eval(self._sums, self._parts)
+        dr.scatter(self._owners, owner, place, inside)
+        dr.eval(self._sums, self._owners)
 
     def colours(self) -> list[Any]:
         """Return the band's red, green and blue, row by row.
@@ -108,6 +109,6 @@ class PixelFilter:
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)
-            there &= dr.gather(mi.UInt32, self._parts, neighbour, there) == dr.gather(mi.UInt32, self._parts, pixel)
+            there &= dr.gather(mi.UInt32, self._owners, neighbour, there) == dr.gather(mi.UInt32, self._owners, pixel)
             total += dr.gather(mi.Vector4f, plane, neighbour, there)
         return [channel / total.w for channel in (total.x, total.y, total.z)]

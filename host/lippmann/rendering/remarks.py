@@ -10,6 +10,7 @@ import numpy as np
 
 from lippmann.display import Display
 from lippmann.display_properties import display_properties
+from lippmann.optics.rays import Engine
 from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.pixel_filter import share_of_noise
 from lippmann.rendering.renderer import Settings, make_integrator, render_view
@@ -46,8 +47,8 @@ def overridden(scene: Scene, settings: Settings) -> Iterator[str]:
         yield "note: the scene has no light, so the picture is black; add an <emitter> to the file"
 
 
-def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]:
-    """Yield the remarks on a render of a scene for a display: one line each."""
+def remarks(scene: Scene, display: Display, settings: Settings, engine: Engine = "fast") -> Iterator[str]:
+    """Yield the remarks on a render of a scene for a display, with the rays of an engine: one line each."""
     yield from overridden(scene, settings)
     panel, width = display.panel, scene.width_mm
     if width > 0.0 and not SIZE_SHARE[0] <= width / panel.width_mm <= SIZE_SHARE[1]:
@@ -90,7 +91,7 @@ def remarks(scene: Scene, display: Display, settings: Settings) -> Iterator[str]
         noise = float(np.sqrt(0.5 * ((first - second) ** 2).mean())) / mean
         enough = math.ceil((noise / NOISE) ** 2)
         noise *= math.sqrt(1.0 / settings.samples)
-        if layout_of(panel.subpixels) is None:
+        if engine == "fast" and layout_of(panel.subpixels) is None:
             noise *= share_of_noise(settings.samples)
         if noise > NOISE:
             yield (

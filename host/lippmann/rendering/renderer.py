@@ -356,7 +356,9 @@ class Renderer:
         mi = mitsuba()
         import drjit as dr
 
-        sums = PixelFilter(self._source, self._samples, rows) if self._filtered else None
+        # The mean of several passes is as good without.
+        filtered = self._filtered and self._pass == 0
+        sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
         for first in range(0, tiles, self._chunk):
             interrupts.check()
@@ -480,7 +482,8 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if colours == 1 < samples <= MOST_SAMPLES:
-        needed += BYTES_A_PIXEL * min(pixels, max(BAND_PIXELS["llvm"], BAND_ROWS * width_px)) / 1e6
+        band = len(bands_of(width_px, height_px, samples)[0])
+        needed += BYTES_A_PIXEL * band * width_px / 1e6
     # A chunk is a tile at least.
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
     return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)

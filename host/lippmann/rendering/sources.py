@@ -52,9 +52,9 @@ class RaySource:
     recordable: bool = True
     #: The finest detail that an eye sees in it, mm: the lenslets' pitch; None where there are none.
     detail_mm: float | None = None
-    #: Returns the numbers (UInt32) of the parts of the image that points lie in, by the first three arguments of
-    #: `lines`. In a part neighbouring pixels see neighbouring places, and share samples (`PixelFilter`). None: nowhere.
-    part: Callable[[DrJitBackend, Any, Any], Any] | None = None
+    #: Returns the numbers (UInt32) of the owners of points, by the first three arguments of `lines`; one for all where
+    #: there are no lenslets. Neighbouring pixels of one owner share samples (`PixelFilter`). None: pixels share none.
+    owner: Callable[[DrJitBackend, Any, Any], Any] | None = None
 
 
 def number_of_lenslet(i: Any, j: Any) -> Any:
@@ -109,13 +109,13 @@ def display_source(
         dx, dy, dz = (mi.Float(column) for column in rays.direction.astype(np.float32).T)
         return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
-    def part(b: DrJitBackend, u: Any, v: Any) -> Any:
+    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
         return number_of_lenslet(*System.of(display).locate(b, u, v)[:2])
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
     # The other engines are there to be compared: their pixels are plain means.
     fast = engine == "fast"
-    return RaySource(panel.width_px, panel.height_px, lines, layout, fast, finest, part if fast else None)
+    return RaySource(panel.width_px, panel.height_px, lines, layout, fast, finest, owner if fast else None)
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def eye_source(
         ray = dr.normalize(mi.Vector3f(ex - x, ey - y, ez - z))
         return Lines((x, y, z), (ray.x, ray.y, ray.z), mi.Bool(True))
 
-    def part(b: DrJitBackend, u: Any, v: Any) -> Any:
+    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
         return mitsuba().UInt32(0)
 
-    return RaySource(window.width_px, window.height_px, lines, part=part)
+    return RaySource(window.width_px, window.height_px, lines, owner=owner)
