@@ -161,12 +161,12 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
     return integrator
 
 
-def bands_of(width_px: int, height_px: int, rays: int) -> list[range]:
-    """Return the rows of the bands in which an image of so many rays a pixel is rendered.
+def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
+    """Return the rows of the bands in which an image of so many rays a pixel is rendered, on the current device.
 
     They are whole tiles, and whole bands of a file.
     """
-    device = current_device()
+    device = device or current_device()
     pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
     rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
     return [range(first, min(first + rows, height_px)) for first in range(0, height_px, rows)]
@@ -482,7 +482,8 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if colours == 1 < samples <= MOST_SAMPLES:
-        band = len(bands_of(width_px, height_px, samples)[0])
+        # Before a variant is set; a GPU has its own memory.
+        band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
     # A chunk is a tile at least.
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
