@@ -141,7 +141,7 @@ def test_an_infinite_sample_stays_where_it_counts(mi):
     assert len(np.flatnonzero(np.isinf(filtered(mi, colours, lambda b, u, v: mi.UInt32(0))[..., 0]))) <= 3
 
 
-def sheared(mi):
+def slanted(mi):
     """A slanted plane, and a source that looks straight at it: a depth is a linear function of the place."""
     turn = mi.ScalarTransform4f().rotate([0, 1, 0], 35.0).rotate([1, 0, 0], 20.0).scale([900.0, 900.0, 1.0])
     card = {"type": "rectangle", "to_world": turn, "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse"}}}
@@ -158,7 +158,7 @@ def sheared(mi):
 @pytest.mark.parametrize("samples", [2, 3, 4])
 def test_a_renderers_samples_lie_where_the_filter_takes_them_to_be(mi, samples):
     """The depth of a slanted plane, by the plane's equation at the samples' places."""
-    scene, source, (a, b, c) = sheared(mi)
+    scene, source, (a, b, c) = slanted(mi)
     settings = Settings(samples, integrator="depth", seed=3, shading="each")
     picture = render_rays(scene, source, settings).radiance
     row, column = np.divmod(np.arange(WIDTH * HEIGHT), WIDTH)
@@ -178,7 +178,7 @@ def test_a_renderers_samples_lie_where_the_filter_takes_them_to_be(mi, samples):
 def test_strips_of_a_picture(mi):
     """Of 150 rows the second of two strips of 8 in 16, by hand; pixels of two strips share nothing."""
     assert rows_of_strips(150, 2, 8).tolist() == [16 * k + 8 + j for k in range(9) for j in range(8)]
-    scene, source, (a, b, c) = sheared(mi)
+    scene, source, (a, b, c) = slanted(mi)
     strips = every_strip(replace(source, owner=lambda b, u, v: mi.UInt32(0)), 2, 8)
     assert (strips.width_px, strips.height_px) == (WIDTH, 72)
     picture = render_rays(scene, strips, Settings(1, integrator="depth")).radiance[..., 0]

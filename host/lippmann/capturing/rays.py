@@ -18,7 +18,7 @@ from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
-from lippmann.rendering.sources import Aperture, Lines, RaySource, number_of_lenslet
+from lippmann.rendering.sources import Aperture, Lines, RaySource, owner_number
 from lippmann.variant import mitsuba
 
 
@@ -36,22 +36,6 @@ def system_of(setup: Setup) -> System:
     return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
 
 
-def _seen(system: System, u: Arr, v: Arr) -> tuple[Arr, Arr]:
-    """Return the points of the array that a camera sees at pixel coordinates, array's axes, mm.
-
-    Its picture is as large as the display's elemental images ask for.
-    """
-    return system.convergence.towards_eye(*system.frame.array_from_panel(*system.frame.panel_from_pixel(u, v)))
-
-
-def lenslets_of(b: Backend, setup: Setup, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-    """Return the lenslets (i, j) of the image's pixel coordinates, and points from their centres, array's axes, mm."""
-    system = system_of(setup)
-    if isinstance(setup.pickup, Pickup):
-        return system.locate(b, u, v)
-    return system.lattice.locate(b, *_seen(system, u, v))
-
-
 def rays_from_picture(
     b: Backend, setup: Setup, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None = None
 ) -> CapturedRays:
@@ -62,11 +46,14 @@ def rays_from_picture(
     """
     system = system_of(setup)
     frame = system.frame
-    i, j, x, y = lenslets_of(b, setup, u, v)
-    if not isinstance(setup.pickup, Pickup):
+    if isinstance(setup.pickup, Pickup):
+        i, j, x, y = system.locate(b, u, v)
+    else:
         # The camera sees this point of the array's first principal plane, where the aperture points lie; the pinhole
-        # is on the axis, at the distance L.
-        px, py = frame.panel_from_array(*_seen(system, u, v))
+        # is on the axis, at the distance L. Its picture is as large as the display's elemental images ask for.
+        seen = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
+        i, j, x, y = system.lattice.locate(b, *seen)
+        px, py = frame.panel_from_array(*seen)
         to_camera = setup.camera_distance_mm
         assert to_camera is not None
         back = system.aperture_distance_mm / to_camera
@@ -115,6 +102,6 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
         )
 
     def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
-        return number_of_lenslet(*lenslets_of(b, setup, u, v)[:2])
+        return owner_number(*system_of(setup).locate(b, u, v)[:2])
 
     return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm, owner=owner)

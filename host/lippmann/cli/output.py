@@ -60,17 +60,17 @@ def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
 def _logged(label: str) -> Callable[[int, int], None]:
     """Return a callback (done, total) that logs a line every `LOGGED_S` seconds."""
     started = told = time.monotonic()
-    found: int | None = None  # done before the first call: it tells nothing of the speed
+    done_before: int | None = None  # what an earlier run did: it took this one no time
 
     def line(done: int, total: int) -> None:
-        nonlocal told, found
+        nonlocal told, done_before
         now = time.monotonic()
-        if found is None:
-            found = done
-        if now - told < LOGGED_S or done <= found:
+        if done_before is None:
+            done_before = done
+        if now - told < LOGGED_S or done <= done_before:
             return
         told = now
-        left = (now - started) * (total - done) / (done - found)
+        left = (now - started) * (total - done) / (done - done_before)
         log(f"{label}: {100 * done // total} % after {now - started:.0f} s, about {left:.0f} s left")
 
     return line

@@ -52,14 +52,18 @@ def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
     def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
         return source.lines(b, u, moved(b, v)[1], square)
 
+    height = source.height_px // (every * rows) * rows
+    taken = replace(source, height_px=height, lines=lines, owner=None)
+    owner_of = source.owner
+    if owner_of is None:
+        return taken
+
     def owner(b: Any, u: Any, v: Any) -> Any:
-        assert source.owner is not None
         strip, v = moved(b, v)
         # The strip's number is added, so that pixels of two strips never share.
-        return source.owner(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
+        return owner_of(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
 
-    height = source.height_px // (every * rows) * rows
-    return replace(source, height_px=height, lines=lines, owner=None if source.owner is None else owner)
+    return replace(taken, owner=owner)
 
 
 def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.int64]:

@@ -15,7 +15,7 @@ from typing import Any
 from lippmann.images import BAND_ROWS
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
-from lippmann.rendering.samples import Seeds
+from lippmann.rendering.samples import Seeds, colour_count
 from lippmann.rendering.sources import RaySource
 from lippmann.variant import current_device, drjit, mitsuba
 
@@ -34,13 +34,18 @@ def softness(samples: int) -> float:
     return SOFTNESS / math.sqrt(samples)
 
 
-def share_of_noise(samples: int) -> float:
+def may_share(samples: int, colours: int) -> bool:
+    """Tell whether pixels may share, with so many samples for each of so many colours: sub-pixels are too far apart."""
+    return colours == 1 < samples <= MOST_SAMPLES
+
+
+def share_of_noise(samples: int, colours: int) -> float:
     """Return, about, what is left of the noise of independent samples (of a lamp's random points, say).
 
     It is the root of the weights' mean square, which is 1 - 2 s / 3 along each axis. Pixels at a lenslet's border,
     which have fewer neighbours, keep more of it.
     """
-    return 1.0 - 2.0 * softness(samples) / 3.0 if 1 < samples <= MOST_SAMPLES else 1.0
+    return 1.0 - 2.0 * softness(samples) / 3.0 if may_share(samples, colours) else 1.0
 
 
 def weight(distance: Any, soft: float) -> Any:
@@ -50,8 +55,8 @@ def weight(distance: Any, soft: float) -> Any:
 
 
 def is_filtered(source: RaySource, samples: int) -> bool:
-    """Tell whether samples of a source count for neighbours: not one of a sub-pixel, whose neighbours are far."""
-    return 1 < samples <= MOST_SAMPLES and source.layout is None and source.owner is not None
+    """Tell whether the pixels of a source, with so many samples, share them."""
+    return source.owner is not None and may_share(samples, colour_count(source.layout))
 
 
 class PixelFilter:

@@ -14,9 +14,9 @@ from lippmann.optics.rays import Engine
 from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.pixel_filter import share_of_noise
 from lippmann.rendering.renderer import Settings, make_integrator, render_view
+from lippmann.rendering.samples import colours_of
 from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
-from lippmann.subpixels import layout_of
 from lippmann.viewing import viewing_distance
 
 #: Range of a scene's width, in widths of the panel, that gives no remark.
@@ -91,8 +91,8 @@ def remarks(scene: Scene, display: Display, settings: Settings, engine: Engine =
         noise = float(np.sqrt(0.5 * ((first - second) ** 2).mean())) / mean
         enough = math.ceil((noise / NOISE) ** 2)
         noise *= math.sqrt(1.0 / settings.samples)
-        if engine == "fast" and layout_of(panel.subpixels) is None:
-            noise *= share_of_noise(settings.samples)
+        if engine == "fast":
+            noise *= share_of_noise(settings.samples, colours_of(panel))
         if noise > NOISE:
             yield (
                 f"note: with {settings.samples} sample{'s' if settings.samples > 1 else ''} the noise is "

@@ -28,7 +28,7 @@ from lippmann.limits import free_memory_mb, proc_mb
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
 from lippmann.rendering.lights import register_lights
-from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, MOST_SAMPLES, PixelFilter, is_filtered
+from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, PixelFilter, is_filtered, may_share
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count, lines_of, pixel_of
 from lippmann.rendering.scene import Scene
@@ -392,7 +392,7 @@ class Renderer:
     ) -> list[Any]:
         """Render tiles of some rows, numbered from their first; return the numbers of lost samples.
 
-        Into the filter's sums, or, where there is none, the samples' means into planes.
+        If there are `sums`, the samples are added to them; if not, each pixel's mean is written into the planes.
         """
         mi = mitsuba()
         import drjit as dr
@@ -481,7 +481,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
-    if colours == 1 < samples <= MOST_SAMPLES:
+    if may_share(samples, colours):
         # Before a variant is set; a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6

@@ -52,13 +52,14 @@ class RaySource:
     recordable: bool = True
     #: The finest detail that an eye sees in it, mm: the lenslets' pitch; None where there are none.
     detail_mm: float | None = None
-    #: Returns the numbers (UInt32) of the owners of points, by the first three arguments of `lines`; one for all where
-    #: there are no lenslets. Neighbouring pixels of one owner share samples (`PixelFilter`). None: pixels share none.
+    #: Returns numbers (UInt32) of the lenslets that own points; its arguments are the first three of `lines`. Without
+    #: lenslets all points have the same number. Neighbouring pixels with the same owner share samples (`PixelFilter`);
+    #: with None no pixels do.
     owner: Callable[[DrJitBackend, Any, Any], Any] | None = None
 
 
-def number_of_lenslet(i: Any, j: Any) -> Any:
-    """Return numbers (UInt32) of lenslets (i, j), of which neighbours have different ones."""
+def owner_number(i: Any, j: Any) -> Any:
+    """Return a number (UInt32) for each lenslet (i, j); neighbouring lenslets have different ones."""
     mi = mitsuba()
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
@@ -110,7 +111,7 @@ def display_source(
         return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
     def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
-        return number_of_lenslet(*System.of(display).locate(b, u, v)[:2])
+        return owner_number(*System.of(display).locate(b, u, v)[:2])
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
     # The other engines are there to be compared: their pixels are plain means.
