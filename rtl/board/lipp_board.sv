@@ -27,7 +27,8 @@
 /// pulse for each packet received, error_o for each that was dropped and for each pixel late; shown_o
 /// says that a frame or a scene is on the panel.
 ///
-/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation.
+/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation: in_ready_o
+/// is low in reset and until the first clock after it, so that no byte is lost there.
 /// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
 /// registers.
 module lipp_board #(
@@ -137,7 +138,13 @@ module lipp_board #(
   logic rx_valid, rx_ready, tx_valid, tx_ready, framing_error, overflow;
   logic [7:0] rx_data, tx_data;
   if (ByteLink) begin : gen_bytes
-    assign {rx_valid, rx_data, in_ready_o} = {in_valid_i, in_data_i, rx_ready};
+    // The registers leave reset some clocks after rst_ni has: a byte that comes before waits.
+    logic open_q;
+    always_ff @(posedge clk_i or negedge rst_n) begin
+      if (!rst_n) open_q <= 1'b0;
+      else open_q <= 1'b1;
+    end
+    assign {rx_valid, rx_data, in_ready_o} = {in_valid_i && open_q, in_data_i, rx_ready && open_q};
     assign {out_valid_o, out_data_o, tx_ready} = {tx_valid, tx_data, out_ready_i};
     assign tx_o = 1'b1;
     assign {framing_error, overflow} = '0;

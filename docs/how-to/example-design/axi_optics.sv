@@ -17,7 +17,7 @@ module axi_optics #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare
 ) (
   input  logic         clk_i,           // of all three ports
-  input  logic         rst_ni,          // asynchronous
+  input  logic         rst_ni,          // of all three ports; ends with the clock, as ARESETn does
 
   input  logic         s_axil_awvalid,
   output logic         s_axil_awready,
@@ -55,9 +55,6 @@ module axi_optics #(
 
   localparam int F = int'(Build.fraction_bits);
 
-  logic rst_n;
-  lipp_reset_sync i_reset (.clk_i, .rst_ni, .rst_no(rst_n));
-
   // ---- registers ----
   logic psel, penable, pwrite, pready, pslverr;
   logic [2:0] pprot;
@@ -65,7 +62,7 @@ module axi_optics #(
   logic [31:0] pwdata, prdata;
   logic [3:0] pstrb;
   lipp_axil_to_apb #(.AddressBits(9)) i_registers (
-    .clk_i, .rst_ni(rst_n),
+    .clk_i, .rst_ni,
     .s_axil_awvalid, .s_axil_awready, .s_axil_awaddr, .s_axil_awprot,
     .s_axil_wvalid, .s_axil_wready, .s_axil_wdata, .s_axil_wstrb,
     .s_axil_bvalid, .s_axil_bready, .s_axil_bresp,
@@ -81,7 +78,7 @@ module axi_optics #(
   logic signed [PixelBits-1:0] ray_u, ray_v;
   logic signed [F+1:0] ray_a, ray_b;
   lipp_axis_to_rays #(.F(F)) i_rays (
-    .clk_i, .rst_ni(rst_n),
+    .clk_i, .rst_ni,
     .s_axis_tvalid, .s_axis_tready, .s_axis_tdata, .s_axis_tlast, .s_axis_tuser,
     .ray_valid_o(ray_valid), .ray_ready_i(ray_ready), .ray_u_o(ray_u), .ray_v_o(ray_v),
     .ray_a_o(ray_a), .ray_b_o(ray_b), .ray_first_o(ray_first), .ray_last_o(ray_last)
@@ -95,7 +92,7 @@ module axi_optics #(
   ray_status_e exit_status;
   optics_config_t unused_optics;
   lipp_optics_block #(.Build(Build)) i_optics (
-    .clk_i, .rst_ni(rst_n),
+    .clk_i, .rst_ni,
     .s_apb_psel(psel), .s_apb_penable(penable), .s_apb_pwrite(pwrite), .s_apb_pprot(pprot),
     .s_apb_paddr(paddr), .s_apb_pwdata(pwdata), .s_apb_pstrb(pstrb), .s_apb_pready(pready),
     .s_apb_prdata(prdata), .s_apb_pslverr(pslverr),
@@ -109,7 +106,7 @@ module axi_optics #(
 
   // ---- exit rays ----
   lipp_axis_from_rays #(.F(F)) i_exits (
-    .clk_i, .rst_ni(rst_n),
+    .clk_i, .rst_ni,
     .exit_valid_i(exit_valid), .exit_ready_o(exit_ready), .exit_i_i(exit_i), .exit_j_i(exit_j),
     .exit_x_i(exit_x), .exit_y_i(exit_y), .exit_z_i(exit_z), .exit_dx_i(exit_dx),
     .exit_dy_i(exit_dy), .exit_dz_i(exit_dz), .exit_status_i(exit_status),
