@@ -357,6 +357,20 @@ def test_a_fit_of_two_numbers_names_those_that_moved():
     assert "array.index is 1.53 for 1.52" in names
 
 
+@pytest.mark.parametrize(("wrong", "looked_for"), [(1, False), (7, False), (8, True)])
+def test_two_faults_are_looked_for_in_eight_rays(monkeypatch, wrong, looked_for):
+    """Two fitted numbers could be read from fewer, and the search takes half a minute."""
+    looked = []
+    monkeypatch.setattr("lippmann.diagnose.judge.pairs", lambda *given: iter(looked.append(given) or ()))
+    display = display_for("square")
+    rays = traced(display, *rays_for(display, 200))
+    turned = rays["direction"].copy()
+    turned[:wrong] += np.random.default_rng(SEED).normal(0.0, 1e-2, (wrong, 3))
+    verdict = judged(display, rays | {"direction": turned})
+    assert (verdict.right, verdict.wrong, verdict.fault) == (False, wrong, None)
+    assert bool(looked) == looked_for
+
+
 def test_tie_rule():
     display = display_of("square", "panel", pixel_pitch=0.0625)
     (rays,) = hard_sets(display, "cell-ties", SEED, 36)

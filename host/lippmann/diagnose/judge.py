@@ -44,7 +44,7 @@ NEARER, SAME = 0.5, 1e-9
 WORD_UNITS = 64.0
 #: The largest difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8
-#: Delays of the outputs that are tried, in rays, and the fewest rays that show one.
+#: Delays of the outputs that are tried, in rays, and the fewest rays that show one, or two faults at once.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 #: Sides of a cell of two owners, as `coverage.tied_sides`.
 SIDES = ("left", "lower")
@@ -336,7 +336,12 @@ def _best(seen: Comparison) -> _Finding | None:
 
 
 def _two(seen: Comparison) -> _Finding | None:
-    """Return stage, names and share of the first two faults that together give nearly all rays."""
+    """Return stage, names and share of the first two faults that together give nearly all rays.
+
+    None for a few wrong rays, in which two fitted numbers could be read whatever their cause.
+    """
+    if seen.wrong.sum() < MANY:
+        return None
     for lag in (1, -1):
         found = _best(seen.later(lag))
         if found is not None:
