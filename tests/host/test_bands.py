@@ -15,6 +15,8 @@ import pytest
 from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.errors import InputError, NoSpaceError
+from lippmann.film.film import load_film
+from lippmann.film.shot import render_shot, shots_of, with_one_shading
 from lippmann.images import read_picture
 from lippmann.rendering import bands, renderer
 from lippmann.rendering.bands import Band, here, render_bands, still_of, write_still
@@ -22,6 +24,7 @@ from lippmann.rendering.cluster import local_workers
 from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
+from lippmann.rendering.scene import load_scene
 from lippmann.sim.tools import repository
 from test_film import DISPLAY, SCENE
 from test_film_cluster import Cluster, until
@@ -69,6 +72,52 @@ def test_bands_are_the_picture(place, narrow, settings):
     assert not (place / "a.exr.bands").exists()
     # Any band alone, as a worker renders it.
     np.testing.assert_array_equal(Band(whole, 3).render()[0], image.radiance[192:256])
+
+
+#: A card before a wall that has more points, 0.5 mm apart, than the picture has rays.
+WALL = """<scene version="3.0.0">
+  <emitter type="point"><point name="position" x="300" y="400" z="600" /><rgb name="intensity" value="4e5" /></emitter>
+  <shape type="rectangle"><transform name="to_world"><scale value="13" /><translate y="-2" /></transform></shape>
+  <shape type="rectangle"><transform name="to_world"><scale value="190" /><translate z="-20" /></transform></shape>
+</scene>"""
+
+
+@pytest.mark.parametrize("film", [False, True])
+def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film):
+    """What was too large for `auto` alone had its light shared by workers, bands and films: 28 dB, where 45 are kept."""
+    monkeypatch.setattr(renderer, "LEAST_LAMPS", 1)
+    monkeypatch.setattr(renderer, "LEAST_RAYS", 1)
+    monkeypatch.setattr(renderer, "RAYS_A_POINT", 0.4)
+    (place / "three.xml").write_text(WALL)
+    display = load_display(place / "small.toml")
+    options = RenderOptions("exact", settings=Settings(samples=4))
+    auto, shared = (
+        render_image(load_scene(place / "three.xml", Placement()), display, replace(options, settings=settings))
+        for settings in (options.settings, replace(options.settings, shading="shared"))
+    )
+    assert auto.metadata["shading"] == shared.metadata["shading"] == "shared"
+    assert not np.array_equal(auto.radiance, shared.radiance)
+    if film:
+        (place / "film.toml").write_text('scene = "three.xml"\nframes = 1\n')
+        one = load_film(place / "film.toml")
+        (shot,) = with_one_shading(one, shots_of(one, display, options), print)
+        np.testing.assert_array_equal(render_shot(shot).radiance, auto.radiance)
+        return
+    whole, _ = still(place, options.settings)
+    for number, rows in enumerate(whole.bands):
+        radiance, _ = Band(whole, number).render()
+        np.testing.assert_array_equal(radiance, auto.radiance[rows.start : rows.stop])
+
+
+def test_a_link_to_a_scene_stands_where_it_is(place, narrow):
+    """Its pictures lie beside it, not beside what it leads to."""
+    (place / "own").mkdir()
+    (place / "own/linked.xml").symlink_to(place / "three.xml")
+    found, _ = still_of(
+        RenderOptions("exact"), place / "own/linked.xml", load_display(place / "small.toml"), Placement(), None, print
+    )
+    assert found.scene == place / "own/linked.xml"
+    assert found.metadata["scene"] == "linked.xml"
 
 
 def test_bands_of_many_rays_are_small_and_tell_their_rows(place, mi, monkeypatch):

@@ -87,7 +87,7 @@ def load_film(path: str | Path) -> Film:
         raise InputError(f"{path}: near_mm {near:g} is not in front of far_mm {far:g}; +z is towards the eye")
     world = film.world and _moving(film.world, film, f"{path}: world")
     moving = tuple(_moving(one, film, f"{path}: object[{place}]") for place, one in enumerate(film.object))
-    return replace(film, scene=(path.parent / film.scene).resolve(), object=moving, world=world)
+    return replace(film, scene=(path.parent / film.scene).absolute(), object=moving, world=world)
 
 
 def _moving(path: AnyPath, film: Film, where: str) -> AnyPath:

@@ -105,12 +105,11 @@ def with_one_shading(film: Film, shots: list[Shot], note: Callable[[str], None])
         return shots
     for frame in film.key_frames:
         renderer = renderer_of(scene_of_shot(shots[frame]), shots[frame].display, options)
-        shading = renderer.decide()
-        if renderer.remark is not None and (shading == "each" or frame == film.key_frames[-1]):
+        settings = renderer.decide()
+        if renderer.remark is not None and (settings.shading == "each" or frame == film.key_frames[-1]):
             note(f"frame {frame}: {renderer.remark}")
-        if shading == "each":
+        if settings.shading == "each":
             break
-    settings = replace(options.settings, shading=shading)
     return [replace(shot, options=replace(options, settings=settings)) for shot in shots]
 
 

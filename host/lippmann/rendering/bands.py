@@ -102,14 +102,13 @@ def still_of(
     # No tolerance is left when the model is chosen.
     chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
     bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, _rays(chosen, display)))
-    path = loaded.path.resolve()  # workers have folders of their own
+    path = loaded.path.absolute()  # workers have folders of their own; the files of a link are those beside it
     still = Still(path, digest_of(path), loaded.placement, display, chosen, bands)
     renderer = still.renderer(loaded)
-    shading = renderer.decide()
+    # As for the model: every worker does what was chosen here.
+    settings = renderer.decide()
     if renderer.remark is not None:
         note(renderer.remark)
-    # As for the model: every worker does what was chosen here.
-    settings = replace(chosen.settings, shading=shading)
     return replace(still, options=replace(chosen, settings=settings)), loaded
 
 

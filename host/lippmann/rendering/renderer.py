@@ -88,6 +88,8 @@ class Settings:
     memory_mb: float | None = None
     #: Whether neighbouring rays share the light of diffuse surfaces (`Irradiance`): "auto" where it pays.
     shading: Shading = "auto"
+    #: The most points that shared light is known at; None: with "shared" all that it holds, with "auto" fewer than rays.
+    light_points: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse settings out of range."""
@@ -188,6 +190,7 @@ class Renderer:
         `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `program` is what lights
         samples where light is shared.
         """
+        self._settings, self._most = settings, settings.light_points
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
@@ -234,7 +237,10 @@ class Renderer:
             return "each", None
         if wanted == "auto" and not self._fits(settings.memory_mb):
             return "each", "light is not shared: --memory-mb leaves no room for it"
-        most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, rays // RAYS_A_POINT)
+        most = settings.light_points
+        if most is None:
+            most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, int(rays // RAYS_A_POINT))
+        self._most = most
         light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
         if not light.points:
             why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
@@ -275,11 +281,15 @@ class Renderer:
         self._draw(range(TILE_PX), 1, self.planes(TILE_PX), 0)
         return time.perf_counter() - started
 
-    def decide(self) -> Shading:
-        """Return how light is shaded, after a trial where that is open (`remark` tells what it said)."""
+    def decide(self) -> Settings:
+        """Return settings that leave nothing open, after a trial where that is needed (`remark` tells what it said).
+
+        By these any process shades as this one does: the same bodies share their light.
+        """
         if self.shading == "auto":
             self.prepare()
-        return self.shading
+        most = self._most if self.shading == "shared" else None
+        return replace(self._settings, shading=self.shading, light_points=most)
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
         """Return the tiles that are tried: one anywhere in each of equal parts, for a regular grid misses columns."""
