@@ -138,7 +138,7 @@ def not_written(path: Path, why: str = "", tried: Path | None = None) -> Lippman
     `tried` is the file that it was writing: a little more is written there to tell.
     """
     if on_full_disk(tried or path):
-        return no_space(str(path), why)
+        return no_space(str(path))
     return input_error(str(path), f"cannot be written ({why})", "free space or choose another place")
 
 

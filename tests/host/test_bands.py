@@ -5,26 +5,29 @@ import io
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.display import load_display
-from lippmann.errors import InputError, NoSpaceError
+from lippmann.errors import DeviceError, InputError, NoSpaceError
 from lippmann.film.film import load_film
 from lippmann.film.shot import render_shot, shots_of, with_one_shading
 from lippmann.images import read_picture
 from lippmann.rendering import bands, renderer
-from lippmann.rendering.bands import Band, here, render_bands, still_of, write_still
-from lippmann.rendering.cluster import local_workers
+from lippmann.rendering.bands import Band, here, left_over, render_bands, still_of, write_still
+from lippmann.rendering.cluster import local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import load_scene
+from lippmann.rendering.scene import digest_of, load_scene
 from lippmann.sim.tools import repository
 from test_film import DISPLAY, SCENE
 from test_film_cluster import Cluster, until
@@ -84,7 +87,7 @@ WALL = """<scene version="3.0.0">
 
 @pytest.mark.parametrize("film", [False, True])
 def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film):
-    """What was too large for `auto` alone had its light shared by workers, bands and films: 28 dB, where 45 are kept."""
+    """What was too large for `auto` had its light shared by workers, bands and films: 28 dB, where 45 are kept."""
     monkeypatch.setattr(renderer, "LEAST_LAMPS", 1)
     monkeypatch.setattr(renderer, "LEAST_RAYS", 1)
     monkeypatch.setattr(renderer, "RAYS_A_POINT", 0.4)
@@ -270,7 +273,7 @@ def test_bands_of_another_picture_are_removed_and_told(place, narrow):
         told = []
         render_bands(place / "a.exr", whole, here(whole, scene), quiet, told.append)
         assert len(told) == (removed > 0)
-        assert all(f"a.exr.bands: {removed} bands are removed" in line for line in told)
+        assert all(f"a.exr.bands: removed {removed} of another scene" in line for line in told)
 
 
 def test_a_scheduler_that_is_not_there_leaves_nothing(place, mi, capfd):
@@ -391,6 +394,55 @@ def test_a_signal_to_all_processes_of_a_terminal_is_one_line(large, mi, number):
     assert "Traceback" not in err
     assert "leaked" not in err
     assert err.splitlines()[-1].startswith("lippmann: interrupted")
+
+
+def test_own_workers_run_nothing_of_the_current_folder(large, mi):
+    for name in ("signal", "random", "numpy", "distributed"):
+        (large / f"{name}.py").write_text("raise SystemExit('ran a file of the current folder')")
+    command = [Path(sys.executable).with_name("lippmann"), *RENDER, "--json", "-o", "a.png", "--workers", "1"]
+    done = subprocess.run(command, cwd=large, capture_output=True, text=True, check=False)
+    assert (done.returncode, "current folder" in done.stderr) == (0, False), done.stderr
+    assert json.loads(done.stdout)["bands"] == 4
+
+
+def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch, capfd):
+    """Dask would have them wait for memory: its limit is off, and what all of them need is looked at before."""
+    monkeypatch.chdir(large)
+    assert run([*RENDER, "-o", "a.png", "--workers", "64", "--memory-mb", "2000"]) == 2
+    said = capfd.readouterr().err
+    assert re.search(r"a band of \d+ rows of \d+ pixels for each of 64 workers: needs \d+ MB.*fewer --workers", said)
+    assert not (large / "a.png.bands").exists()
+    from distributed import Client
+
+    with local_workers(1) as (address, security), Client(address, security=security, timeout=20) as client:
+        assert client.run(lambda dask_worker: dask_worker.memory_manager.memory_limit) == dict.fromkeys(
+            client.scheduler_info()["workers"]
+        )
+
+
+class Deadly(NamedTuple):
+    """A task that ends its worker."""
+
+    scene: Path
+    digest: str
+
+    def render(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_own_workers_that_end_again_and_again_are_told(place):
+    path = place / "three.xml"
+    with local_workers(2) as (address, security), pytest.raises(DeviceError) as error:
+        list(render_on_cluster(address, "llvm", [Deadly(path, digest_of(path))], security=security))
+    assert re.fullmatch(r"--workers: .* crashed several workers; .* memory: give fewer of them", str(error.value))
+
+
+def test_bands_that_are_left_are_told(place, narrow):
+    whole, scene = still(place, SETTINGS[1])
+    kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+    kept.release()
+    assert left_over(place / "a.exr").startswith(f"{place}/a.exr.bands: keeps 5 of an interrupted render; remove it")
+    assert left_over(place / "b.exr") is None
 
 
 def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):

@@ -23,7 +23,17 @@ from lippmann.integral_image import IntegralImage
 from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.remarks import depth_remarks
-from lippmann.rendering.bands import Still, Work, here, is_kept, render_bands, still_of, write_still
+from lippmann.rendering.bands import (
+    Still,
+    Work,
+    check_band_memory,
+    here,
+    is_kept,
+    left_over,
+    render_bands,
+    still_of,
+    write_still,
+)
 from lippmann.rendering.cluster import check_scheduler, local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.renderer import Progress, peak_memory_mb, process_seconds
@@ -31,7 +41,17 @@ from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.variant import current_device, start_mitsuba
 
 #: Options that only scenes have.
-OF_SCENES = ("aperture", "integrator", "max_depth", "tolerance", "memory_mb", "workers", "scheduler", "device")
+OF_SCENES = (
+    "aperture",
+    "integrator",
+    "max_depth",
+    "tolerance",
+    "shading",
+    "memory_mb",
+    "workers",
+    "scheduler",
+    "device",
+)
 
 
 @make_command("render")
@@ -84,6 +104,8 @@ def command(
             else:
                 image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
                 made = _saved(image, path)
+                if (said := left_over(path)) is not None:
+                    log(said)
     panel = made.display.panel
     seconds = made.measured["seconds"]
     rest = time.perf_counter() - begun - seconds - made.measured.get("prepare_seconds", 0.0) - made.write_seconds
@@ -154,6 +176,7 @@ def _written(path: Path, still: Still, work: Work, progress: Progress) -> _Made:
 def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None, device: str) -> Iterator[Work]:
     """Give what renders bands: this process, workers that it starts, or those of a scheduler."""
     if workers is not None:
+        check_band_memory(still, workers)
         with local_workers(workers) as (address, security):
             yield lambda bands, _: render_on_cluster(address, device, bands, log, security)
     elif scheduler is not None:

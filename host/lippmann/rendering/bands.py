@@ -262,7 +262,7 @@ def render_bands(
     _check_disk(folder, still)
     kept = KeptBands(folder, still)
     if kept.removed:
-        note(f"{folder}: {kept.removed} bands are removed; their scene, display, options or version is another")
+        note(f"{folder}: removed {kept.removed} of another scene, display, options or version")
     missing = kept.missing()
     done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
     progress(done, panel.height_px)
@@ -308,13 +308,22 @@ def _check_disk(folder: Path, still: Still) -> None:
         raise NoSpaceError.at(str(folder), what, "free space or choose another place with -o")
 
 
-def check_band_memory(still: Still) -> None:
-    """Raise InputError when a band exceeds the memory limit."""
+def left_over(path: Path) -> str | None:
+    """Return what is to be said when a picture was made without bands, and some of an earlier render are there."""
+    folder = path.with_name(f"{path.name}.bands")
+    count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir()) if folder.is_dir() else 0
+    return f"{folder}: keeps {count} of an interrupted render; remove it unless that is to go on" if count else None
+
+
+def check_band_memory(still: Still, workers: int = 1) -> None:
+    """Raise InputError when a band for each of so many workers of this machine exceeds the memory limit."""
     rows, settings = max(len(rows) for rows in still.bands), still.options.settings
     panel = still.display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
-    what = f"a band of {rows} rows of {panel.width_px} pixels"
-    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb")
+    what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise --memory-mb"
+    if workers > 1:
+        what, remedy = f"{what} for each of {workers} workers", f"{remedy} or give fewer --workers"
+    check_memory_mb(workers * needed, settings.memory_mb, what, remedy)
 
 
 def is_kept(options: RenderOptions, display: Display) -> bool:

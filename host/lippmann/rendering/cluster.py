@@ -10,6 +10,7 @@ import contextlib
 import functools
 import itertools
 import logging
+import os
 import re
 import signal
 import threading
@@ -66,7 +67,7 @@ def render_on_cluster(
 
     `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
     tasks are distributed in their order. `log` is called with a message when no worker is left. `security` is what the
-    scheduler's connections need (`distributed.Security`).
+    scheduler's connections need (`distributed.Security`), where the workers are this command's own (`local_workers`).
 
     Raises InputError when no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a
     different scene or different versions; DeviceError when the scheduler is lost, or a task crashes several workers;
@@ -107,8 +108,9 @@ def render_on_cluster(
             f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
         ) from None
     except KilledWorker:
-        what = f"{task} crashed several workers"
-        raise device_error(address, what, "see their logs; they may lack memory") from None
+        own = security is not None
+        remedy = f"{'' if own else 'see their logs; '}they may lack memory{': give fewer of them' if own else ''}"
+        raise device_error("--workers" if own else address, f"{task} crashed several workers", remedy) from None
     except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
         what = f"the scheduler is lost ({type(error).__name__})"
         remedy = "start it and run the command again: what is finished is kept"
@@ -126,8 +128,9 @@ def check_scheduler(address: str) -> None:
 def local_workers(count: int) -> Iterator[tuple[str, Any]]:
     """Start workers on this machine, on loopback alone; yield their scheduler's address and its `Security`.
 
-    They talk by TLS with a key that only these processes have: who reaches a port of Dask's may run programs. A worker
-    that dies is replaced. MissingLibraryError when Dask is missing.
+    They talk by TLS with a key that only these processes have: who reaches a port of Dask's may run programs. They run
+    no Python file of the current folder. A worker that dies is replaced. Who starts them sees that there is memory for
+    all: Dask would have a worker that holds its share of it wait for ever. MissingLibraryError when Dask is missing.
     """
     try:
         import dask
@@ -137,6 +140,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
     except ImportError as error:
         raise _no_dask(error) from None
     with contextlib.ExitStack() as end:
+        end.enter_context(_for_children())
         end.enter_context(
             dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
         )
@@ -147,12 +151,32 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
             signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
             cluster = LocalCluster(
                 n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=security,
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
+                memory_limit=0, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
             )  # fmt: skip
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         end.enter_context(cluster)
         yield cluster.scheduler_address, security
+
+
+@contextlib.contextmanager
+def _for_children() -> Iterator[None]:
+    """Let Python's processes that are started meanwhile import nothing from the current folder.
+
+    And say nothing of semaphores that are left when a signal ends them all.
+    """
+    quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
+    ours = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
+    before = {name: os.environ.get(name) for name in ours}
+    os.environ.update(ours)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _no_dask(error: ImportError) -> MissingLibraryError:

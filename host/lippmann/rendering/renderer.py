@@ -31,7 +31,7 @@ from lippmann.rendering.lights import register_lights
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, PixelFilter, is_filtered, may_share
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count, lines_of, pixel_of
-from lippmann.rendering.scene import Scene
+from lippmann.rendering.scene import Scene, without_places
 from lippmann.rendering.shading import Program, SharedProgram, each_program, means_of, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.variant import current_device, mitsuba
@@ -88,7 +88,7 @@ class Settings:
     memory_mb: float | None = None
     #: Whether neighbouring rays share the light of diffuse surfaces (`Irradiance`): "auto" where it pays.
     shading: Shading = "auto"
-    #: The most points that shared light is known at; None: with "shared" all that it holds, with "auto" fewer than rays.
+    #: The most points at which shared light is known; None: what it can hold, and with "auto" fewer than rays.
     light_points: int | None = None
 
     def __post_init__(self) -> None:
@@ -150,7 +150,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
             try:
                 integrator = mi.load_dict({"type": settings.integrator})
             except Exception:
-                reason = " ".join(str(error).split())[:200]
+                reason = without_places(error)[:200]
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None

@@ -142,12 +142,14 @@ def parsed(
         what = f"names {error.filename}, which cannot be read ({error.strerror})"
         raise input_error(str(path), what, "mend the scene file") from None
     except Exception as error:  # Mitsuba's errors have no common base
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        # Without positions in Mitsuba's source.
-        text = re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(lines)) or type(error).__name__
-        raise input_error(str(path), text[:400], "mend the scene file") from None
+        raise input_error(str(path), without_places(error)[:400], "mend the scene file") from None
     finally:
         mi.set_file_resolver(before)
+
+
+def without_places(error: Exception) -> str:
+    """Return the text of an error of Mitsuba in one line, without positions in Mitsuba's source."""
+    return re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(str(error).split())) or type(error).__name__
 
 
 def load_scene(
