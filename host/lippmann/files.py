@@ -120,16 +120,16 @@ def no_space(where: str, why: str | None = None) -> NoSpaceError:
     return NoSpaceError.at(where, what, "free space or choose another place")
 
 
-def on_full_disk(path: Path) -> bool:
-    """Tell whether a file's disk is full: `PROBE_BYTES` more are written there."""
+def on_full_disk(path: Path) -> str | None:
+    """Return what the system says where a file's disk, or a quota, is full: `PROBE_BYTES` more are written there."""
     try:
         with path.open("ab") as stream:
             stream.write(bytes(PROBE_BYTES))
             stream.flush()
             os.fsync(stream.fileno())
     except OSError as error:
-        return is_full(error)
-    return False
+        return error.strerror if is_full(error) else None
+    return None
 
 
 def not_written(path: Path, why: str = "", tried: Path | None = None) -> LippmannError:
@@ -137,8 +137,8 @@ def not_written(path: Path, why: str = "", tried: Path | None = None) -> Lippman
 
     `tried` is the file that it was writing: a little more is written there to tell.
     """
-    if on_full_disk(tried or path):
-        return no_space(str(path))
+    if (full := on_full_disk(tried or path)) is not None:
+        return no_space(str(path), full)
     return input_error(str(path), f"cannot be written ({why})", "free space or choose another place")
 
 

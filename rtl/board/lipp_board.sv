@@ -28,7 +28,7 @@
 /// says that a frame or a scene is on the panel.
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation: in_ready_o
-/// is low in reset and until the first clock after it, so that no byte is lost there.
+/// is low until the clock after the registers have left reset, so that no byte is lost before.
 /// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
 /// registers.
 module lipp_board #(

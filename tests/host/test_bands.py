@@ -273,7 +273,7 @@ def test_bands_of_another_picture_are_removed_and_told(place, narrow):
         told = []
         render_bands(place / "a.exr", whole, here(whole, scene), quiet, told.append)
         assert len(told) == (removed > 0)
-        assert all(f"a.exr.bands: removed {removed} of another scene" in line for line in told)
+        assert all(f"a.exr.bands: bands are removed, {removed} of another" in line for line in told)
 
 
 def test_a_scheduler_that_is_not_there_leaves_nothing(place, mi, capfd):
@@ -410,7 +410,7 @@ def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch,
     monkeypatch.chdir(large)
     assert run([*RENDER, "-o", "a.png", "--workers", "64", "--memory-mb", "2000"]) == 2
     said = capfd.readouterr().err
-    assert re.search(r"a band of \d+ rows of \d+ pixels for each of 64 workers: needs \d+ MB.*fewer --workers", said)
+    assert re.search(r"a band of \d+ rows of \d+ pixels for each of 4 workers: needs \d+ MB.*fewer --workers", said)
     assert not (large / "a.png.bands").exists()
     from distributed import Client
 
@@ -437,12 +437,15 @@ def test_own_workers_that_end_again_and_again_are_told(place):
     assert re.fullmatch(r"--workers: .* crashed several workers; .* memory: give fewer of them", str(error.value))
 
 
-def test_bands_that_are_left_are_told(place, narrow):
+def test_bands_that_are_left_are_told(place, narrow, capfd):
     whole, scene = still(place, SETTINGS[1])
     kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
     kept.release()
-    assert left_over(place / "a.exr").startswith(f"{place}/a.exr.bands: keeps 5 of an interrupted render; remove it")
+    assert left_over(place / "a.exr").startswith(f"{place}/a.exr.bands: has 5 bands of a render that is not done; ")
     assert left_over(place / "b.exr") is None
+    words = [str(place / "three.xml"), "--display", str(place / "small.toml"), "-o", str(place / "a.exr")]
+    assert run(["render", *words, "--device", "llvm"]) == 0
+    assert f"{place}/a.exr.bands: has 5 bands" in capfd.readouterr().err
 
 
 def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):

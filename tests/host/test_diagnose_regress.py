@@ -368,7 +368,7 @@ def test_two_faults_are_looked_for_in_eight_rays(monkeypatch, wrong, looked_for)
     turned[:wrong] += np.random.default_rng(SEED).normal(0.0, 1e-2, (wrong, 3))
     verdict = judged(display, rays | {"direction": turned})
     assert (verdict.right, verdict.wrong, verdict.fault) == (False, wrong, None)
-    assert bool(looked) == looked_for
+    assert bool(looked) == verdict.searched == looked_for
 
 
 def test_tie_rule():

@@ -286,7 +286,9 @@ def test_an_engine_that_draws_no_layers_is_refused(place, capfd):
     assert not (place / "a.png").exists()
 
 
-@pytest.mark.parametrize("option", ["--memory-mb=9", "--device=llvm", "--tolerance=1", "--max-depth=3", "--depth=2"])
+@pytest.mark.parametrize(
+    "option", ["--memory-mb=9", "--device=llvm", "--tolerance=1", "--max-depth=3", "--depth=2", "--shading=each"]
+)
 def test_options_of_scenes_are_refused_with_layers(place, capfd, option):
     assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
     assert run(["render", "out", "--display", "tiny.toml", "--samples", "1", option, "-o", "a.png"]) == 2

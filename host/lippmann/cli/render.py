@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,8 @@ from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.remarks import depth_remarks
 from lippmann.rendering.bands import (
+    Band,
+    Rendered,
     Still,
     Work,
     check_band_memory,
@@ -104,8 +106,8 @@ def command(
             else:
                 image = api.render_with(options, scene_path, display_path, placement, arrange, device, progress, log)
                 made = _saved(image, path)
-                if (said := left_over(path)) is not None:
-                    log(said)
+    if (said := left_over(path)) is not None:
+        log(said)
     panel = made.display.panel
     seconds = made.measured["seconds"]
     rest = time.perf_counter() - begun - seconds - made.measured.get("prepare_seconds", 0.0) - made.write_seconds
@@ -176,9 +178,17 @@ def _written(path: Path, still: Still, work: Work, progress: Progress) -> _Made:
 def _work(still: Still, scene: Scene, workers: int | None, scheduler: str | None, device: str) -> Iterator[Work]:
     """Give what renders bands: this process, workers that it starts, or those of a scheduler."""
     if workers is not None:
-        check_band_memory(still, workers)
-        with local_workers(workers) as (address, security):
-            yield lambda bands, _: render_on_cluster(address, device, bands, log, security)
+        with contextlib.ExitStack() as ended:
+
+            def by_own(bands: Sequence[Band], _: Callable[[int], None]) -> Iterable[tuple[Band, Rendered]]:
+                count = min(workers, len(bands))  # none where only the file is to be written
+                if not count:
+                    return ()
+                check_band_memory(still, count)
+                address, security = ended.enter_context(local_workers(count))
+                return render_on_cluster(address, device, bands, log, security)
+
+            yield by_own
     elif scheduler is not None:
         yield lambda bands, _: render_on_cluster(scheduler, device, bands, log)
     else:

@@ -87,7 +87,7 @@ class Verdict:
     @property
     def searched(self) -> bool:
         """Whether a pair of faults was looked for, if that was allowed."""
-        return bool(self.wrong) and (self.fault is None or PAIR in self.fault)
+        return self.wrong >= MANY and (self.fault is None or PAIR in self.fault)
 
     @property
     def lines(self) -> list[str]:
@@ -340,8 +340,6 @@ def _two(seen: Comparison) -> _Finding | None:
 
     None for a few wrong rays, in which two fitted numbers could be read whatever their cause.
     """
-    if seen.wrong.sum() < MANY:
-        return None
     for lag in (1, -1):
         found = _best(seen.later(lag))
         if found is not None:
@@ -349,7 +347,7 @@ def _two(seen: Comparison) -> _Finding | None:
             return stage, f"{fault}{PAIR}outputs {'late' if lag > 0 else 'early'} by 1", share
     random = np.random.default_rng(0)
     bad, good = np.flatnonzero(seen.wrong & ~seen.edge), np.flatnonzero(~seen.wrong & ~seen.edge)
-    if not len(bad):
+    if len(bad) < MANY:
         return None
     few = seen.some(np.sort(np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])))
     fit = seen.some(random.permutation(bad)[:FIT_SAMPLE])

@@ -262,7 +262,7 @@ def render_bands(
     _check_disk(folder, still)
     kept = KeptBands(folder, still)
     if kept.removed:
-        note(f"{folder}: removed {kept.removed} of another scene, display, options or version")
+        note(f"{folder}: bands are removed, {kept.removed} of another scene, display, options or version")
     missing = kept.missing()
     done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
     progress(done, panel.height_px)
@@ -309,10 +309,14 @@ def _check_disk(folder: Path, still: Still) -> None:
 
 
 def left_over(path: Path) -> str | None:
-    """Return what is to be said when a picture was made without bands, and some of an earlier render are there."""
+    """Return what is to be said when a picture is made, and bands of another render of it are there; None without."""
     folder = path.with_name(f"{path.name}.bands")
-    count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir()) if folder.is_dir() else 0
-    return f"{folder}: keeps {count} of an interrupted render; remove it unless that is to go on" if count else None
+    try:
+        count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())
+    except OSError:  # no such folder, usually
+        return None
+    why = "remove it, unless another command is at work on them or is to go on"
+    return f"{folder}: has {count} bands of a render that is not done; {why}" if count else None
 
 
 def check_band_memory(still: Still, workers: int = 1) -> None:
@@ -322,7 +326,8 @@ def check_band_memory(still: Still, workers: int = 1) -> None:
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise --memory-mb"
     if workers > 1:
-        what, remedy = f"{what} for each of {workers} workers", f"{remedy} or give fewer --workers"
+        each = " or --shading each" if settings.shading == "shared" else ""
+        what, remedy = f"{what} for each of {workers} workers", f"{remedy}, or give fewer --workers{each}"
     check_memory_mb(workers * needed, settings.memory_mb, what, remedy)
 
 

@@ -78,6 +78,9 @@ def render_on_cluster(
     client = _connected(address, security)
     from distributed import KilledWorker, wait
 
+    own = security is not None
+    where = "--workers" if own else address
+
     try:
         waiting = iter(tasks)
         running: dict[Any, Tasks] = {}
@@ -101,16 +104,16 @@ def render_on_cluster(
             if threads:
                 alone = time.monotonic()
             elif time.monotonic() - alone > ALONE_S:
-                log(f"{address}: no worker is left; waiting for one ({_worker(address)})")
+                remedy = "" if own else f" ({_worker(address)})"
+                log(f"{where}: no worker is left; waiting for one{remedy}")
                 alone = float("inf")
     except ModuleNotFoundError as error:
         raise MissingLibraryError(
             f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
         ) from None
     except KilledWorker:
-        own = security is not None
         remedy = f"{'' if own else 'see their logs; '}they may lack memory{': give fewer of them' if own else ''}"
-        raise device_error("--workers" if own else address, f"{task} crashed several workers", remedy) from None
+        raise device_error(where, f"{task} crashed several workers", remedy) from None
     except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
         what = f"the scheduler is lost ({type(error).__name__})"
         remedy = "start it and run the command again: what is finished is kept"
@@ -129,8 +132,8 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
     """Start workers on this machine, on loopback alone; yield their scheduler's address and its `Security`.
 
     They talk by TLS with a key that only these processes have: who reaches a port of Dask's may run programs. They run
-    no Python file of the current folder. A worker that dies is replaced. Who starts them sees that there is memory for
-    all: Dask would have a worker that holds its share of it wait for ever. MissingLibraryError when Dask is missing.
+    no Python file of the current folder. A worker that dies is replaced. None has a limit of memory: with one, Dask
+    has those wait for ever that hold nearly their share. MissingLibraryError when Dask is missing.
     """
     try:
         import dask

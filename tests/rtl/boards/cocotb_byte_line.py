@@ -22,7 +22,7 @@ async def no_byte_is_lost_at_a_reset(dut):
         request = frame(with_crc(struct.pack("<BHHB", READ, turn, 0, 1)))
         reply = frame(with_crc(struct.pack("<BHBI", REPLY | READ, turn, OK, MAGIC)))
         await FallingEdge(dut.clk_i)
-        await Timer(random.randrange(2000), "ps")
+        await Timer(random.randrange(1, 2000), "ps")
         dut.rst_ni.value = 0
         # The first byte is offered in the reset, at its end or soon after: until it is taken, as the rule is.
         first = random.randrange(-3, 8)
@@ -31,7 +31,7 @@ async def no_byte_is_lost_at_a_reset(dut):
         for clock in range(-end, 3000):
             await FallingEdge(dut.clk_i)
             if clock == 0:
-                await Timer(random.randrange(1900), "ps")  # before an edge, or behind it
+                await Timer(random.randrange(1, 1900), "ps")  # before an edge, or behind it
                 dut.rst_ni.value = 1
                 continue
             offered = clock >= first and sent < len(request)
