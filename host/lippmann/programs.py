@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from lippmann import interrupts
@@ -16,6 +16,23 @@ from lippmann import interrupts
 LOOK_S = 0.1
 #: Time in which an ended program removes its own files, before it is killed, s.
 GRACE_S = 5.0
+
+
+@contextlib.contextmanager
+def starting_python() -> Iterator[None]:
+    """Have the processes that multiprocessing starts meanwhile import nothing from the current folder.
+
+    Nor do they warn of semaphores that are left when a signal ends them all.
+    """
+    quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
+    before = dict(os.environ)
+    os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
+    try:
+        yield
+    finally:
+        for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS"):
+            os.environ.pop(name)
+            os.environ |= {name: before[name]} if name in before else {}
 
 
 def run_program(

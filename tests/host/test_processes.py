@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from lippmann.measure.processes import processes
 
 PROGRAM = """
 import time
@@ -43,6 +45,18 @@ def test_none_outlives_the_command(number: signal.Signals) -> None:
         while any(map(_runs, workers)):
             assert time.monotonic() < until, f"{[one for one in workers if _runs(one)]} still run"
             time.sleep(0.05)
+
+
+def test_they_run_nothing_of_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("signal", "random"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('ran a file of the current folder')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONWARNINGS", "ignore::DeprecationWarning")
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    before = dict(os.environ)
+    with processes(1) as pool:
+        assert pool.submit(math.isqrt, 81).result() == 9
+    assert dict(os.environ) == before
 
 
 def _runs(process: int) -> bool:

@@ -44,16 +44,8 @@ from lippmann.variant import current_device, start_mitsuba
 
 #: Options that only scenes have.
 OF_SCENES = (
-    "aperture",
-    "integrator",
-    "max_depth",
-    "tolerance",
-    "shading",
-    "memory_mb",
-    "workers",
-    "scheduler",
-    "device",
-)
+    "aperture", "integrator", "max_depth", "tolerance", "shading", "memory_mb", "workers", "scheduler", "device",
+)  # fmt: skip
 
 
 @make_command("render")

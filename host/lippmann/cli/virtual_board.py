@@ -169,7 +169,7 @@ def _in_background(ready: Path) -> None:
     output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    words = [sys.executable, "-m", "lippmann", "board", "start", *_option_words()]
+    words = [sys.executable, "-P", "-m", "lippmann", "board", "start", *_option_words()]
     own = {**os.environ, LAUNCHER: str(os.getpid())}
     try:
         both = new_file(output)

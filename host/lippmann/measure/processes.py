@@ -9,20 +9,23 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children, get_context, parent_process
 
+from lippmann.programs import starting_python
+
 
 @contextlib.contextmanager
 def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Yield `jobs` processes; an exception in the block, Ctrl-C too, ends them at once."""
     others = set(active_children())
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _end_with_parent)
-    try:
-        yield pool
-    except BaseException:
-        for one in set(active_children()) - others:
-            one.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with starting_python():
+        pool = ProcessPoolExecutor(jobs, get_context("spawn"), _end_with_parent)
+        try:
+            yield pool
+        except BaseException:
+            for one in set(active_children()) - others:
+                one.terminate()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:

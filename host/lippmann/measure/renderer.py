@@ -254,7 +254,18 @@ def separately(
     """
     with TemporaryDirectory() as folder:
         command = [
-            *(sys.executable, "-m", "lippmann", "render", str(scene), "--display", str(display), "--model", "exact"),
+            *(
+                sys.executable,
+                "-P",
+                "-m",
+                "lippmann",
+                "render",
+                str(scene),
+                "--display",
+                str(display),
+                "--model",
+                "exact",
+            ),
             *("--samples", str(samples), "--device", device, "-o", f"{folder}/out.exr", "--json"),
         ]
         done = subprocess.run(command, check=False, capture_output=True, text=True)

@@ -309,7 +309,7 @@ def _check_disk(folder: Path, still: Still) -> None:
 
 
 def left_over(path: Path) -> str | None:
-    """Return what is to be said when a picture is made, and bands of another render of it are there; None without."""
+    """Return a remark where bands of an unfinished render lie beside a picture that was just written, else None."""
     folder = path.with_name(f"{path.name}.bands")
     try:
         count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())

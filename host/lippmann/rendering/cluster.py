@@ -10,7 +10,6 @@ import contextlib
 import functools
 import itertools
 import logging
-import os
 import re
 import signal
 import threading
@@ -23,6 +22,7 @@ from typing import Any, Protocol, TypeVar
 
 from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
+from lippmann.programs import starting_python
 from lippmann.provenance import pixel_versions
 from lippmann.rendering.recorded import garbage_kept
 from lippmann.rendering.scene import digest_of
@@ -143,7 +143,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
     except ImportError as error:
         raise _no_dask(error) from None
     with contextlib.ExitStack() as end:
-        end.enter_context(_for_children())
+        end.enter_context(starting_python())
         end.enter_context(
             dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
         )
@@ -160,26 +160,6 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         end.enter_context(cluster)
         yield cluster.scheduler_address, security
-
-
-@contextlib.contextmanager
-def _for_children() -> Iterator[None]:
-    """Let Python's processes that are started meanwhile import nothing from the current folder.
-
-    And say nothing of semaphores that are left when a signal ends them all.
-    """
-    quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
-    ours = {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
-    before = {name: os.environ.get(name) for name in ours}
-    os.environ.update(ours)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _no_dask(error: ImportError) -> MissingLibraryError:

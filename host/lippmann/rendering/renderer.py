@@ -100,6 +100,8 @@ class Settings:
                 raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
         if not isinstance(self.integrator, str):
             raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
+        if self.light_points is not None:
+            whole_number("light points", self.light_points, 1, MOST_POINTS)
         if self.memory_mb is not None:
             check_limit_mb(self.memory_mb)
 

@@ -25,8 +25,8 @@ async def no_byte_is_lost_at_a_reset(dut):
         await Timer(random.randrange(1, 2000), "ps")
         dut.rst_ni.value = 0
         # The first byte is offered in the reset, at its end or soon after: until it is taken, as the rule is.
-        first = random.randrange(-3, 8)
         end = random.randrange(2, 9)
+        first = random.randrange(-end, 8)
         sent, got = 0, b""
         for clock in range(-end, 3000):
             await FallingEdge(dut.clk_i)
