@@ -117,7 +117,7 @@ def test_a_board_in_the_background_gets_the_parsed_options(tmp_path, monkeypatch
     words = ["--background", f"--ready={ready}", "--trace-clocks", "5", "9", "--tcp-port=7", "--json"]
     assert run(["board", "start", f"--display={tmp_path / 'small.toml'}", *words]) == 0
     assert called[0][:6] == [sys.executable, "-P", "-m", "lippmann", "board", "start"]
-    given = " ".join(called[0][5:])
+    given = " ".join(called[0][6:])
     for part in (f"--display {tmp_path / 'small.toml'}", f"--ready {ready}", "--trace-clocks 5 9", "--tcp-port 7"):
         assert part in given
     assert "--background" not in given
