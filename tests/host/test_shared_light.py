@@ -1,5 +1,6 @@
 """Light that rays share: lattices by hand, pictures against those of each ray's own light, and when it is not."""
 
+import gc
 import math
 import re
 from dataclasses import replace
@@ -11,11 +12,12 @@ from lippmann.errors import InputError
 from lippmann.images import psnr_db
 from lippmann.observer import Eye, Window, observe
 from lippmann.rendering import renderer as renderers
-from lippmann.rendering.irradiance import Irradiance, Place, corners, from_octahedron, on_octahedron, place_of
+from lippmann.rendering.irradiance import Irradiance
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Renderer, Settings, radiance_of, render_integral
 from lippmann.rendering.scene import scene_of
 from lippmann.rendering.sources import display_source
+from lippmann.rendering.surface_lattice import FAN, Place, corners, from_octahedron, on_octahedron, place_of
 from lippmann.variant import current_device
 from scene_cases import focused_display, generator
 
@@ -108,6 +110,54 @@ def test_points_are_where_their_numbers_say(mi, spacing):
     assert min(np.array(weight).min() for weight in weights) > -1e-3
 
 
+def test_points_lie_no_further_apart_than_asked(mi):
+    """Of triangles of all shapes, by their corners' places in space; slender ones need few points."""
+    import drjit as dr
+
+    rng = generator(9)
+    # Slender ones with their far corner at each number, and others.
+    far, near, spacing, kept = 30.0, 0.7, 0.5, 40
+    slender = [np.roll([[0, 0, 0], [0, near, 0], [far, 0.3, 0]], k, axis=0) for k in range(3)]
+    triangles = np.array([*slender, *rng.normal(size=(kept, 3, 3)) * rng.uniform(0.1, 3.0, (kept, 1, 1))])
+    mesh = mi.Mesh("mesh", 3 * len(triangles), len(triangles))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = triangles.ravel()
+    parameters["faces"] = np.arange(3 * len(triangles))
+    parameters.update()
+    mesh.set_bsdf(mi.load_dict(BOTH))
+    light = Irradiance(scene(mesh=mesh, lamp=lamp([0, 20, 30])), spacing)
+    kinds, number = np.array(light.lattices.kind), rng.integers(0, len(triangles), 6000).astype(np.uint32)
+    assert ((kinds[:3] & FAN) != 0).all()
+    first = np.append(np.array(light.lattices.first), light.points)
+    # The rows' two ends, or three points where the side is longer than a step.
+    assert np.diff(first)[:3].max() <= 3 * (far / spacing + 2)
+    u, v = rng.random((2, 6000))
+    flip = u + v > 1.0
+    u, v = np.where(flip, 1.0 - u, u), np.where(flip, 1.0 - v, v)
+
+    def in_space(place):
+        """Mitsuba's u and v are the shares of the second corner and the third."""
+        s, t = np.array(place.u)[:, None], np.array(place.v)[:, None]
+        a, b, c = (triangles[np.array(place.lattice)][:, k] for k in range(3))
+        return (1.0 - s - t) * a + s * b + t * c
+
+    given = Place(mi.UInt32(number), mi.Float(u), mi.Float(v), mi.Bool(np.zeros(6000, bool)))
+    points, weights = corners(light.lattices, given)
+    found = np.stack([in_space(place_of(light.lattices, point)) for point in points])
+    shares = np.stack([np.array(weight) for weight in weights])
+    assert shares.min() > -1e-3
+    np.testing.assert_allclose(shares.sum(axis=0), 1.0, atol=1e-5)
+    # Along a row, and from row to row.
+    for other in found[1:]:
+        assert np.linalg.norm(other - found[0], axis=1).max() < spacing * (1 + 1e-5)
+    # A place is the mean of the three; rows of a slender triangle narrow on their way to its far corner.
+    apart = np.linalg.norm((shares[..., None] * found).sum(axis=0) - in_space(given), axis=1)
+    fan = (kinds[number] & FAN) != 0
+    assert apart[~fan].max() < 1e-4
+    assert apart.max() < 0.1 * spacing
+    assert dr.width(light.lattices.first) == len(triangles)
+
+
 def test_the_octahedron_covers_the_sphere(mi):
     rng = generator(4)
     there = rng.normal(size=(3, 5000))
@@ -157,6 +207,26 @@ def test_light_by_hand(mi):
         at = ends[:, 0] + u[:, None] * (ends[:, 1] - ends[:, 0]) + v[:, None] * (ends[:, 2] - ends[:, 0])
         wanted = lit_by_hand(at, np.tile([0.0, 0.0, -1.0 if back else 1.0], (2000, 1)), lamps)
         np.testing.assert_allclose(np.array(found).T, wanted, atol=1e-3 * wanted.max())
+
+
+def test_another_picture_needs_no_other_programs(mi, display):
+    """By another seed other samples ask for other points: their numbers are in no program, each would be compiled."""
+    import drjit as dr
+
+    gc.collect()  # programs have the code of all scenes that are there
+    lit = scene(a=wall(mi), b=ball(0, 0, 0, 2.0), lamp=lamp([3, 20, 30]), other=lamp([-9, 5, 20]))
+
+    def programs(seed):
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            dr.kernel_history_clear()
+            render_integral(lit, display, "exact", replace(SETTINGS, seed=seed))
+            history = dr.kernel_history([dr.KernelType.JIT])
+        return {kernel["hash"] for kernel in history}
+
+    first = programs(1)
+    assert len(first) > 5
+    for seed in (2, 3, 4):
+        assert programs(seed) <= first
 
 
 # ---- pictures ----

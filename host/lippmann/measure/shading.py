@@ -17,12 +17,12 @@ from lippmann.display import Display, load_display
 from lippmann.images import Radiance, psnr_db
 from lippmann.measure.pictures import EYE_MM, VIEW_SAMPLES, every_strip, rows_of_strips
 from lippmann.observer import Eye, observe, whole_window
-from lippmann.rendering.irradiance import NONE, Place
 from lippmann.rendering.placement import placement_beside
 from lippmann.rendering.renderer import Rendered, Settings, Shading, render_integral, render_rays
 from lippmann.rendering.scene import Scene, load_scene
 from lippmann.rendering.shading import SharedProgram
 from lippmann.rendering.sources import display_source
+from lippmann.rendering.surface_lattice import NONE, Place
 from lippmann.variant import drjit, mitsuba
 
 #: Display, numbers of lamps, and samples a pixel.

@@ -26,7 +26,7 @@ from lippmann.errors import InputError, whole_number
 from lippmann.images import BAND_ROWS, Radiance, psnr_db
 from lippmann.limits import free_memory_mb, proc_mb
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.irradiance import MOST_POINTS, Irradiance
+from lippmann.rendering.irradiance import Irradiance
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, PixelFilter, is_filtered, may_share
 from lippmann.rendering.placement import Placement
@@ -34,6 +34,7 @@ from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count
 from lippmann.rendering.scene import Scene, without_places
 from lippmann.rendering.shading import Program, SharedProgram, each_program, means_of, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
+from lippmann.rendering.surface_lattice import MOST_POINTS
 from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.

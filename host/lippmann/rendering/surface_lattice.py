@@ -1,0 +1,241 @@
+"""Lattices of points over a scene's surfaces; the lenslets' lattice is `lippmann.optics.lattice`.
+
+A triangle has points along its sides, a slender one in rows from its longest sides to the other, a sphere those of the
+octahedron that is folded about it. Each place lies between three points.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lippmann.variant import drjit, mitsuba
+
+#: Diffuse surfaces, as Mitsuba writes their BSDFs: of one side, or of two alike in kind.
+ONE_SIDED = re.compile(r"SmoothDiffuse\[")
+TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
+#: The number of a shape without a lattice.
+NONE = 0xFFFFFFFF
+#: Steps of a lattice, at least and at most; those of a sphere keep the light's bend between points below 1 in 1,000.
+LEAST_STEPS, LEAST_SPHERE_STEPS, MOST_STEPS = 1, 32, 2048
+#: Points of all lattices at most; each side of a surface has its own light.
+MOST_POINTS = 1 << 22
+
+
+@dataclass
+class Lattices:
+    """The lattices of all triangles and spheres, numbered one after the other: Dr.Jit arrays."""
+
+    #: The first lattice of a shape, by the number of its pointer; NONE without.
+    of_shape: Any
+    #: Of each lattice: its first point, steps along a row, rows less one, shape, triangle, and the kinds (bits).
+    first: Any
+    steps: Any
+    rows: Any
+    shape: Any
+    triangle: Any
+    kind: Any
+    #: Centre and radius of a sphere.
+    centre: Any
+    radius: Any
+
+
+#: Bits of a lattice's kind: on a sphere, on a surface of two sides, on a slender triangle. The latter's rows lie along
+#: its shortest side, from one long side to the other; these meet at corner 0, or at the corner of one of the last bits.
+SPHERE, TWO, FAN, APEX_1, APEX_2 = 1, 2, 4, 8, 16
+#: Kinds whose rows all have as many points.
+EVEN = SPHERE | FAN
+
+
+@dataclass
+class Place:
+    """Places on lattices: their numbers, the place on each, from 0 to 1, and whether on the surface's other side."""
+
+    lattice: Any
+    u: Any
+    v: Any
+    back: Any
+
+
+def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
+    """Return the three points round places on lattices, and their weights."""
+    dr, mi = drjit(), mitsuba()
+    lattice, back = place.lattice, place.back
+    steps, rows = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.rows))
+    kind = dr.gather(mi.UInt32, lattices.kind, lattice)
+    even = (kind & EVEN) != 0
+    u, v = _on_fan(kind, place.u, place.v)
+    along, up = u * mi.Float(steps), v * mi.Float(rows)
+    j = dr.clip(mi.Int32(dr.floor(up)), 0, mi.Int32(rows) - 1)
+    last = dr.select(even, mi.Int32(steps) - 1, mi.Int32(steps) - 1 - j)
+    i = dr.clip(mi.Int32(dr.floor(along)), 0, last)
+    a, b = along - mi.Float(i), up - mi.Float(j)
+    # A triangle's last cell of a row is a half.
+    upper = (a + b > 1.0) & (even | (i < last))
+    one = dr.select(upper, 1, 0)
+    whole = mi.UInt32(i + one), mi.UInt32(j + one)
+    right = mi.UInt32(i + 1), mi.UInt32(j)
+    above = mi.UInt32(i), mi.UInt32(j + 1)
+    first, side = dr.gather(mi.UInt32, lattices.first, lattice), dr.select(back, mi.UInt32(1), mi.UInt32(0))
+
+    def number(x: Any, y: Any) -> Any:
+        row = dr.select(even, y * (steps + 1), _before(y, steps))
+        return 2 * (first + row + x) + side
+
+    # The upper half's: opposite sides change places.
+    weights = [dr.select(upper, a + b - 1.0, 1.0 - a - b), dr.select(upper, 1.0 - b, a), dr.select(upper, 1.0 - a, b)]
+    return [number(*whole), number(*right), number(*above)], weights
+
+
+def _on_fan(kind: Any, u: Any, v: Any) -> tuple[Any, Any]:
+    """Return a slender triangle's places along a row and from row to row, for the shares of its corners 1 and 2.
+
+    Both are from 0 to 1. Places of other kinds stay as they are.
+    """
+    dr = drjit()
+    first, second = (kind & APEX_1) != 0, (kind & APEX_2) != 0
+    rest = 1.0 - u - v
+    to_apex, one, other = (
+        dr.select(first, a, dr.select(second, b, c)) for a, b, c in ((u, v, rest), (v, rest, u), (rest, u, v))
+    )
+    across = one + other
+    fan = (kind & FAN) != 0
+    return dr.select(fan, dr.select(across > 0.0, one / across, 0.0), u), dr.select(fan, to_apex, v)
+
+
+def _from_fan(kind: Any, s: Any, t: Any) -> tuple[Any, Any]:
+    """Return the inverse of `_on_fan`."""
+    dr = drjit()
+    first, second = (kind & APEX_1) != 0, (kind & APEX_2) != 0
+    one, other = s * (1.0 - t), (1.0 - s) * (1.0 - t)
+    u = dr.select(first, t, dr.select(second, other, one))
+    v = dr.select(first, one, dr.select(second, t, other))
+    fan = (kind & FAN) != 0
+    return dr.select(fan, u, s), dr.select(fan, v, t)
+
+
+def _before(row: Any, steps: Any) -> Any:
+    """Return the number of a triangle's points before a row."""
+    return row * (steps + 1) - (row * (row - 1)) // 2
+
+
+def on_octahedron(direction: Any) -> tuple[Any, Any]:
+    """Return the place in the unit square of a direction (octahedral mapping)."""
+    dr = drjit()
+
+    x, y, z = direction.x, direction.y, direction.z
+    size = dr.abs(x) + dr.abs(y) + dr.abs(z)
+    x, y = x / size, y / size
+    low = z < 0.0
+    x, y = (
+        dr.select(low, (1.0 - dr.abs(y)) * dr.select(x < 0.0, -1.0, 1.0), x),
+        dr.select(low, (1.0 - dr.abs(x)) * dr.select(y < 0.0, -1.0, 1.0), y),
+    )
+    return 0.5 * x + 0.5, 0.5 * y + 0.5
+
+
+def from_octahedron(u: Any, v: Any) -> Any:
+    """Return the direction of a place in the unit square."""
+    dr, mi = drjit(), mitsuba()
+    x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
+    z = 1.0 - dr.abs(x) - dr.abs(y)
+    x, y = (
+        dr.select(z < 0.0, (1.0 - dr.abs(y)) * dr.select(x < 0.0, -1.0, 1.0), x),
+        dr.select(z < 0.0, (1.0 - dr.abs(x)) * dr.select(y < 0.0, -1.0, 1.0), y),
+    )
+    return dr.normalize(mi.Vector3f(x, y, z))
+
+
+def place_of(lattices: Lattices, point: Any) -> Place:
+    """Return the places of numbered points."""
+    dr, mi = drjit(), mitsuba()
+    back = (point & 1) != 0
+    place = point >> 1
+    lattice = dr.binary_search(0, dr.width(lattices.first) - 1,
+                               lambda k: dr.gather(mi.UInt32, lattices.first, k + 1) <= place)  # fmt: skip
+    steps, rows, kind = (
+        dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.rows, lattices.kind)
+    )
+    even = (kind & EVEN) != 0
+    place -= dr.gather(mi.UInt32, lattices.first, lattice)
+    # The row: of a triangle the largest j with j (n + 1) - j (j - 1) / 2 <= place.
+    half = mi.Float64(steps) + 1.5
+    row = mi.UInt32(dr.floor(half - dr.sqrt(dr.maximum(half * half - 2.0 * mi.Float64(place), 0.0))))
+    row = dr.select(_before(row, steps) > place, row - 1, row)
+    row = dr.select(_before(row + 1, steps) <= place, row + 1, row)
+    row = dr.select(even, place // (steps + 1), row)
+    column = place - dr.select(even, row * (steps + 1), _before(row, steps))
+    u, v = _from_fan(kind, mi.Float(column) / mi.Float(steps), mi.Float(row) / mi.Float(rows))
+    return Place(mi.UInt32(lattice), u, v, back)
+
+
+def laid(scene: Any, spacing: float, most: int) -> tuple[Lattices, int]:
+    """Return the lattices of a scene's shapes, and the number of their points."""
+    dr, mi = drjit(), mitsuba()
+    parts: list[dict[str, Any]] = []
+    for shape in scene.shapes():
+        text = str(shape.bsdf())
+        two = bool(TWO_SIDED.match(text))
+        part = _of_shape(shape, spacing) if two or ONE_SIDED.match(text) else None
+        if part is not None and part["rows"].max(initial=0) <= MOST_STEPS:
+            number = int(np.asarray(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
+            part["kind"] |= TWO if two else 0
+            part["shape"] = np.full(len(part["steps"]), number)
+            part["points"] = _points(part["steps"], part["rows"], part["kind"])
+            parts.append(part)
+    parts.sort(key=lambda part: part["points"].sum())
+    kept = np.searchsorted(np.cumsum([part["points"].sum() for part in parts]), most, side="right")
+    parts = parts[:kept]
+    if not parts:
+        return Lattices(*([None] * 9)), 0
+    numbers = [int(part["shape"][0]) for part in parts]
+    begins = np.concatenate([[0], np.cumsum([len(part["steps"]) for part in parts])])
+    joined = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    first = np.concatenate([[0], np.cumsum(joined["points"])])
+    of_shape = np.full(max(numbers) + 1, NONE, np.uint32)
+    of_shape[numbers] = begins[:-1]
+    whole = {key: mi.UInt32(joined[key].astype(np.uint32)) for key in ("steps", "rows", "shape", "triangle", "kind")}
+    made = Lattices(
+        of_shape=mi.UInt32(of_shape),
+        first=mi.UInt32(first[:-1].astype(np.uint32)),
+        centre=mi.Float(joined["centre"].astype(np.float32).ravel()),
+        radius=mi.Float(joined["radius"].astype(np.float32)),
+        **whole,
+    )
+    return made, int(first[-1])
+
+
+def _points(steps: Any, rows: Any, kind: Any) -> Any:
+    """Return the numbers of points of lattices."""
+    return np.where(kind & EVEN, (steps + 1) * (rows + 1), (steps + 1) * (steps + 2) // 2)
+
+
+def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
+    """Return the lattices of a triangle mesh or a sphere, by the names of `Lattices`; None for other shapes."""
+    if shape.is_mesh():
+        points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
+        faces = np.array(shape.faces_buffer()).reshape(-1, 3)
+        # Of each corner the side across from it.
+        sides = np.linalg.norm(points[np.roll(faces, 1, axis=1)] - points[np.roll(faces, 2, axis=1)], axis=2)
+        rows, across = (
+            np.maximum(np.ceil(length / spacing), LEAST_STEPS).astype(np.int64)
+            for length in (sides.max(axis=1, initial=0.0), sides.min(axis=1, initial=np.inf))
+        )
+        kinds = FAN | np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
+        fan = _points(across, rows, FAN) < _points(rows, rows, 0)
+        count = len(faces)
+        return {"steps": np.where(fan, across, rows), "rows": rows, "triangle": np.arange(count),
+                "kind": np.where(fan, kinds, 0), "centre": np.zeros((count, 3)), "radius": np.zeros(count)}  # fmt: skip
+    if shape.class_name() == "Sphere":
+        box = shape.bbox()
+        low, high = np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()
+        radius = 0.5 * (high - low)[0]
+        steps = max(math.ceil(math.pi * radius / spacing), LEAST_SPHERE_STEPS)
+        both = {"steps": np.array([steps]), "rows": np.array([steps])}
+        return {**both, "triangle": np.zeros(1), "kind": np.array([SPHERE]),
+                "centre": 0.5 * (low + high)[None], "radius": np.array([radius])}  # fmt: skip
+    return None
