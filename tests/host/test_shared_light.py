@@ -17,7 +17,7 @@ from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Renderer, Settings, radiance_of, render_integral
 from lippmann.rendering.scene import scene_of
 from lippmann.rendering.sources import display_source
-from lippmann.rendering.surface_lattice import FAN, Place, corners, from_octahedron, on_octahedron, place_of
+from lippmann.rendering.surface_lattice import FAN, SPHERE, Place, corners, from_octahedron, on_octahedron, place_of
 from lippmann.variant import current_device
 from scene_cases import focused_display, generator
 
@@ -75,27 +75,54 @@ def views_db(shared, each, display):
 # ---- lattices ----
 
 
+#: Corners of a slender triangle, from its apex on.
+SLENDER = np.array([[30.0, 0.3, 0.0], [0.0, 0.7, 0.0], [0.0, 0.0, 0.0]])
+
+
+def triangles(mi, corners, bsdf=BOTH):
+    """A mesh of triangles with corners of their own."""
+    mesh = mi.Mesh("triangles", 3 * len(corners), len(corners))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.ravel(corners)
+    parameters["faces"] = np.arange(3 * len(corners))
+    parameters.update()
+    mesh.set_bsdf(mi.load_dict(bsdf))
+    return mesh
+
+
+def in_triangle(rng, count):
+    """Shares of two corners."""
+    u, v = rng.random((2, count))
+    return np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+
+
 @pytest.mark.parametrize("spacing", [0.3, 1.7, 50.0])
 def test_points_are_where_their_numbers_say(mi, spacing):
     """A numbered point's place is its own corner, with all the weight; places between have their weights."""
     import drjit as dr
 
-    light = Irradiance(scene(a=wall(mi), b=ball(0, 0, 0, 2.0), c=ball(4, 0, 1, 0.5), lamp=lamp([0, 20, 30])), spacing)
+    parts = {"a": wall(mi), "b": ball(0, 0, 0, 2.0), "c": ball(4, 0, 1, 0.5)}
+    slender = triangles(mi, [np.roll(SLENDER, k, axis=0) for k in range(3)])
+    light = Irradiance(scene(**parts, d=slender, lamp=lamp([0, 20, 30])), spacing)
     rng = generator(3, str(spacing))
     number = rng.integers(0, 2 * light.points, 4000).astype(np.uint32)
     place = place_of(light.lattices, mi.UInt32(number))
-    steps = np.array(dr.gather(mi.UInt32, light.lattices.steps, place.lattice))
-    u, v = np.array(place.u), np.array(place.v)
-    for along in (u, v):
-        np.testing.assert_allclose(along * steps, np.rint(along * steps), atol=1e-3)
+    steps, kind = (
+        np.array(dr.gather(mi.UInt32, values, place.lattice)) for values in (light.lattices.steps, light.lattices.kind)
+    )
+    sphere, fan = (kind & SPHERE) != 0, (kind & FAN) != 0
+    assert fan.any() == (spacing < 30.0)
+    for along in (np.array(place.u), np.array(place.v)):
+        np.testing.assert_allclose((along * steps)[~fan], np.rint(along * steps)[~fan], atol=1e-3)
         assert along.min() >= 0.0
         assert along.max() <= 1.0
     points, weights = corners(light.lattices, place)
     near = np.stack([np.array(weight) for weight in weights]).argmax(axis=0)
-    assert (np.stack([np.array(point) for point in points])[near, np.arange(4000)] == number).all()
+    # But at a fan's apex, where a row's points are one.
+    apart = ~fan | (np.max([place.u, place.v, 1.0 - place.u - place.v], axis=0) < 1.0 - 1e-6)
+    assert (np.stack([np.array(point) for point in points])[near, np.arange(4000)] == number)[apart].all()
     np.testing.assert_allclose(np.stack([np.array(weight) for weight in weights]).max(axis=0), 1.0, atol=1e-3)
-    # Between: the weighted mean of the corners' places is the place.
-    sphere = (np.array(dr.gather(mi.UInt32, light.lattices.kind, place.lattice)) & 1) != 0
+    # Between: the weighted mean of the corners' places is the place; a fan's is tested in space.
     u, v = rng.random((2, 4000))
     flip = ~sphere & (u + v > 1.0)
     u, v = np.where(flip, 1.0 - u, u), np.where(flip, 1.0 - v, v)
@@ -106,39 +133,27 @@ def test_points_are_where_their_numbers_say(mi, spacing):
     assert all((np.array(one.back) == np.array(place.back)).all() for one in there)
     for name, wanted in (("u", u), ("v", v)):
         mean = sum(np.array(w) * np.array(getattr(one, name)) for w, one in zip(weights, there, strict=True))
-        np.testing.assert_allclose(mean, wanted, atol=2e-4)
+        np.testing.assert_allclose(mean[~fan], wanted[~fan], atol=2e-4)
     assert min(np.array(weight).min() for weight in weights) > -1e-3
 
 
 def test_points_lie_no_further_apart_than_asked(mi):
     """Of triangles of all shapes, by their corners' places in space; slender ones need few points."""
-    import drjit as dr
-
-    rng = generator(9)
-    # Slender ones with their far corner at each number, and others.
-    far, near, spacing, kept = 30.0, 0.7, 0.5, 40
-    slender = [np.roll([[0, 0, 0], [0, near, 0], [far, 0.3, 0]], k, axis=0) for k in range(3)]
-    triangles = np.array([*slender, *rng.normal(size=(kept, 3, 3)) * rng.uniform(0.1, 3.0, (kept, 1, 1))])
-    mesh = mi.Mesh("mesh", 3 * len(triangles), len(triangles))
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = triangles.ravel()
-    parameters["faces"] = np.arange(3 * len(triangles))
-    parameters.update()
-    mesh.set_bsdf(mi.load_dict(BOTH))
-    light = Irradiance(scene(mesh=mesh, lamp=lamp([0, 20, 30])), spacing)
-    kinds, number = np.array(light.lattices.kind), rng.integers(0, len(triangles), 6000).astype(np.uint32)
+    rng, spacing = generator(9), 0.5
+    others = rng.normal(size=(40, 3, 3)) * rng.uniform(0.1, 3.0, (40, 1, 1))
+    placed = np.array([*(np.roll(SLENDER, k, axis=0) for k in range(3)), *others])
+    light = Irradiance(scene(mesh=triangles(mi, placed), lamp=lamp([0, 20, 30])), spacing)
+    kinds, number = np.array(light.lattices.kind), rng.integers(0, len(placed), 6000).astype(np.uint32)
+    assert len(kinds) == len(placed)
     assert ((kinds[:3] & FAN) != 0).all()
-    first = np.append(np.array(light.lattices.first), light.points)
-    # The rows' two ends, or three points where the side is longer than a step.
-    assert np.diff(first)[:3].max() <= 3 * (far / spacing + 2)
-    u, v = rng.random((2, 6000))
-    flip = u + v > 1.0
-    u, v = np.where(flip, 1.0 - u, u), np.where(flip, 1.0 - v, v)
+    # 0.7 by 30 mm: rows of two steps, and as many rows as half millimetres.
+    assert np.array(light.lattices.first)[:4].tolist() == [3 * 62 * k for k in range(4)]
+    u, v = in_triangle(rng, 6000)
 
     def in_space(place):
         """Mitsuba's u and v are the shares of the second corner and the third."""
         s, t = np.array(place.u)[:, None], np.array(place.v)[:, None]
-        a, b, c = (triangles[np.array(place.lattice)][:, k] for k in range(3))
+        a, b, c = (placed[np.array(place.lattice)][:, k] for k in range(3))
         return (1.0 - s - t) * a + s * b + t * c
 
     given = Place(mi.UInt32(number), mi.Float(u), mi.Float(v), mi.Bool(np.zeros(6000, bool)))
@@ -147,15 +162,41 @@ def test_points_lie_no_further_apart_than_asked(mi):
     shares = np.stack([np.array(weight) for weight in weights])
     assert shares.min() > -1e-3
     np.testing.assert_allclose(shares.sum(axis=0), 1.0, atol=1e-5)
-    # Along a row, and from row to row.
+    # Along a row, and from row to row; the cell's diagonal is longer where they meet at a blunt angle.
     for other in found[1:]:
         assert np.linalg.norm(other - found[0], axis=1).max() < spacing * (1 + 1e-5)
-    # A place is the mean of the three; rows of a slender triangle narrow on their way to its far corner.
+    assert np.linalg.norm(found[1] - found[2], axis=1).max() < 2.0 * spacing
+    # A place is the mean of the three; rows of a slender triangle narrow on their way to the apex.
     apart = np.linalg.norm((shares[..., None] * found).sum(axis=0) - in_space(given), axis=1)
-    fan = (kinds[number] & FAN) != 0
-    assert apart[~fan].max() < 1e-4
+    assert apart[(kinds[number] & FAN) == 0].max() < 1e-4
     assert apart.max() < 0.1 * spacing
-    assert dr.width(light.lattices.first) == len(triangles)
+
+
+@pytest.mark.parametrize("apex", range(3))
+def test_the_apex_of_a_slender_triangle(mi, apex):
+    """Where rounding leaves no share for the other corners, or a little below 0, weights stay between 0 and 1."""
+    placed = np.roll(SLENDER, apex, axis=0)[None]
+    light = Irradiance(scene(mesh=triangles(mi, placed), lamp=lamp([0, 20, 30])), 0.1)
+    rng = generator(10, apex)
+    shares = np.concatenate([10.0 ** -rng.uniform(3, 12, (2000, 1)) * rng.random((2000, 2)), np.zeros((9, 2))])
+    shares += rng.choice([0.0, 6e-8, -6e-8], shares.shape)
+    full = np.insert(shares, 0, 1.0 - shares.sum(axis=1), axis=1)
+    u, v = np.roll(full, apex, axis=1)[:, 1:].T.astype(np.float32)
+    zero = np.zeros(len(u), np.uint32)
+    _, weights = corners(light.lattices, Place(mi.UInt32(zero), mi.Float(u), mi.Float(v), mi.Bool(zero > 0)))
+    assert min(np.array(weight).min() for weight in weights) > -1e-3
+    assert max(np.array(weight).max() for weight in weights) < 1 + 1e-3
+
+
+def test_shapes_that_are_nowhere_have_no_lattice(mi):
+    """Corners that are no numbers, or no triangle at all."""
+    lost = np.array([np.full((3, 3), 1e30), np.full((3, 3), np.nan)])
+    lost[0, 1] = 0.0
+    empty = mi.Mesh("empty", 3, 0)
+    empty.set_bsdf(mi.load_dict(BOTH))
+    for mesh in (triangles(mi, lost), triangles(mi, [*lost[:1], SLENDER]), empty):
+        light = Irradiance(scene(mesh=mesh, ball=ball(0, 0, 0, 1.0), lamp=lamp([2, 3, 40])), 1.0)
+        assert light.points == 33**2
 
 
 def test_the_octahedron_covers_the_sphere(mi):
@@ -191,22 +232,23 @@ def test_light_by_hand(mi):
     found = light.between(Place(mi.UInt32(np.zeros(2000, np.uint32)), u, v, no), mi.Bool(np.ones(2000, bool)))
     wanted = lit_by_hand(2.0 * out.T + [0.5, -0.3, 0.2], out.T, lamps)
     np.testing.assert_allclose(np.array(found).T, wanted, atol=2e-3 * wanted.max())
-    # The two triangles of a wall, from both sides.
-    made = scene(a=wall(mi), **given)
-    (mesh,) = made.mitsuba.shapes()
-    corners_of = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
-    faces = np.array(mesh.faces_buffer()).reshape(-1, 3)
-    light = Irradiance(made, 0.25)
-    for back in (False, True):
-        u, v = rng.random((2, 2000))
-        u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-        which = rng.integers(0, 2, 2000).astype(np.uint32)
-        place = Place(mi.UInt32(which), mi.Float(u), mi.Float(v), mi.Bool(np.full(2000, back)))
-        found = light.between(place, mi.Bool(np.ones(2000, bool)))
-        ends = corners_of[faces[which]]
-        at = ends[:, 0] + u[:, None] * (ends[:, 1] - ends[:, 0]) + v[:, None] * (ends[:, 2] - ends[:, 0])
-        wanted = lit_by_hand(at, np.tile([0.0, 0.0, -1.0 if back else 1.0], (2000, 1)), lamps)
-        np.testing.assert_allclose(np.array(found).T, wanted, atol=1e-3 * wanted.max())
+    # The two triangles of a wall, and slender ones, from both sides.
+    flat = triangles(mi, [np.roll(SLENDER, k, axis=0) for k in range(3)])
+    for body in (wall(mi), flat):
+        made = scene(a=body, **given)
+        (mesh,) = made.mitsuba.shapes()
+        corners_of = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
+        faces = np.array(mesh.faces_buffer()).reshape(-1, 3)
+        light = Irradiance(made, 0.25)
+        for back in (False, True):
+            u, v = in_triangle(rng, 2000)
+            which = rng.integers(0, len(faces), 2000).astype(np.uint32)
+            place = Place(mi.UInt32(which), mi.Float(u), mi.Float(v), mi.Bool(np.full(2000, back)))
+            found = light.between(place, mi.Bool(np.ones(2000, bool)))
+            ends = corners_of[faces[which]]
+            at = ends[:, 0] + u[:, None] * (ends[:, 1] - ends[:, 0]) + v[:, None] * (ends[:, 2] - ends[:, 0])
+            wanted = lit_by_hand(at, np.tile([0.0, 0.0, -1.0 if back else 1.0], (2000, 1)), lamps)
+            np.testing.assert_allclose(np.array(found).T, wanted, atol=1e-3 * wanted.max())
 
 
 def test_another_picture_needs_no_other_programs(mi, display):

@@ -38,8 +38,8 @@ class Irradiance:
         self.lattices, self.points = laid(scene.mitsuba, spacing, most)
         # Of each point: red, green, blue, and the lamps' word; written before it is read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
-        # The lamps' words once more, of which 0 means that the light is not known; and which points are asked for.
-        self._lamps, self._asked = (dr.zeros(mi.UInt32, 2 * self.points) for _ in range(2))
+        # The lamps' words once more, where 0 means that the light is not known; and marks of points that are asked for.
+        self._lamps, self._asked = dr.zeros(mi.UInt32, 2 * self.points), dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
 
         def lit(place: Place, known: Any, seen: Any, lattices: Lattices) -> tuple[Any, Any]:
@@ -63,19 +63,19 @@ class Irradiance:
         """Find the light at points (each an array of numbers), where it is not known yet."""
         dr, mi = drjit(), mitsuba()
 
-        # A loop of the program's own: three scatters in turn would be three programs.
+        # A loop within one program: three scatters in turn would be three programs.
         def ask(corner: Any) -> tuple[Any]:
             point = dr.select(corner == 0, points[0], dr.select(corner == 1, points[1], points[2]))
             unknown = wanted & (dr.gather(mi.UInt32, self._lamps, point, wanted) == 0)
-            dr.scatter(self._asked, mi.UInt32(1), point, unknown)
+            dr.scatter(self._asked, mi.UInt8(1), point, unknown)
             return (corner + 1,)
 
         dr.while_loop((mi.UInt32(0),), lambda corner: corner < 3, ask, mode="symbolic")
-        # Each once, and neighbours side by side, whose shadow rays stay close.
+        # Each once and in order: shadow rays of neighbours are traced side by side.
         new = dr.compress(self._asked != 0)
         if not dr.width(new):
             return
-        dr.scatter(self._asked, mi.UInt32(0), new)
+        dr.scatter(self._asked, mi.UInt8(0), new)
         light, lamps = self._at_points(new, self.lattices)
         dr.scatter(self._light, mi.Vector4f(*light, dr.reinterpret_array(mi.Float, lamps)), new)
         dr.scatter(self._lamps, lamps, new)

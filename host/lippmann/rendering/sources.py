@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -146,8 +146,9 @@ def eye_source(
         mi = mitsuba()
         import drjit as dr
 
-        x, y = (mi.Float(c) for c in window.point(u, v))
-        # Opaque, so that another eye needs no compilation.
+        # Opaque, so that another eye or window needs no compilation.
+        wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
+        x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
         ex, ey, ez, radius, focus = (dr.opaque(mi.Float, c) for c in (*eye_mm, 0.5 * pupil_mm, focus_z_mm))
         z = mi.Float(0.0)
         if pupil_mm > 0.0:

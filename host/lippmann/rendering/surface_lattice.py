@@ -1,7 +1,8 @@
 """Lattices of points over a scene's surfaces; the lenslets' lattice is `lippmann.optics.lattice`.
 
-A triangle has points along its sides, a slender one in rows from its longest sides to the other, a sphere those of the
-octahedron that is folded about it. Each place lies between three points.
+A triangle has points along its sides. A slender one has rows along its shortest side, up to the corner across from it,
+its apex: as many points in each row. A sphere has those of the octahedron that is folded about it. Each place lies
+between three points.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
 #: The number of a shape without a lattice.
 NONE = 0xFFFFFFFF
-#: Steps of a lattice, at least and at most; those of a sphere keep the light's bend between points below 1 in 1,000.
-LEAST_STEPS, LEAST_SPHERE_STEPS, MOST_STEPS = 1, 32, 2048
+#: Steps of a lattice, at least: those of a sphere keep the light's bend between points below 1 in 1,000. And at most:
+#: a place in float32 is known to a thousandth of a step.
+LEAST_STEPS, LEAST_SPHERE_STEPS, MOST_STEPS = 1, 32, 1 << 14
 #: Points of all lattices at most; each side of a surface has its own light.
 MOST_POINTS = 1 << 22
 
@@ -32,10 +34,10 @@ class Lattices:
 
     #: The first lattice of a shape, by the number of its pointer; NONE without.
     of_shape: Any
-    #: Of each lattice: its first point, steps along a row, rows less one, shape, triangle, and the kinds (bits).
+    #: Of each lattice: its first point, steps along a row and from row to row, shape, triangle, and the kinds (bits).
     first: Any
     steps: Any
-    rows: Any
+    row_steps: Any
     shape: Any
     triangle: Any
     kind: Any
@@ -44,8 +46,8 @@ class Lattices:
     radius: Any
 
 
-#: Bits of a lattice's kind: on a sphere, on a surface of two sides, on a slender triangle. The latter's rows lie along
-#: its shortest side, from one long side to the other; these meet at corner 0, or at the corner of one of the last bits.
+#: Bits of a lattice's kind: on a sphere; on a surface of two sides; on a slender triangle, whose apex is corner 0, or 1
+#: or 2 by the last bits.
 SPHERE, TWO, FAN, APEX_1, APEX_2 = 1, 2, 4, 8, 16
 #: Kinds whose rows all have as many points.
 EVEN = SPHERE | FAN
@@ -65,12 +67,12 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
     """Return the three points round places on lattices, and their weights."""
     dr, mi = drjit(), mitsuba()
     lattice, back = place.lattice, place.back
-    steps, rows = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.rows))
+    steps, row_steps = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps))
     kind = dr.gather(mi.UInt32, lattices.kind, lattice)
     even = (kind & EVEN) != 0
     u, v = _on_fan(kind, place.u, place.v)
-    along, up = u * mi.Float(steps), v * mi.Float(rows)
-    j = dr.clip(mi.Int32(dr.floor(up)), 0, mi.Int32(rows) - 1)
+    along, up = u * mi.Float(steps), v * mi.Float(row_steps)
+    j = dr.clip(mi.Int32(dr.floor(up)), 0, mi.Int32(row_steps) - 1)
     last = dr.select(even, mi.Int32(steps) - 1, mi.Int32(steps) - 1 - j)
     i = dr.clip(mi.Int32(dr.floor(along)), 0, last)
     a, b = along - mi.Float(i), up - mi.Float(j)
@@ -92,28 +94,29 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
 
 
 def _on_fan(kind: Any, u: Any, v: Any) -> tuple[Any, Any]:
-    """Return a slender triangle's places along a row and from row to row, for the shares of its corners 1 and 2.
+    """Return s along a row and t from the shortest side to the apex, for the shares of a slender triangle's corners.
 
-    Both are from 0 to 1. Places of other kinds stay as they are.
+    u and v are those of corners 1 and 2. Places of other kinds stay as they are.
     """
     dr = drjit()
-    first, second = (kind & APEX_1) != 0, (kind & APEX_2) != 0
+    apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     rest = 1.0 - u - v
     to_apex, one, other = (
-        dr.select(first, a, dr.select(second, b, c)) for a, b, c in ((u, v, rest), (v, rest, u), (rest, u, v))
+        dr.select(apex_1, a, dr.select(apex_2, b, c)) for a, b, c in ((u, v, rest), (v, rest, u), (rest, u, v))
     )
-    across = one + other
+    # At the apex itself, by rounding, neither may be left.
+    s = dr.clip(one / dr.maximum(one + other, 1e-30), 0.0, 1.0)
     fan = (kind & FAN) != 0
-    return dr.select(fan, dr.select(across > 0.0, one / across, 0.0), u), dr.select(fan, to_apex, v)
+    return dr.select(fan, s, u), dr.select(fan, to_apex, v)
 
 
 def _from_fan(kind: Any, s: Any, t: Any) -> tuple[Any, Any]:
     """Return the inverse of `_on_fan`."""
     dr = drjit()
-    first, second = (kind & APEX_1) != 0, (kind & APEX_2) != 0
+    apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     one, other = s * (1.0 - t), (1.0 - s) * (1.0 - t)
-    u = dr.select(first, t, dr.select(second, other, one))
-    v = dr.select(first, one, dr.select(second, t, other))
+    u = dr.select(apex_1, t, dr.select(apex_2, other, one))
+    v = dr.select(apex_1, one, dr.select(apex_2, t, other))
     fan = (kind & FAN) != 0
     return dr.select(fan, u, s), dr.select(fan, v, t)
 
@@ -157,8 +160,8 @@ def place_of(lattices: Lattices, point: Any) -> Place:
     place = point >> 1
     lattice = dr.binary_search(0, dr.width(lattices.first) - 1,
                                lambda k: dr.gather(mi.UInt32, lattices.first, k + 1) <= place)  # fmt: skip
-    steps, rows, kind = (
-        dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.rows, lattices.kind)
+    steps, row_steps, kind = (
+        dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps, lattices.kind)
     )
     even = (kind & EVEN) != 0
     place -= dr.gather(mi.UInt32, lattices.first, lattice)
@@ -169,7 +172,7 @@ def place_of(lattices: Lattices, point: Any) -> Place:
     row = dr.select(_before(row + 1, steps) <= place, row + 1, row)
     row = dr.select(even, place // (steps + 1), row)
     column = place - dr.select(even, row * (steps + 1), _before(row, steps))
-    u, v = _from_fan(kind, mi.Float(column) / mi.Float(steps), mi.Float(row) / mi.Float(rows))
+    u, v = _from_fan(kind, mi.Float(column) / mi.Float(steps), mi.Float(row) / mi.Float(row_steps))
     return Place(mi.UInt32(lattice), u, v, back)
 
 
@@ -181,11 +184,11 @@ def laid(scene: Any, spacing: float, most: int) -> tuple[Lattices, int]:
         text = str(shape.bsdf())
         two = bool(TWO_SIDED.match(text))
         part = _of_shape(shape, spacing) if two or ONE_SIDED.match(text) else None
-        if part is not None and part["rows"].max(initial=0) <= MOST_STEPS:
+        if part is not None:
             number = int(np.asarray(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
             part["kind"] |= TWO if two else 0
             part["shape"] = np.full(len(part["steps"]), number)
-            part["points"] = _points(part["steps"], part["rows"], part["kind"])
+            part["points"] = _points(part["steps"], part["row_steps"], part["kind"])
             parts.append(part)
     parts.sort(key=lambda part: part["points"].sum())
     kept = np.searchsorted(np.cumsum([part["points"].sum() for part in parts]), most, side="right")
@@ -198,44 +201,53 @@ def laid(scene: Any, spacing: float, most: int) -> tuple[Lattices, int]:
     first = np.concatenate([[0], np.cumsum(joined["points"])])
     of_shape = np.full(max(numbers) + 1, NONE, np.uint32)
     of_shape[numbers] = begins[:-1]
-    whole = {key: mi.UInt32(joined[key].astype(np.uint32)) for key in ("steps", "rows", "shape", "triangle", "kind")}
+    counts = {
+        key: mi.UInt32(joined[key].astype(np.uint32)) for key in ("steps", "row_steps", "shape", "triangle", "kind")
+    }
     made = Lattices(
         of_shape=mi.UInt32(of_shape),
         first=mi.UInt32(first[:-1].astype(np.uint32)),
         centre=mi.Float(joined["centre"].astype(np.float32).ravel()),
         radius=mi.Float(joined["radius"].astype(np.float32)),
-        **whole,
+        **counts,
     )
     return made, int(first[-1])
 
 
-def _points(steps: Any, rows: Any, kind: Any) -> Any:
+def _points(steps: Any, row_steps: Any, kind: Any) -> Any:
     """Return the numbers of points of lattices."""
-    return np.where(kind & EVEN, (steps + 1) * (rows + 1), (steps + 1) * (steps + 2) // 2)
+    return np.where(kind & EVEN, (steps + 1) * (row_steps + 1), (steps + 1) * (steps + 2) // 2)
 
 
 def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
-    """Return the lattices of a triangle mesh or a sphere, by the names of `Lattices`; None for other shapes."""
+    """Return the lattices of a triangle mesh or a sphere, by the names of `Lattices`.
+
+    None for other shapes, and for those that are too large, or are nowhere.
+    """
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
-        # Of each corner the side across from it.
+        # In column k the side opposite corner k.
         sides = np.linalg.norm(points[np.roll(faces, 1, axis=1)] - points[np.roll(faces, 2, axis=1)], axis=2)
-        rows, across = (
+        if not len(faces) or not (sides <= MOST_STEPS * spacing).all():
+            return None
+        long, short = (
             np.maximum(np.ceil(length / spacing), LEAST_STEPS).astype(np.int64)
-            for length in (sides.max(axis=1, initial=0.0), sides.min(axis=1, initial=np.inf))
+            for length in (sides.max(axis=1), sides.min(axis=1))
         )
-        kinds = FAN | np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
-        fan = _points(across, rows, FAN) < _points(rows, rows, 0)
+        # Not where it saves little: the cells of a slender triangle may be oblique.
+        fan = 2 * _points(short, long, FAN) <= _points(long, long, 0)
+        apex = np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
         count = len(faces)
-        return {"steps": np.where(fan, across, rows), "rows": rows, "triangle": np.arange(count),
-                "kind": np.where(fan, kinds, 0), "centre": np.zeros((count, 3)), "radius": np.zeros(count)}  # fmt: skip
+        numbers = {"steps": np.where(fan, short, long), "row_steps": long, "kind": np.where(fan, FAN | apex, 0)}
+        return {**numbers, "triangle": np.arange(count), "centre": np.zeros((count, 3)), "radius": np.zeros(count)}
     if shape.class_name() == "Sphere":
         box = shape.bbox()
         low, high = np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()
         radius = 0.5 * (high - low)[0]
+        if not math.pi * radius <= MOST_STEPS * spacing:
+            return None
         steps = max(math.ceil(math.pi * radius / spacing), LEAST_SPHERE_STEPS)
-        both = {"steps": np.array([steps]), "rows": np.array([steps])}
-        return {**both, "triangle": np.zeros(1), "kind": np.array([SPHERE]),
-                "centre": 0.5 * (low + high)[None], "radius": np.array([radius])}  # fmt: skip
+        numbers = {"steps": np.array([steps]), "row_steps": np.array([steps]), "kind": np.array([SPHERE])}
+        return {**numbers, "triangle": np.zeros(1), "centre": 0.5 * (low + high)[None], "radius": np.array([radius])}
     return None
