@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import datetime
+import functools
+import hashlib
 import importlib.metadata
 import os
 import platform
 import shutil
 import subprocess
 from collections.abc import Mapping
+from pathlib import Path
 
 from lippmann import __version__
 from lippmann.processor import processor_name
@@ -31,8 +34,19 @@ def gpu_name() -> str:
 
 
 def pixel_versions() -> dict[str, str]:
-    """Return the versions of the packages that a picture's pixels depend on."""
-    return {"lippmann": __version__, **{name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}}
+    """Return the versions of the packages that a picture's pixels depend on; Lippmann's tells its code's digest."""
+    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
+    return {"lippmann": f"{__version__}+{code_digest(Path(__file__).parent)}", **others}
+
+
+@functools.cache
+def code_digest(folder: Path) -> str:
+    """Return the hash, 8 hexadecimal digits, of a folder's Python files: between releases a version has many codes."""
+    found = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        code = path.read_bytes()
+        found.update(f"{path.relative_to(folder)} {len(code)}\n".encode() + code)
+    return found.hexdigest()[:8]
 
 
 def provenance(

@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from lippmann import provenance
 from lippmann.cli import run
 from lippmann.display import load_display
 from lippmann.errors import DeviceError, InputError, NoSpaceError
@@ -264,6 +266,32 @@ def test_other_settings_are_another_picture(place, mi, change):
     assert one.identity != other.identity
     same, _ = still(place, replace(SETTINGS[0], memory_mb=5000.0))
     assert one.identity == same.identity
+
+
+def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
+    """Between releases a version has many codes, whose bands, frames and workers must not be mixed."""
+    package = tmp_path / "lippmann"
+    shutil.copytree(Path(provenance.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    changed = package / "optics/dome.py"
+    digests = []
+
+    def found():
+        provenance.code_digest.cache_clear()
+        digests.append(provenance.code_digest(package))
+
+    found()
+    text = changed.read_text()
+    for other in (text + "#", text.replace("0", "1", 1), text):
+        changed.write_text(other)
+        found()
+    changed.rename(package / "optics/dome2.py")
+    found()
+    assert digests[3] == digests[0]
+    assert len(set(digests)) == 4
+    before = still(place, SETTINGS[0])[0].identity
+    monkeypatch.setattr(provenance, "code_digest", lambda folder: digests[1])
+    assert provenance.pixel_versions()["lippmann"].endswith(f"+{digests[1]}")
+    assert still(place, SETTINGS[0])[0].identity != before
 
 
 def test_bands_of_another_picture_are_removed_and_told(place, narrow):
