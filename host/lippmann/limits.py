@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import re
 import struct
 import zipfile
 import zlib
@@ -17,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import InputError, input_error, reason
+from lippmann.memory import free_memory_mb
 
 #: Most bytes of a TOML file; a scene's XML; a table of pixels or words as text.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
@@ -47,18 +47,6 @@ def read_limited(path: Path, most: int, remedy: str) -> bytes:
 
 def _size(count: int) -> str:
     return f"{count >> 20} MB" if count >> 20 else f"{count >> 10} KB"
-
-
-def free_memory_mb() -> float:
-    """Return the free memory of this machine, MB, including what caches can release."""
-    return proc_mb("meminfo", "MemAvailable") or os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
-def proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry in kB of a file below /proc, in MB; None where there is none."""
-    path = Path("/proc", file)
-    found = re.search(rf"^{entry}:\s*(\d+) kB", path.read_text(), re.M) if path.exists() else None
-    return None if found is None else int(found[1]) * 1024 / 1e6
 
 
 def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
-from lippmann.limits import free_memory_mb
+from lippmann.memory import free_memory_mb
 from lippmann.observer import Eye, observe
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice

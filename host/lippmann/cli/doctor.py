@@ -14,9 +14,9 @@ from lippmann.board.program import LOADER
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, to_install
-from lippmann.limits import free_memory_mb
 from lippmann.link.port import adapter_ports, port_trouble, ports, serial_number
 from lippmann.link.socket_port import SCHEMES
+from lippmann.memory import free_memory_mb
 from lippmann.povray.program import POVRAY
 from lippmann.provenance import machine_name
 from lippmann.sim.tools import RTL_TOOLS

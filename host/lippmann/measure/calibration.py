@@ -25,8 +25,8 @@ from lippmann.display import Array, Display, Grid, Panel, PlanoSide, display_tex
 from lippmann.engines import trace_to_panel
 from lippmann.errors import LippmannError
 from lippmann.images import Radiance, psnr_db
-from lippmann.limits import proc_mb
 from lippmann.measure.processes import processes
+from lippmann.memory import proc_mb
 from lippmann.observer import Eye, observe, whole_window
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice

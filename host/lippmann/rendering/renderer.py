@@ -24,7 +24,7 @@ from lippmann import interrupts
 from lippmann.display import Display
 from lippmann.errors import InputError, whole_number
 from lippmann.images import BAND_ROWS, Radiance, psnr_db
-from lippmann.limits import free_memory_mb, proc_mb
+from lippmann.memory import free_memory_mb, proc_mb
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import Irradiance
 from lippmann.rendering.lights import register_lights
