@@ -545,7 +545,7 @@ def test_the_trial_does_not_depend_on_how_it_is_done(mi, display, eager, samples
 
 
 def test_small_pictures_and_those_of_few_lamps_do_not_share(mi, display):
-    lamps = {f"lamp{k}": lamp([9 * k, 5, 30]) for k in range(3)}
+    lamps = {f"lamp{k}": lamp([9 * k, 5, 30]) for k in range(2)}
     made, few = scene(wall=wall(mi, half=200.0), **lamps), scene(wall=wall(mi, half=200.0), a=lamp([0, 0, 30]))
     assert render_integral(made, display, "exact", Settings(samples=1)).shading == "each"
     assert render_integral(few, display, "exact", Settings(samples=64)).shading == "each"
