@@ -7,12 +7,14 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-#: Of each version of control groups: the folder below their root, if not the root itself, and its files: the limit in
-#: bytes, what is used, and the entry of memory.stat for pages of files, which the kernel can drop.
+#: Of each version of control groups: the folders below their root where they may be, and the files of a group: its
+#: limit in bytes, what is used, and how memory.stat calls pages of files, which the kernel can drop.
 VERSIONS = {
-    1: ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
-    2: ("", "memory.max", "memory.current", "inactive_file"),
+    1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
+    2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
+#: A limit from which on there is none: version 1 writes 2^63, less a page.
+UNLIMITED = 1 << 62
 
 
 def free_memory_mb() -> float:
@@ -29,28 +31,28 @@ def group_memory_mb(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc
 
     Linux' versions 1 and 2 (cgroups(7)); `own` lists the process' groups below `root`.
     """
-    for line in own.read_text().splitlines() if own.exists() else ():
+    for line in _text(own).splitlines():
         _, controllers, path = line.split(":", 2)
         if controllers and "memory" not in controllers.split(","):
             continue
-        name, limit, used, dropped = VERSIONS[1 if controllers else 2]
-        top = root / name
-        # In a container the path may be that outside, and its own group is the top.
-        group = top / path.lstrip("/")
-        for folder in [top] if ".." in group.parts else [group, *group.parents]:
-            if folder.is_relative_to(top):
-                most, taken = (_number(folder / file, r"^(\d+)$") for file in (limit, used))
-                if most is not None and taken is not None:
-                    yield max(0.0, most - taken + (_number(folder / "memory.stat", rf"^{dropped} (\d+)$") or 0)) / 1e6
+        names, limit, used, dropped = VERSIONS[1 if controllers else 2]
+        for top in (root / name for name in names):
+            # In a container the path may be that outside, and its own group is the top.
+            group = top / path.lstrip("/")
+            for folder in [top] if ".." in group.parts else [group, *group.parents]:
+                if folder.is_relative_to(top):
+                    most, taken = (re.findall(r"^(\d+)$", _text(folder / file), re.M) for file in (limit, used))
+                    if most and taken and int(most[0]) < UNLIMITED:
+                        spare = sum(map(int, re.findall(rf"^{dropped} (\d+)$", _text(folder / "memory.stat"), re.M)))
+                        yield max(0, int(most[0]) - int(taken[0]) + spare) / 1e6
 
 
-def _number(file: Path, pattern: str) -> int | None:
-    """Return the number in a file; None without one, as where there is no limit."""
+def _text(file: Path) -> str:
+    """Return a file's text; "" where it cannot be read."""
     try:
-        found = re.search(pattern, file.read_text(), re.M)
+        return file.read_text(errors="replace")
     except OSError:
-        return None
-    return None if found is None else int(found[1])
+        return ""
 
 
 def proc_mb(file: str, entry: str) -> float | None:

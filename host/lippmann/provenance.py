@@ -36,17 +36,21 @@ def gpu_name() -> str:
 def pixel_versions() -> dict[str, str]:
     """Return the versions of the packages that a picture's pixels depend on; Lippmann's tells its code's digest."""
     others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
-    return {"lippmann": f"{__version__}+{code_digest(Path(__file__).parent)}", **others}
+    return {"lippmann": __version__ + code_digest(Path(__file__).parent), **others}
 
 
 @functools.cache
 def code_digest(folder: Path) -> str:
-    """Return the hash, 8 hexadecimal digits, of a folder's Python files: between releases a version has many codes."""
+    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files as they are when it is first asked for.
+
+    Between releases a version has many codes. "" without such files, as where only their compiled forms are installed.
+    """
     found = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
+    paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
+    for path in paths:
         code = path.read_bytes()
         found.update(f"{path.relative_to(folder)} {len(code)}\n".encode() + code)
-    return found.hexdigest()[:8]
+    return f"+{found.hexdigest()[:8]}" if paths else ""
 
 
 def provenance(

@@ -269,7 +269,7 @@ def test_other_settings_are_another_picture(place, mi, change):
 
 
 def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
-    """Between releases a version has many codes, whose bands, frames and workers must not be mixed."""
+    """Whose bands, frames and workers must not be mixed."""
     package = tmp_path / "lippmann"
     shutil.copytree(Path(provenance.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     changed = package / "optics/dome.py"
@@ -286,11 +286,16 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
         found()
     changed.rename(package / "optics/dome2.py")
     found()
+    # An editor's lock is a link that leads nowhere.
+    (package / ".#dome.py").symlink_to("nobody@nowhere.1")
+    found()
     assert digests[3] == digests[0]
+    assert digests[5] == digests[4]
     assert len(set(digests)) == 4
+    assert provenance.code_digest(tmp_path / "none") == ""
     before = still(place, SETTINGS[0])[0].identity
     monkeypatch.setattr(provenance, "code_digest", lambda folder: digests[1])
-    assert provenance.pixel_versions()["lippmann"].endswith(f"+{digests[1]}")
+    assert provenance.pixel_versions()["lippmann"].endswith(digests[1])
     assert still(place, SETTINGS[0])[0].identity != before
 
 

@@ -7,13 +7,18 @@ from lippmann.memory import free_memory_mb, group_memory_mb
 MB = 1_000_000
 
 
-def group(folder, version, limit, used, dropped=0):
+FILES = {1: ("memory.limit_in_bytes", "memory.usage_in_bytes"), 2: ("memory.max", "memory.current")}
+
+
+def group(folder, version, limit, used, inactive=0, active=0):
+    """A group with its children; the entries of version 1 without them are none of it."""
     folder.mkdir(parents=True, exist_ok=True)
-    _, most, taken, entry = memory.VERSIONS[version]
-    (folder / most).write_text(f"{limit}\n")
-    (folder / taken).write_text(f"{used}\n")
-    # The entry of the group without its children, and another one, are none of it.
-    (folder / "memory.stat").write_text(f"anon 5\ninactive_file {dropped if version == 2 else 7}\n{entry} {dropped}\n")
+    for file, value in zip(FILES[version], (limit, used), strict=True):
+        (folder / file).write_text(f"{value}\n")
+    alone = f"inactive_file {7 * MB}\nactive_file {9 * MB}\ntotal_" if version == 1 else ""
+    both = "total_active_file" if version == 1 else "active_file"
+    stat = f"anon {3 * MB}\n{alone}inactive_file {inactive}\n{both} {active}\n"
+    (folder / "memory.stat").write_text(stat)
 
 
 def found(tmp_path, own):
@@ -24,7 +29,7 @@ def found(tmp_path, own):
 @pytest.mark.parametrize(("version", "own"), [(1, "9:pids:/\n4:cpu,memory:/jobs/7\n0::/\n"), (2, "0::/jobs/7\n")])
 def test_each_group_around_the_process_limits_it(tmp_path, version, own):
     top = tmp_path / "root" / ("memory" if version == 1 else "")
-    group(top / "jobs/7", version, 900 * MB, 500 * MB, 30 * MB)
+    group(top / "jobs/7", version, 900 * MB, 500 * MB, 10 * MB, 20 * MB)
     group(top / "jobs", version, 2000 * MB, 1500 * MB)
     group(top / "jobs/8", version, 10 * MB, 9 * MB)
     assert found(tmp_path, own) == pytest.approx([430.0, 500.0])
@@ -39,7 +44,13 @@ def test_a_container_sees_its_own_group_at_the_top(tmp_path):
         assert found(tmp_path, outside) == pytest.approx([200.0])
 
 
-@pytest.mark.parametrize(("limit", "used"), [("max", 5), ("", 5), (5, ""), ("-1", 5)])
+def test_groups_of_both_versions(tmp_path):
+    """Those of version 2 have a folder of their own."""
+    group(tmp_path / "root/unified/x", 2, 900 * MB, 500 * MB)
+    assert found(tmp_path, "3:pids:/x\n0::/x\n") == pytest.approx([400.0])
+
+
+@pytest.mark.parametrize(("limit", "used"), [("max", 5), ("", 5), (5, ""), ("-1", 5), ((1 << 63) - 4096, 5)])
 def test_no_limit_that_can_be_read_is_none(tmp_path, limit, used):
     group(tmp_path / "root", 2, limit, used)
     assert found(tmp_path, "0::/\n") == []
@@ -56,8 +67,7 @@ def test_without_control_groups_there_is_no_limit(tmp_path):
 
 
 def test_the_least_counts(monkeypatch):
-    machine = free_memory_mb()
-    monkeypatch.setattr(memory, "group_memory_mb", lambda: iter([1e12, 123.0, 200.0]))
-    assert free_memory_mb() == 123.0
-    monkeypatch.setattr(memory, "group_memory_mb", lambda: iter([1e12]))
-    assert free_memory_mb() == pytest.approx(machine, rel=0.2)
+    monkeypatch.setattr(memory, "proc_mb", lambda *_: 1000.0)
+    for groups, least in (([], 1000.0), ([1e12], 1000.0), ([1e12, 123.0, 200.0], 123.0)):
+        monkeypatch.setattr(memory, "group_memory_mb", lambda groups=groups: iter(groups))
+        assert free_memory_mb() == least

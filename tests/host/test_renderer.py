@@ -10,6 +10,7 @@ from pathlib import Path
 import lippmann
 import numpy as np
 import pytest
+from lippmann import memory
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.images import psnr_db
@@ -704,7 +705,8 @@ def test_peak_memory_is_the_process_s_own():
     assert peaks[1] - peaks[0] == pytest.approx(200.0, abs=20.0)
 
 
-def test_free_memory_counts_what_caches_give_back():
+def test_free_memory_counts_what_caches_give_back(monkeypatch):
+    monkeypatch.setattr(memory, "group_memory_mb", lambda: iter(()))  # these tests may run in a container
     lines = Path("/proc/meminfo").read_text().splitlines()
     available = next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable")) * 1024 / 1e6
     assert free_memory_mb() == pytest.approx(available, rel=0.2)

@@ -262,7 +262,7 @@ def render_bands(
     _check_disk(folder, still)
     kept = KeptBands(folder, still)
     if kept.removed:
-        note(f"{folder}: bands are removed, {kept.removed} of another scene, display, options or version")
+        note(f"{folder}: bands are removed, {kept.removed} of another scene, display, options, version or code")
     missing = kept.missing()
     done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
     progress(done, panel.height_px)

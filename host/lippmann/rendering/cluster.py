@@ -202,7 +202,7 @@ def _rendered(task: Task, device: str, wanted: dict[str, str]) -> Any:
     if pixel_versions() != wanted:
         theirs = ", ".join(f"{key} {value}" for key, value in pixel_versions().items())
         ours = ", ".join(f"{key} {value}" for key, value in wanted.items())
-        raise input_error(name, f"has {theirs}, asked for {ours}", "install the same versions everywhere")
+        raise input_error(name, f"has {theirs}, asked for {ours}", "install the same Lippmann everywhere")
     # Garbage that another thread collects meanwhile may be Dr.Jit's, whose lock this one holds.
     with _rendering, garbage_kept():
         start_mitsuba(device)

@@ -222,14 +222,16 @@ def _points(steps: Any, row_steps: Any, kind: Any) -> Any:
 def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
     """Return the lattices of a triangle mesh or a sphere, by the names of `Lattices`.
 
-    None for other shapes, and for those that are too large, or are nowhere.
+    None for other shapes, and for those that are too large or have corners that are no numbers.
     """
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
+        if not len(faces) or not np.isfinite(points).all():
+            return None
         # In column k the side opposite corner k.
         sides = np.linalg.norm(points[np.roll(faces, 1, axis=1)] - points[np.roll(faces, 2, axis=1)], axis=2)
-        if not len(faces) or not (sides <= MOST_STEPS * spacing).all():
+        if sides.max() > MOST_STEPS * spacing:
             return None
         long, short = (
             np.maximum(np.ceil(length / spacing), LEAST_STEPS).astype(np.int64)
