@@ -22,13 +22,13 @@ from lippmann.display import load_display
 from lippmann.film.layer_film import LayerFilm, LayerKey, MovingLayer
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.limits import proc_mb
 from lippmann.live.hand import Hand
 from lippmann.live.picture import LivePicture
 from lippmann.live.reel import Reel
 from lippmann.live.run import run_live
 from lippmann.live.screens import NoScreens
 from lippmann.live.sender import Sender
+from lippmann.memory import proc_mb
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
 from lippmann.rendering.scene import load_scene
