@@ -13,7 +13,7 @@ VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
-#: A limit from which on there is none: version 1 writes 2^63, less a page.
+#: So large a limit is none: version 1 writes 2^63, less a page, where there is none.
 UNLIMITED = 1 << 62
 
 
@@ -56,7 +56,10 @@ def _text(file: Path) -> str:
 
 
 def proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry in kB of a file below /proc, in MB; None where there is none."""
+    """Return an entry of a file below /proc, in MB; None without the file or the entry."""
     path = Path("/proc", file)
     found = re.search(rf"^{entry}:\s*(\d+) kB", path.read_text(), re.M) if path.exists() else None
-    return None if found is None else int(found[1]) * 1024 / 1e6
+    if found is None:
+        return None
+    kib = int(found[1])  # which Linux calls kB
+    return kib * 1024 / 1e6

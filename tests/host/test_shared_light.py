@@ -352,6 +352,12 @@ def random_scene(mi, seed):
             {"type": "spot", "to_world": to_world, "intensity": power, "cutoff_angle": rng.uniform(5.0, 40.0)},
             {"type": "directional", "direction": list(-away), "irradiance": rng.uniform(0.3, 2.0)},
         ][rng.choice(3, p=[0.6, 0.2, 0.2])]
+    # Bars, of slender triangles.
+    for k in range(rng.integers(1, 4)):
+        sides = [rng.uniform(2.0, 7.0), *rng.uniform(0.02, 0.5, 2)]
+        at, axis, angle = rng.uniform(-6.0, 6.0, 3) * [1.0, 0.7, 0.5], rng.normal(size=3), rng.uniform(0, 180)
+        turn = mi.ScalarTransform4f().translate(list(at)).rotate(list(axis), angle).scale(sides)
+        parts[f"bar{k}"] = {"type": "cube", "to_world": turn, "bsdf": paints[rng.choice(2)]}
     return scene(**parts)
 
 

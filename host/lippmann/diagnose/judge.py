@@ -87,7 +87,8 @@ class Verdict:
     @property
     def searched(self) -> bool:
         """Whether a pair of faults was looked for, if that was allowed."""
-        return self.wrong >= MANY and (self.fault is None or PAIR in self.fault)
+        single = self.fault is not None and PAIR not in self.fault
+        return self.wrong >= MANY and not single
 
     @property
     def lines(self) -> list[str]:
