@@ -76,7 +76,7 @@ LEAST_SCATTER = 0.001
 SEED = 1911
 
 
-def seam_powers(grid: Grid) -> list[tuple[int, int]]:
+def seam_powers(grid: Grid) -> tuple[tuple[int, int], ...]:
     """Return the powers (j, k) of slopes by which seams move the lenslets' middles in a photograph."""
     return powers(FOLDS[grid], SEAMS)
 
@@ -117,7 +117,7 @@ class Problem:
         """Names of the zooms, which come last."""
         return [f"zoom_{k}" for k in range(1, len(self.views))] if self.zoom else []
 
-    @property
+    @cached_property
     def array_steps(self) -> dict[str, float]:
         """Names and steps of the parameters before the lens's."""
         seams = {f"seams_{j}{k}": SEAMS_STEP for j, k in seam_powers(self.display.array.grid)}
@@ -129,7 +129,7 @@ class Problem:
         kinds = {**self.array_steps, **LENS}
         return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views)), *([ZOOM] * len(self.zooms))])
 
-    @property
+    @cached_property
     def shared(self) -> int:
         """Number of parameters before those of the poses."""
         return len(self.array_steps) + len(LENS)

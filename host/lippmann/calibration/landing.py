@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -85,9 +86,10 @@ class Landing:
         return self.traced(slope, gap_mm, ())[1]
 
 
-def powers(folds: int, degrees: range) -> list[tuple[int, int]]:
+@cache
+def powers(folds: int, degrees: range) -> tuple[tuple[int, int], ...]:
     """Return the (j, k) of the module's formulas with j + k among some degrees."""
-    return [(n - k, k) for n in degrees for k in range(n + 1) if (n - 2 * k - 1) % folds == 0]
+    return tuple((n - k, k) for n in degrees for k in range(n + 1) if (n - 2 * k - 1) % folds == 0)
 
 
 def terms(slope: npt.NDArray[np.complex128], wanted: Sequence[tuple[int, int]]) -> npt.NDArray[np.complex128]:
