@@ -357,6 +357,7 @@ def test_the_radius_of_a_dome_that_hardly_spans_its_cell(request):
         radius_of(display, SimpleNamespace(problem=problem, x=None, value=place.get))
 
 
+@pytest.mark.full
 def test_a_radius_far_from_the_files_is_told(case, photos):
     array = case.nominal.array
     wrong = dataclasses.replace(case.nominal, array=dataclasses.replace(array, radius_mm=1.5 * array.radius_mm))
@@ -628,12 +629,13 @@ def refused_solve(photos, nominal, folder, capfd):
     return capfd.readouterr().err
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("position", "share", "percents", "which"),
     [
         (3, 1.02, r"(1\.9|2\.0|2\.1) % more", "position-1"),
-        pytest.param(1, 0.98, r"(1\.9|2\.0|2\.1) % less", "the other positions", marks=pytest.mark.full),
-        pytest.param(1, 0.7, r"[34]\d\.\d % less", "the other positions", marks=pytest.mark.full),
+        (1, 0.98, r"(1\.9|2\.0|2\.1) % less", "the other positions"),
+        (1, 0.7, r"[34]\d\.\d % less", "the other positions"),
     ],
 )
 def test_a_zoom_between_positions_is_told(case, photos, tmp_path, capfd, position, share, percents, which):

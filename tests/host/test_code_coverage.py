@@ -50,6 +50,7 @@ def test_counts_add_up(tmp_path):
     assert (share([row]), share([row], "toggled", "toggles")) == (50.0, 50.0)
 
 
+@pytest.mark.full
 def test_a_simulation_tells_its_lines(tmp_path, monkeypatch):
     (tmp_path / "rtl/core").mkdir(parents=True)
     rtl, main = tmp_path / "rtl/core/small.sv", tmp_path / "main.cpp"

@@ -39,10 +39,11 @@ PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FILE_NAME = re.compile(r"(?:#|<!--) (\S+\.(?:toml|xml))\b")
-#: Pages whose commands render large panels or many frames, or have a board of 640 x 480 pixels.
+#: Pages whose commands render large panels, many frames or views, or have a board of 640 x 480 pixels.
 SLOW = (
     "README.md", "docs/how-to/board.md", "docs/how-to/browser.md", "docs/how-to/draw-on-the-board.md",
-    "docs/how-to/film.md", "docs/how-to/layers.md", "docs/how-to/look-at-it.md", "docs/how-to/own-fpga.md",
+    "docs/how-to/film.md", "docs/how-to/layers.md", "docs/how-to/look-at-it.md", "docs/how-to/own-content.md",
+    "docs/how-to/own-fpga.md",
 )  # fmt: skip
 #: Pages whose Python programs run between the commands, as a board that they need is started and stopped there.
 PROGRAMS = ("README.md", "docs/how-to/draw-on-the-board.md")

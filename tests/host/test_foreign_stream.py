@@ -121,7 +121,13 @@ LEFT_OUT = {
 }
 
 
-@pytest.mark.parametrize("name", LEFT_OUT)
+#: Like the others of their kind, and slow.
+SLOW = ("domes hit again, below", "a line beside the sphere, below", "total reflection")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.full) if name in SLOW else name for name in LEFT_OUT]
+)
 def test_a_check_that_is_left_out_is_found(name, tmp_path):
     """By rays beyond any rounding of the onset."""
     display, old, new = LEFT_OUT[name]

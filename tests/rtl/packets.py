@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from cobs import cobs
+from pins import Pin
 
 LONGEST = 3200
 SHORTEST = 7
@@ -20,7 +21,7 @@ class Joined:
     """Several handles as one word, the first at the top."""
 
     def __init__(self, *handles):
-        self._handles = handles
+        self._handles = [handle if isinstance(handle, Pin) else Pin(handle) for handle in handles]
         self._masks = [(1 << len(handle)) - 1 for handle in handles]
 
     @property

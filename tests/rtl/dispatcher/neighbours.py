@@ -4,48 +4,8 @@ import random
 
 import rules
 from packets import Joined
+from pins import Pins
 from streams import Monitor
-
-
-class Pin:
-    """A handle that is written only when its value changes: cocotb takes microseconds to write one."""
-
-    def __init__(self, handle):
-        self._handle, self._written, self._told = handle, None, True
-
-    def __len__(self) -> int:
-        return len(self._handle)
-
-    @property
-    def value(self):
-        return self._handle.value
-
-    @value.setter
-    def value(self, value: int) -> None:
-        self._told = True
-        self._write(value)
-
-    def noise(self, bits: int) -> None:
-        """Another word than what was told, and now and then another again."""
-        if self._told or not random.getrandbits(2):
-            self._told = False
-            self._write(random.getrandbits(bits))
-
-    def _write(self, value: int) -> None:
-        if value != self._written:
-            self._handle.value = self._written = value
-
-
-class Pins:
-    """The dispatcher's ports. Who writes one writes it here: what was written last is known."""
-
-    def __init__(self, dut):
-        self._dut = dut
-
-    def __getattr__(self, name: str) -> Pin:
-        pin = Pin(getattr(self._dut, name))
-        setattr(self, name, pin)
-        return pin
 
 
 class Neighbours(Monitor):

@@ -15,6 +15,7 @@ from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
 from lippmann.registers import OPTICS_REGISTERS
+from pins import Pins
 from rtl_coverage import Coverage
 
 RANDOM = random.Random(int(os.environ["LIPPMANN_SEED"]))
@@ -35,7 +36,8 @@ class Block:
     """Drives a block's ports at the clock's falling edge, where all of them are at rest."""
 
     def __init__(self, dut):
-        self.dut = dut
+        Clock(dut.clk_i, 2, "ns").start()
+        self.dut, self.edge = Pins(dut), FallingEdge(dut.clk_i)
         self.table = np.zeros(TABLE_ENTRIES, np.int64)
         self.stall = 0.0
         self.pause = None  # between two accesses, clocks; random when None
@@ -49,12 +51,11 @@ class Block:
             getattr(dut, f"ray_{name}_i").value = 0
         dut.exit_ready_i.value = 0
         dut.rst_ni.value = 0
-        cocotb.start_soon(Clock(dut.clk_i, 2, "ns").start())
         for _ in range(3):
-            await FallingEdge(dut.clk_i)
+            await self.edge
         dut.rst_ni.value = 1
         cocotb.start_soon(self._collect())
-        await FallingEdge(dut.clk_i)
+        await self.edge
 
     async def _collect(self):
         """Take exit rays, with pauses; a ray that waits must not change."""
@@ -62,7 +63,7 @@ class Block:
         words = [getattr(dut, f"exit_{name}_o") for name in ("i", "j", "x", "y", "z", "dx", "dy", "dz")]
         waiting = None
         while True:
-            await FallingEdge(dut.clk_i)
+            await self.edge
             ready = RANDOM.random() >= self.stall
             dut.exit_ready_i.value = ready
             if not dut.exit_valid_o.value:
@@ -86,20 +87,20 @@ class Block:
         dut.s_apb_paddr.value = address
         dut.s_apb_pwdata.value = word or 0
         dut.s_apb_pstrb.value = 0 if word is None else strobes
-        await FallingEdge(dut.clk_i)
+        await self.edge
         dut.s_apb_penable.value = 1
         clocks = 2
         while not dut.s_apb_pready.value:
-            await FallingEdge(dut.clk_i)
+            await self.edge
             clocks += 1
             assert clocks < 10, f"no answer at 0x{address:03x}"
         assert clocks == (3 if address >= 0x100 else 5 if word is None else 4)
         answer = dut.s_apb_prdata.value.to_unsigned(), bool(dut.s_apb_pslverr.value)
-        await FallingEdge(dut.clk_i)
+        await self.edge
         dut.s_apb_psel.value = dut.s_apb_penable.value = 0
         # Back to back now and then.
         for _ in range(RANDOM.randrange(3) if self.pause is None else self.pause):
-            await FallingEdge(dut.clk_i)
+            await self.edge
         return answer
 
     async def write(self, writes):
@@ -151,16 +152,16 @@ class Block:
         taken = False
         while not taken:
             taken = bool(dut.ray_ready_o.value)
-            await FallingEdge(dut.clk_i)
+            await self.edge
         dut.ray_valid_i.value = 0
 
     async def drain(self, rays):
         for _ in range(rays * 40 + 4000):
             if len(self.exits) >= rays:
                 break
-            await FallingEdge(self.dut.clk_i)
+            await self.edge
         for _ in range(40):
-            await FallingEdge(self.dut.clk_i)
+            await self.edge
 
     def check(self, *frames):
         """The exits since the last check are those of frames, each traced by one set of optics."""
@@ -278,7 +279,7 @@ async def an_apply_waits_for_the_end_of_the_frame(dut):
         await block.write(raster_writes(one))
         await block.command(**START)
         while len(block.exits) < 10:
-            await FallingEdge(dut.clk_i)
+            await block.edge
         # New optics and the next frame, while rays of the first one pour out.
         await block.write(optics_writes(after))
         if turn < 2:
@@ -367,7 +368,7 @@ async def the_stream_at_the_port_is_traced(dut):
             if (k, n) == (1, len(rays.u) - 2):
                 await asking
             while RANDOM.random() < 0.3:
-                await FallingEdge(dut.clk_i)
+                await block.edge
             await block.offer(rays, n)
     await block.drain(sum(len(rays.u) for rays in frames))
     assert asked[0]["busy"]
@@ -411,7 +412,7 @@ async def an_abort_leaves_the_block_empty(dut):
                 await block.offer(rays, n)
         await block.command(**START)
         for _ in range(RANDOM.choice([0, 1, 7, 100, 700])):
-            await FallingEdge(dut.clk_i)
+            await block.edge
         await block.command(**START)
         await block.write(optics_writes(OTHER_OPTICS))
         await block.command(**APPLY)
@@ -422,7 +423,7 @@ async def an_abort_leaves_the_block_empty(dut):
         await block.settle(occupied=0, busy=0, running=0)
         left = len(block.exits)
         for _ in range(300):
-            await FallingEdge(dut.clk_i)
+            await block.edge
         assert len(block.exits) == left, "a ray came out of an empty block"
         assert not any(block.lasts)
         block.exits, block.firsts, block.lasts = [], [], []

@@ -5,6 +5,7 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+from pins import Pins
 from rtl_coverage import Coverage
 
 OK, STALE, FRAME_CRC = 0, 4, 6
@@ -16,12 +17,12 @@ class Bench:
     """Counts what presenter asked of its neighbours; `back_crc` is what the back buffer holds."""
 
     def __init__(self, dut):
-        self.dut, self.edge, self.back_crc = dut, FallingEdge(dut.clk_i), 0
+        self.dut, self.edge, self.back_crc = Pins(dut), FallingEdge(dut.clk_i), 0
+        Clock(dut.clk_i, 2, unit="ns").start()
         self.checks = self.swaps = self.failures = 0
 
     async def reset(self):
         dut = self.dut
-        Clock(dut.clk_i, 2, unit="ns").start()
         dut.start_i.value = dut.check_done_i.value = dut.swapped_i.value = 0
         dut.rst_ni.value = 0
         for _ in range(3):
@@ -31,9 +32,8 @@ class Bench:
         dut.rst_ni.value = 1
 
     def is_quiet(self):
-        dut = self.dut
-        for handle in (dut.done_o, dut.failed_o, dut.check_start_o, dut.swap_o):
-            assert not handle.value, handle._name
+        for name in ("done_o", "failed_o", "check_start_o", "swap_o"):
+            assert not getattr(self.dut, name).value, name
 
     async def present(self, epoch, crc, wait):
         """Ask once; the status. The neighbours take up to `wait` clocks."""
@@ -125,7 +125,7 @@ async def each_request_gets_what_it_deserves(dut):
         assert await bench.present(asked, crc, random.choice([0, 1, 5, 40])) == (status, epoch), case
         assert (bench.checks, bench.swaps, bench.failures) == (wanted_checks, wanted_swaps, wanted_failures), case
         if random.random() < 0.3:
-            dut.check_done_i.value = 0
+            bench.dut.check_done_i.value = 0
             await bench.edge
             await bench.rests(random.randint(0, 5))
 

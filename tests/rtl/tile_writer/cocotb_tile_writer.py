@@ -12,6 +12,7 @@ import numpy as np
 import qoi
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+from pins import Pins
 from rtl_coverage import Coverage
 from streams import PATTERNS, pattern
 
@@ -88,7 +89,8 @@ def pixels_of(data):
 
 class Bench:
     def __init__(self, dut):
-        self.dut, self.edge = dut, FallingEdge(dut.clk_i)
+        self.dut, self.edge = Pins(dut), FallingEdge(dut.clk_i)
+        Clock(dut.clk_i, 2, unit="ns").start()
         self.store = np.zeros((2, HEIGHT, WIDTH, 3), np.uint8)
         self.pauses = "always"  # when the store works
         self.inputs = ("pause_i", "start_i", "tile_i", "coding_i", "buffer_i", "empty_i", "valid_i", "data_i", "last_i",
@@ -99,7 +101,6 @@ class Bench:
         for name in self.inputs:
             getattr(dut, name).value = 0
         dut.rst_ni.value = 0
-        Clock(dut.clk_i, 2, unit="ns").start()
         for _ in range(3):
             await self.edge
         dut.rst_ni.value = 1
@@ -148,8 +149,10 @@ class Bench:
             dut.start_i.value = 0
             dut.pause_i.value = not next(works)
             # What was copied at the start may change.
-            dut.tile_i.value, dut.coding_i.value = random.getrandbits(16), random.getrandbits(8)
-            dut.empty_i.value, dut.buffer_i.value = random.getrandbits(1), random.getrandbits(1)
+            dut.tile_i.noise(16)
+            dut.coding_i.noise(8)
+            dut.empty_i.noise(1)
+            dut.buffer_i.noise(1)
             word = int(dut.written_o.value)
             if word >> (PLACE_BITS + 25):
                 assert word >> (PLACE_BITS + 24) & 1 == buffer
@@ -166,7 +169,8 @@ class Bench:
                     sent, offered = sent + 1, False
             else:
                 assert not ready, "a byte of the next packet was taken"
-                dut.valid_i.value, dut.data_i.value, dut.last_i.value = 1, random.getrandbits(8), 1
+                dut.valid_i.value = dut.last_i.value = 1
+                dut.data_i.noise(8)
             assert clocks < 12 * (len(data) + 200) + (1100 if self.pauses == "always" else 25000), "no end"
         assert sent == len(data), "not all of the packet was taken"
         dut.valid_i.value = 0
@@ -416,6 +420,7 @@ async def a_pixel_a_clock(dut):
 @cocotb.test()
 async def reset_ends_a_tile(dut):
     bench = Bench(dut)
+    dut = bench.dut
     await bench.begin()
     for clocks in (1, 3, 9, 40):
         dut.tile_i.value, dut.coding_i.value, dut.buffer_i.value, dut.empty_i.value = 0, SOLID, 0, 0

@@ -5,6 +5,7 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
+from pins import Pins
 from rtl_coverage import Coverage
 from streams import PATTERNS, pattern
 
@@ -22,7 +23,8 @@ class Receiver:
     """The device, the line before it and what took its bytes."""
 
     def __init__(self, dut, clocks, mismatch=0.0):
-        self.dut, self.step = dut, round(65536 / clocks)
+        self.clock, self.edge = Clock(dut.clk_i, CLOCK_PS, unit="ps"), FallingEdge(dut.clk_i)
+        self.dut, self.step = Pins(dut), round(65536 / clocks)
         #: A bit on the line, whose sender is off by `mismatch`.
         self.bit_ps = 65536 / self.step * CLOCK_PS / (1 + mismatch)
         self.whole_eighth_ps = int(65536 / self.step / 8) * CLOCK_PS
@@ -31,7 +33,7 @@ class Receiver:
 
     async def start(self, ready):
         dut = self.dut
-        Clock(dut.clk_i, CLOCK_PS, unit="ps").start()
+        self.clock.start()
         dut.rx_i.value, dut.ready_i.value, dut.step_i.value, dut.rst_ni.value = 1, 0, self.step, 0
         await Timer(random.randrange(3, 5) * CLOCK_PS + random.randrange(CLOCK_PS), "ps")
         dut.rst_ni.value = 1
@@ -41,7 +43,7 @@ class Receiver:
     async def _take(self, ready):
         dut, held = self.dut, None
         while True:
-            await FallingEdge(dut.clk_i)
+            await self.edge
             valid, take = bool(dut.valid_o.value), next(ready)
             if held is not None:
                 assert valid
