@@ -383,6 +383,7 @@ def test_one_position_says_what_it_leaves_open(case, photos, tmp_path):
     assert np.sqrt((kept[:, 5:7] ** 2).mean()) < 0.2
 
 
+@pytest.mark.full
 def test_one_position_in_the_middle_finds_its_place(request, tmp_path):
     """The file's pitch alone tells how far this camera is. The gap stays unknown, which must not spoil points."""
     plain = request.config.rootpath / "scenes/displays/vga-square.toml"

@@ -25,7 +25,9 @@ WRONG = re.compile(r"^(\S+): \d+ of \d+ rays wrong, the first is \d+; stage: [^;
 
 def shell(*lines, folder):
     """Run lines as a reader would, with no Verilator on the PATH; the compilation without optimisation."""
-    environment = os.environ | dict.fromkeys(("OPT_FAST", "OPT_SLOW", "OPT_GLOBAL"), "-O0")
+    # Verilator's makefiles set these, and only make's own flags override them.
+    flags = " ".join(f"{name}=-O0" for name in ("OPT_FAST", "OPT_SLOW", "OPT_GLOBAL"))
+    environment = os.environ | {"MAKEFLAGS": flags}
     environment.pop("PYTEST_CURRENT_TEST", None)  # cocotb takes it for a test around its own
     command = ["bash", "-euo", "pipefail", "-c", "\n".join(lines)]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
@@ -201,12 +203,6 @@ def said_of(name, folder):
 
 def is_named(name, said):
     return re.fullmatch(DESIGN_FAULTS[name].said, said) is not None
-
-
-@pytest.mark.parametrize("name", ["wrong constant"])
-def test_a_fault_of_the_design_is_named(name, workshop):
-    said = said_of(name, workshop)
-    assert is_named(name, said), said
 
 
 @pytest.mark.full  # minutes
