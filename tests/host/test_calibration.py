@@ -24,7 +24,7 @@ from lippmann.calibration.lenslets import Lenslets, Readings
 from lippmann.calibration.outline import regular
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.radius import radius_of
-from lippmann.calibration.result import load_calibration
+from lippmann.calibration.result import DoubtError, load_calibration
 from lippmann.calibration.shoot import shoot
 from lippmann.calibration.smooth import Smooth
 from lippmann.calibration.solve import calibrate
@@ -628,6 +628,36 @@ def refused_solve(photos, nominal, folder, capfd):
     assert run(["calibrate", "solve", str(photos), "--display", str(folder / "d.toml"), "-o", str(out)]) == 4
     assert not out.exists()
     return capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("zooms", "says"),
+    [
+        ((0.02, 0.0), "position-2: the lens magnifies 2.0 % more than in position-1; fix zoom"),
+        ((0.0, -0.01), "position-3: the lens magnifies 1.0 % less than in position-1; fix zoom"),
+        # All others alike: it is the first.
+        ((0.02, 0.021), "position-1: the lens magnifies 2.1 % less than in the other positions; fix zoom"),
+        ((0.02, -0.02), "position-2: the lens magnifies 2.0 % more than in position-1; fix zoom"),
+        ((0.004, -0.004), None),
+    ],
+)
+def test_a_zoom_is_that_of_the_odd_position(case, monkeypatch, zooms, says):
+    """Each zoom is known to 0.1 %: one beyond four times that is told."""
+    views = [SimpleNamespace(name=f"position-{k}") for k in (1, 2, 3)]
+    problem = Problem(case.nominal, [], views, (1, 1))
+    found = SimpleNamespace(value=dict(zip(("zoom_1", "zoom_2"), zooms, strict=True)).get, deviation=lambda name: 0.001)
+    monkeypatch.setattr(solver, "solve", lambda problem, x: found)
+    refused = pytest.raises(DoubtError, match=says) if says else contextlib.nullcontext()
+    with refused:
+        solver._check_zoom(SimpleNamespace(problem=problem, x=np.zeros(3)))
+
+
+def test_what_is_in_doubt_is_not_written(case, tmp_path, monkeypatch, capfd):
+    def doubt(*_):
+        raise DoubtError("the lens was zoomed")
+
+    monkeypatch.setattr(solver, "calibrate", doubt)
+    assert "the lens was zoomed" in refused_solve(tmp_path, case.nominal, tmp_path, capfd)
 
 
 @pytest.mark.full

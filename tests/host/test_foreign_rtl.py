@@ -1,4 +1,4 @@
-"""`vectors --stream | A DESIGN IN ITS BENCH | regress --stream`: a foreign RTL of pinholes, right and with faults."""
+"""`vectors --stream | A DESIGN IN ITS BENCH | regress --stream`: foreign RTL, right, and in test-full with faults."""
 
 import os
 import re

@@ -4,7 +4,10 @@ import random
 
 
 class Pin:
-    """A handle that is written only when its value changes: cocotb takes microseconds to write one."""
+    """A handle that is written only when its value changes: cocotb takes microseconds to write one.
+
+    From then on nothing else may write the handle.
+    """
 
     def __init__(self, handle):
         self._handle, self._written, self._told = handle, None, True
@@ -22,7 +25,7 @@ class Pin:
         self._write(value)
 
     def noise(self, bits: int) -> None:
-        """Another word than what was told, and now and then another again."""
+        """A random word in the place of what was told, and now and then another."""
         if self._told or not random.getrandbits(2):
             self._told = False
             self._write(random.getrandbits(bits))
@@ -35,7 +38,7 @@ class Pin:
 class Pins:
     """A design's ports. Who writes one writes it here: what was written last is known.
 
-    Each is looked for once, which takes as long as to read it.
+    cocotb takes as long to find a port as to read it, so each is found once.
     """
 
     def __init__(self, dut):

@@ -417,7 +417,7 @@ NEAR, CORNER = 0.02, 0.25
 #: Rotations in degrees that are always tried.
 ROTATIONS = range(-180, 180)
 #: Steps that refine the best of these, each to 0.6 of the width before.
-REFINEMENTS = 34
+REFINEMENTS = 48
 #: Most steps of a fit of two numbers.
 MOST_STEPS = 25
 #: Bits of fraction that are tried for directions: no design has fewer; a float32 has more than the largest.
