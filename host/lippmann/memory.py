@@ -13,7 +13,7 @@ VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),
 }
-#: So large a limit is none: version 1 writes 2^63, less a page, where there is none.
+#: Limits from here on count as none: where memory is not limited, version 1 writes a number just below 2^63.
 UNLIMITED = 1 << 62
 
 

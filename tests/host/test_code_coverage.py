@@ -50,7 +50,7 @@ def test_counts_add_up(tmp_path):
     assert (share([row]), share([row], "toggled", "toggles")) == (50.0, 50.0)
 
 
-@pytest.mark.full
+@pytest.mark.full  # compiles three runtimes of its own
 def test_a_simulation_tells_its_lines(tmp_path, monkeypatch):
     (tmp_path / "rtl/core").mkdir(parents=True)
     rtl, main = tmp_path / "rtl/core/small.sv", tmp_path / "main.cpp"

@@ -36,7 +36,7 @@ class Pin:
 
 
 class Pins:
-    """A design's ports. Who writes one writes it here: what was written last is known.
+    """The ports of a design. All writes of a port go through this object, which remembers the last one.
 
     cocotb takes as long to find a port as to read it, so each is found once.
     """

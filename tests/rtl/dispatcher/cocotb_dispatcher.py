@@ -27,7 +27,7 @@ from protocol import (
 )  # fmt: skip
 from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage
-from streams import PAIRS, pattern
+from streams import PATTERNS, pattern
 
 WIDTH, HEIGHT, CLOCK_HZ = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "ClockHz"))
 IDENTITY = 0x0123_4567_89AB_CDEF
@@ -91,7 +91,7 @@ async def ask(monitor, reference, *requests):
 
 
 @cocotb.test()
-@cocotb.parametrize((("idle", "pressure"), PAIRS))
+@cocotb.parametrize(idle=PATTERNS, pressure=PATTERNS)
 async def replies_as_the_protocol_says(dut, idle, pressure):
     slow = random.choice([0, 3, 40])
     monitor, reference = await start(dut, random.choice([0, 0xFFFE, random.getrandbits(16)]), slow)
