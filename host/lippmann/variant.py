@@ -9,6 +9,7 @@ from typing import Any
 
 from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, to_install
+from lippmann.loading import late_syntax
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
@@ -32,7 +33,8 @@ def start_mitsuba(device: str = "auto") -> str:
     if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
         needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
         raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
-    mi.set_variant(VARIANTS[device])
+    with late_syntax(dr):
+        mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return device
 

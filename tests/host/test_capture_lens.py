@@ -127,12 +127,18 @@ def test_total_internal_reflection_and_misses_are_told():
     assert np.isfinite([float(np.squeeze(c)) for c in ray]).all()
 
 
-def test_fast_engine_agrees(mi):
+@pytest.mark.parametrize("convex", ["in", "out", "image", "object"])
+def test_fast_engine_agrees(mi, convex):
+    """In float64 to the last digits; in float32, its own format, to some roundings of the lens's 150 mm."""
     b = DrJitBackend("llvm")
-    lens = pair()
+    lens = pair(convex)
     aim = generator(3).uniform(-100, 100, (200, 2))
     start = rays_from((10.0, 5.0, -355.0), aim)
     golden, through = lens.trace(B, start)
-    fast, fast_through = lens.trace(b, Ray(*(b.double(c) for c in start)))
-    assert np.array_equal(np.asarray(fast_through), through)
-    assert np.array(fast) == pytest.approx(np.array(golden), rel=1e-12, abs=1e-11)
+    for cast, nearest_mm, nearest in ((b.double, 1e-11, 1e-12), (b.real, 1e-4, 4e-7)):
+        fast, fast_through = lens.trace(b, Ray(*(cast(c) for c in start)))
+        assert np.array_equal(np.asarray(fast_through), through)
+        apart = np.abs(np.array(fast) - np.array(golden))
+        print(convex, apart[:3].max(), apart[3:].max())
+        assert apart[:3].max() < nearest_mm
+        assert apart[3:].max() < nearest

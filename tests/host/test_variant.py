@@ -1,8 +1,10 @@
 """Which of Mitsuba's variants runs: chosen once, chosen again, and given back to a user who had another."""
 
+import drjit
 import mitsuba
 import pytest
 from lippmann.errors import InputError
+from lippmann.loading import late_syntax
 from lippmann.variant import current_device, own_variant, start_mitsuba
 from lippmann.variant import mitsuba as ours
 
@@ -47,3 +49,32 @@ def test_another_variant_is_named(mi, kept):
     mitsuba.set_variant("scalar_rgb")
     with pytest.raises(InputError, match="variant is scalar_rgb"):
         ours()
+
+
+def test_declared_functions_are_rewritten_when_they_are_called(mi, monkeypatch):
+    """Mitsuba's integrators are declared with each variant. As written, Python would refuse an array as a condition."""
+    rewritten = []
+    at_once = drjit.syntax
+    monkeypatch.setattr(drjit, "syntax", lambda function, **options: rewritten.append(options) or at_once(function))
+    ours = drjit.syntax
+    with late_syntax(drjit):
+
+        @drjit.syntax
+        def halvings(x):
+            count = x - x
+            while x > 1:
+                x //= 2
+                count += 1
+            return count
+
+        @drjit.syntax(recursive=True)
+        def same(x):
+            return x
+
+    assert drjit.syntax is ours
+    assert rewritten == []
+    assert list(halvings(mi.UInt32([1, 2, 7, 8]))) == [0, 1, 2, 3]
+    assert list(halvings(mi.UInt32([16]))) == [4]
+    assert rewritten == [{}]
+    assert list(same(mi.UInt32([3]))) == [3]
+    assert rewritten == [{}, {"recursive": True}]

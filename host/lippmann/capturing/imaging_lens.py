@@ -17,9 +17,10 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.optics.aim import Ray, unit
+from lippmann.optics.aim import Ray, transported, unit
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.dome import Dome, cap, refract_dome
+from lippmann.optics.flat import refract_flat
 from lippmann.optics.lattice import Lattice
 from lippmann.toml import documented, key
 
@@ -50,9 +51,8 @@ class ThinLens:
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays from the image side to the object side.
 
-        `ray` is in the lens's frame, in b's double format, towards the object. Returns the refracted rays, their points
-        on the last face, and which passed: inside the aperture at every face, without total internal reflection. The
-        others are finite.
+        `ray` is in the lens's frame, towards the object. Returns the refracted rays, their points on the last face, and
+        which passed: inside the aperture at every face, without total internal reflection. The others are finite.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
@@ -159,11 +159,17 @@ def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[
 
     Returns the rays and which passed.
     """
-    dome = Dome(Lattice("square", aperture_mm), -1.0 / face.curvature if face.curvature else math.inf, 0.0)
-    hit, _, met, cosine = cap(b, dome, ray._replace(z=ray.z - face.z_mm), upward=True)
-    new, behind = refract_dome(b, dome, met, cosine, face.index_before / face.index_behind, upward=True)
-    new = new._replace(z=new.z + face.z_mm)
-    passed = hit & (behind > 0.0) & _inside(met.x, met.y, aperture_mm)
+    ratio = face.index_before / face.index_behind
+    if face.curvature == 0.0:
+        new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)
+        passed = behind > 0.0
+    else:
+        dome = Dome(Lattice("square", aperture_mm), -1.0 / face.curvature, 0.0)
+        hit, _, met, cosine = cap(b, dome, ray._replace(z=ray.z - face.z_mm), upward=True)
+        new, behind = refract_dome(b, dome, met, cosine, ratio, upward=True)
+        new = new._replace(z=new.z + face.z_mm)
+        passed = hit & (behind > 0.0)
+    passed = passed & _inside(new.x, new.y, aperture_mm)
     return Ray(*(b.where(passed, fresh, stale) for fresh, stale in zip(new, ray, strict=True))), passed
 
 

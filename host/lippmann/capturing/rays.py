@@ -23,7 +23,7 @@ from lippmann.variant import mitsuba
 
 
 class CapturedRays(NamedTuple):
-    """Rays in the object's frame (double) towards the scene, and which passed the array and the lens."""
+    """Rays in the object's frame towards the scene, and which passed the array and the lens."""
 
     ray: Ray
     through_array: Arr
@@ -66,9 +66,10 @@ def rays_from_picture(
     status = system.through_mount(b, out.status, (i, j), own)
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
-    dx, dy = frame.turn(b.double(out.ray.dx), b.double(out.ray.dy))
-    # From the plane of the array's vertices through the imaging lens to the object's frame.
-    ray = Ray(px, py, b.double(out.ray.z), dx, dy, b.double(out.ray.dz))
+    dx, dy = frame.turn(out.ray.dx, out.ray.dy)
+    # From the plane of the array's vertices through the imaging lens to the object's frame. The lens and the scene are
+    # larger than lenslets, and so is what is seen of them: the engine's own format resolves it.
+    ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm
     passed = ray.dz > 0.0

@@ -11,7 +11,8 @@ The centre of rotation is at most half a pixel off the lenslet's centre in x and
 rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
 
 **Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
-tried with every pair. Rows and columns are kept apart (broadcast) as long as the lattice allows.
+tried with every pair. Where rows of pixels run along square cells, m is that of a column of cells and n that of a row:
+a picture of one row and one of one column tell them.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ class Cells(NamedTuple):
     rim: npt.NDArray[np.bool_]
 
 
-def cells_of(display: Display) -> Cells:
-    """Return the elemental images of a display: the panel's cells, one of each lenslet."""
+def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice(None)) -> Cells:
+    """Return the elemental images of a display, or of some rows and columns: the panel's cells, one of each lenslet."""
     panel, system = display.panel, System.of(display)
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
-    row, column = np.ogrid[0 : panel.height_px, 0 : panel.width_px]
+    row, column = np.arange(panel.height_px)[rows, np.newaxis], np.arange(panel.width_px)[np.newaxis, columns]
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
     i, j, x, y = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
     # Numbers the cells that occur, in the order of (i, j).
@@ -71,8 +72,34 @@ def cells_of(display: Display) -> Cells:
 def rotation_map(display: Display) -> Indices:
     """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
+    system = System.of(display)
+    if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
+        across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
+        across.centre[:, 1] = up.centre[:, 0] = 0.5
+        of_columns, still_columns = _pairs(display, across, width, 1)
+        of_rows, still_rows = _pairs(display, up, 1, height)
+        column, row = np.arange(width), np.arange(height)[:, np.newaxis]
+        to_column = of_columns[across.cell, 0] - column
+        to_row = of_rows[up.cell, 1][:, np.newaxis] - row
+        table: Indices = to_row * width + to_column
+        table[still_rows] = row[still_rows] * width + column
+        table[:, still_columns] = row * width + column[still_columns]
+        return table.ravel()
+    cells = cells_of(display)
+    pairs, still = _pairs(display, cells, width, height)
+    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
+    partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
+    by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
+    by_row -= np.arange(width)
+    by_row -= np.arange(height)[:, np.newaxis] * width
+    partner[still] = still
+    return partner
+
+
+def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Indices, Indices]:
+    """Return (m, n) of each cell in a picture of this size, (cells, 2), and the numbers of the pixels that stay."""
+    cell, centre, rim = cells
     size = np.array([width, height])
-    cell, centre, rim = cells_of(display)
     asked = 2.0 * centre - 1.0
     nearest = np.rint(asked)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
@@ -105,13 +132,7 @@ def rotation_map(display: Display) -> Indices:
         best[better] = (nearest + step).astype(np.int64)[better]
         taken = better[its_cell]
         stays[tried[taken]] = ~own[taken]
-    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
-    partner: Indices = (best[:, 0] + best[:, 1] * width)[cell]
-    by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
-    by_row -= np.arange(width)
-    by_row -= np.arange(height)[:, np.newaxis] * width
-    partner[pixel[stays]] = pixel[stays]
-    return partner
+    return best, pixel[stays]
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
