@@ -39,6 +39,8 @@ from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
+#: How much larger a chunk may be, where that saves one.
+CHUNK_SLACK = 0.1
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
 #: Rays of a band, about, where a pixel has many: some ten seconds of a processor's or a GPU's time.
@@ -373,9 +375,12 @@ class Renderer:
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        for first in range(0, tiles, self._chunk):
+        # Equal ones: each costs the time to go through the scene's shapes, so a small last one would, too.
+        chunks = max(1, math.ceil(tiles / self._chunk - CHUNK_SLACK))
+        size = -(-tiles // chunks)
+        for first in range(0, tiles, size):
             interrupts.check()
-            count = min(self._chunk, tiles - first)
+            count = min(size, tiles - first)
             lost.append(self._run(rows, first, count, planes, first_row, sums))
             if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
                 dr.sync_thread()
