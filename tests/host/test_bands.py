@@ -126,7 +126,7 @@ def test_a_link_to_a_scene_stands_where_it_is(place, narrow):
 
 
 def test_bands_of_many_rays_are_small_and_tell_their_rows(place, mi, monkeypatch):
-    """A panel of a few pixels, and so many samples that a band has the fewest rows; chunks are four rows of tiles at most."""
+    """A panel of a few pixels, and so many samples that a band has the fewest rows; chunks are 4 rows of tiles at most."""
     monkeypatch.setitem(renderer.BAND_RAYS, "llvm", 46 * 64 * 16)
     whole, scene = still(place, Settings(samples=16))
     assert [len(rows) for rows in whole.bands] == [64, 64, 64, 64, 44]
@@ -135,7 +135,7 @@ def test_bands_of_many_rays_are_small_and_tell_their_rows(place, mi, monkeypatch
     told = []
     kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), lambda *done: told.append(done))
     kept.remove()
-    rows = [0, 32, 64, 96, 128, 160, 192, 224, 256, 278, 300]  # the last band has 6 rows of tiles, three of them 22 rows
+    rows = [0, 32, 64, 96, 128, 160, 192, 224, 256, 278, 300]  # the last band: 6 rows of tiles, three of them 22 rows
     assert list(dict.fromkeys(told)) == [(n, 300) for n in rows]
 
 
