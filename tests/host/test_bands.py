@@ -126,7 +126,7 @@ def test_a_link_to_a_scene_stands_where_it_is(place, narrow):
 
 
 def test_bands_of_many_rays_are_small_and_tell_their_rows(place, mi, monkeypatch):
-    """A panel of a few pixels, and so many samples that a band has the fewest rows; chunks are 4 rows of tiles at most."""
+    """A panel of few pixels, and so many samples that a band has fewest rows; chunks are 4 rows of tiles at most."""
     monkeypatch.setitem(renderer.BAND_RAYS, "llvm", 46 * 64 * 16)
     whole, scene = still(place, Settings(samples=16))
     assert [len(rows) for rows in whole.bands] == [64, 64, 64, 64, 44]
