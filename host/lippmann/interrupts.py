@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from types import FrameType
@@ -43,6 +45,15 @@ def check() -> None:
 def exit_code() -> int:
     """Return the exit code of a command that a signal ended: 128 and the first signal, 130 after Ctrl-C."""
     return 128 + (received[0] if received else signal.SIGINT)
+
+
+def leave(code: int) -> None:
+    """End the process without taking down its libraries; return if what was printed cannot be written."""
+    with contextlib.suppress(OSError, ValueError):
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:  # closed by who called
+                stream.flush()
+        os._exit(code)
 
 
 @contextlib.contextmanager

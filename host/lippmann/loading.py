@@ -1,31 +1,18 @@
-"""Loads libraries in less time: without the work that Python and Mitsuba do meanwhile for nothing."""
+"""Starts Mitsuba in less time."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
-import gc
 from collections.abc import Callable, Iterator
 from typing import Any
 
 
 @contextlib.contextmanager
-def without_collection() -> Iterator[None]:
-    """Let Python look for no cycles meanwhile: what modules declare stays, and each look passes all of it."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
-
-
-@contextlib.contextmanager
 def late_syntax(dr: Any) -> Iterator[None]:
-    """Have functions that are declared meanwhile with `drjit.syntax` rewritten at their first call, not at once.
+    """Inside the block `@drjit.syntax` rewrites a function at its first call, not at its definition.
 
-    Mitsuba declares its differentiable integrators anew with each variant, and hardly any is ever called.
+    Mitsuba defines its differentiable integrators with each variant, and hardly any is ever called.
     """
     at_once = dr.syntax
 

@@ -21,6 +21,7 @@ EYES = [(None, (0.0, 0.0)), (9.2, (1.3, -0.8))]
 
 #: Regular, and of two pitches and a shear.
 LATTICES = [{}, {"row_pitch": 1.17, "shear": 0.21}]
+STRAIGHT = EYES[0], LATTICES[0]
 
 
 def display_for(
@@ -138,10 +139,18 @@ def test_twice_is_nothing(grid):
     assert np.array_equal(np.sort(once.ravel()), np.sort(picture.ravel()))
 
 
-@pytest.mark.parametrize(("grid", "rotation"), [("square", 0.0), ("square", 7.0), ("hex", 0.0), ("hex", -20.0)])
-def test_each_cell_takes_the_best_centre(grid, rotation):
+@pytest.mark.parametrize(
+    ("grid", "rotation", "ratio", "eye", "lattice"),
+    [
+        ("square", 0.0, 6.3, *STRAIGHT), ("square", 7.0, 6.3, *STRAIGHT), ("square", 180.0, 6.3, *STRAIGHT),
+        ("square", 0.0, 4.7, EYES[1], {}), ("square", 0.0, 6.3, EYES[0], {"row_pitch": 1.17}),
+        ("square", 0.0, 0.7, *STRAIGHT), ("square", 0.0, 1.5, *STRAIGHT),
+        ("hex", 0.0, 6.3, *STRAIGHT), ("hex", -20.0, 6.3, *STRAIGHT),
+    ],
+)  # fmt: skip
+def test_each_cell_takes_the_best_centre(grid, rotation, ratio, eye, lattice):
     """By the rule, cell by cell: no integer pair within 1 of the one asked for keeps more pixels in the cell."""
-    display = display_for(grid, rotation, (0.31, -0.12), 6.3, width_px=61, height_px=47)
+    display = display_for(grid, rotation, (0.31, -0.12), ratio, width_px=61, height_px=47, eye=eye, lattice=lattice)
     partner, (cell, centre, _) = rotation_map(display), cells_of(display)
     width = display.panel.width_px
     for k, asked in enumerate(2.0 * centre - 1.0):

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -277,6 +278,51 @@ def test_true_processes(place):
     assert command.exists()
     version = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=60, check=True)
     assert __version__ in version.stdout
+
+
+#: The installed command, with notes in a file of what is done at its end: atexit's work, and Python's taking down.
+PROGRAM = """
+import atexit, os, sys
+notes = os.open("notes.txt", os.O_CREAT | os.O_WRONLY)
+class Last:
+    def __del__(self, write=os.write): write(notes, b"taken down")
+last = Last()
+atexit.register(os.write, notes, b"registered ")
+from lippmann.__main__ import program
+sys.argv = ["lippmann", *sys.argv[1:]]
+program()
+"""
+INSPECT = ["inspect", "tiny.toml"]
+
+
+@pytest.mark.parametrize("redirected", ["", "2>&-"])
+@pytest.mark.parametrize(("name", "code"), [("tiny.toml", 0), ("absent.toml", 2)])
+def test_the_installed_command_ends_at_once(place, redirected, name, code):
+    ended(["inspect", name], redirected, code)
+
+
+@pytest.mark.parametrize("redirected", [">&-", ">/dev/full"])
+def test_the_installed_command_tells_that_nobody_listens(place, redirected):
+    assert len(ended(INSPECT, redirected, 3).splitlines()) == 1
+
+
+def ended(words, redirected, code):
+    """Run the installed command in a shell; stderr."""
+    line = shlex.join([sys.executable, "-c", PROGRAM, *words])
+    done = subprocess.run(["sh", "-c", f"{line} {redirected}"], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, Path("notes.txt").read_text()) == (code, "registered ")
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    "watch", ["sys.setprofile(lambda *_: None)", "threading.Thread(target=threading.main_thread().join).start()"]
+)
+def test_the_installed_command_waits_for_those_that_watch_it(place, watch):
+    line = f"import threading\n{PROGRAM}".replace("program()", f"{watch}; program()")
+    done = subprocess.run(
+        [sys.executable, "-c", line, *INSPECT], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, Path("notes.txt").read_text()) == (0, "registered taken down")
 
 
 @pytest.mark.parametrize(

@@ -78,3 +78,16 @@ def test_declared_functions_are_rewritten_when_they_are_called(mi, monkeypatch):
     assert rewritten == [{}]
     assert list(same(mi.UInt32([3]))) == [3]
     assert rewritten == [{}, {"recursive": True}]
+
+
+def test_mitsuba_s_integrators_run_when_they_are_asked_for(mi, kept):
+    mitsuba.set_variant("scalar_rgb")
+    start_mitsuba("llvm")
+    integrator = mitsuba.load_dict({"type": "prb", "max_depth": 2})
+    assert hasattr(type(integrator).sample, "__wrapped__")
+    lit = {"type": "scene", "light": {"type": "constant", "radiance": 0.25}}
+    scene = mitsuba.load_dict(
+        {**lit, "camera": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}}}
+    )
+    picture = mitsuba.render(scene, integrator=integrator, spp=4)
+    assert float(abs(drjit.max(drjit.abs(picture.array - 0.25)).array[0])) < 1e-6

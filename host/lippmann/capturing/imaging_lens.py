@@ -51,8 +51,9 @@ class ThinLens:
     def trace(self, b: Backend, ray: Ray) -> tuple[Ray, Arr]:
         """Trace rays from the image side to the object side.
 
-        `ray` is in the lens's frame, towards the object. Returns the refracted rays, their points on the last face, and
-        which passed: inside the aperture at every face, without total internal reflection. The others are finite.
+        `ray` is in the lens's frame, towards the object (dz > 0). Returns the refracted rays, their points on the last
+        face, and which passed: inside the aperture at every face, without total internal reflection. The others are
+        finite.
         """
         x, y = ray.x - ray.z * (ray.dx / ray.dz), ray.y - ray.z * (ray.dy / ray.dz)
         power = 1.0 / self.focal_length_mm
@@ -162,7 +163,7 @@ def refract_face(b: Backend, face: Face, ray: Ray, aperture_mm: float) -> tuple[
     ratio = face.index_before / face.index_behind
     if face.curvature == 0.0:
         new, behind = refract_flat(b, transported(ray, face.z_mm), ratio)
-        passed = behind > 0.0
+        passed = (ray.dz > 0.0) & (behind > 0.0)
     else:
         dome = Dome(Lattice("square", aperture_mm), -1.0 / face.curvature, 0.0)
         hit, _, met, cosine = cap(b, dome, ray._replace(z=ray.z - face.z_mm), upward=True)

@@ -67,8 +67,7 @@ def rays_from_picture(
     cx, cy = system.lattice.centre(i, j)
     px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
     dx, dy = frame.turn(out.ray.dx, out.ray.dy)
-    # From the plane of the array's vertices through the imaging lens to the object's frame. The lens and the scene are
-    # larger than lenslets, and so is what is seen of them: the engine's own format resolves it.
+    # From the plane of the array's vertices through the imaging lens to the object's frame, in the engine's own format.
     ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
     lens = setup.lens
     object_z = setup.subject.distance_mm

@@ -11,8 +11,8 @@ The centre of rotation is at most half a pixel off the lenslet's centre in x and
 rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
 
 **Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
-tried with every pair. Where rows of pixels run along square cells, m is that of a column of cells and n that of a row:
-a picture of one row and one of one column tell them.
+tried with every pair. On upright square cells m depends on the column only and n on the row only, so both are found
+from one row and one column of pixels.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def rotation_map(display: Display) -> Indices:
     system = System.of(display)
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
         across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
-        across.centre[:, 1] = up.centre[:, 0] = 0.5
+        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of a picture that is one pixel high, or wide
         of_columns, still_columns = _pairs(display, across, width, 1)
         of_rows, still_rows = _pairs(display, up, 1, height)
         column, row = np.arange(width), np.arange(height)[:, np.newaxis]

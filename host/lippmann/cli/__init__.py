@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import json
 import os
 import sys
-import threading
 from importlib import import_module
 
 import click
@@ -62,25 +59,9 @@ def main(arguments: list[str] | None = None) -> None:
     code = run(sys.argv[1:] if arguments is None else arguments)
     if interrupts.received:
         # Libraries that were interrupted while they loaded may crash when Python takes them down.
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
+        interrupts.leave(code)
     interrupts.ignore()  # the work is done
-    if arguments is None and threading.active_count() == 1:
-        _leave(code)
     sys.exit(code)
-
-
-def _leave(code: int) -> None:
-    """End the process, if its output can be written.
-
-    What asked for the end is told of it, but nothing is taken down, which takes a tenth of a second after a render.
-    """
-    atexit._run_exitfuncs()
-    with contextlib.suppress(OSError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:

@@ -39,7 +39,7 @@ from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
-#: How much larger a chunk may be, where that saves one.
+#: Chunks may have so much of a chunk more, together, where that saves one.
 CHUNK_SLACK = 0.1
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
@@ -375,7 +375,7 @@ class Renderer:
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Equal ones: each costs the time to go through the scene's shapes, so a small last one would, too.
+        # Of equal size: each has a fixed cost, because Dr.Jit visits all shapes, so a small last chunk is a waste.
         chunks = max(1, math.ceil(tiles / self._chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):
