@@ -22,11 +22,11 @@ def main() -> None:
 
 
 def program() -> None:
-    """Run `main`, and end the process without taking down its libraries, which takes 0.1 s after a render."""
+    """Run `main`, then end the process at once: Python would first take down all libraries, which takes a while."""
     try:
         main()
     except SystemExit as end:
-        # Threads, and programs that watch this one, wait for Python's own end.
+        # Threads that still run, debuggers and profilers need Python's own end.
         watched = sys.gettrace() is not None or sys.getprofile() is not None
         if isinstance(end.code, int) and threading.active_count() == 1 and not watched:
             atexit._run_exitfuncs()  # temporary folders go, too

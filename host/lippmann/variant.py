@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from lippmann import interrupts
 from lippmann.errors import InputError, MissingLibraryError, to_install
-from lippmann.loading import late_syntax
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
@@ -97,3 +97,30 @@ def current_device() -> str:
     """Return "llvm" or "cuda", the device of the variant that is set."""
     variant: str = mitsuba().variant()
     return variant.split("_", maxsplit=1)[0]
+
+
+@contextlib.contextmanager
+def late_syntax(dr: Any) -> Iterator[None]:
+    """Inside the block, let `@drjit.syntax` rewrite a function when it is first called, not when it is defined.
+
+    Mitsuba defines all its differentiable integrators whenever a variant is set. To rewrite them takes most of that
+    time, and hardly any is ever called.
+    """
+    at_once = dr.syntax
+
+    def late(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+        if function is None:  # @drjit.syntax(recursive=True): the function comes in a second call
+            return functools.partial(late, **options)
+        rewritten = functools.cache(lambda: at_once(function, **options))
+
+        @functools.wraps(function)
+        def call(*values: Any, **named: Any) -> Any:
+            return rewritten()(*values, **named)
+
+        return call
+
+    dr.syntax = late
+    try:
+        yield
+    finally:
+        dr.syntax = at_once

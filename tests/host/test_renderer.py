@@ -348,7 +348,7 @@ def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, s
     display = display_for("hex", subpixels="rgb")
     settings = Settings(samples, seed=9, shading=shading)
     whole = render_integral(points, display, "exact", settings).radiance
-    # 12 x 9 tiles of 8 x 8 pixels: not more than 25 at a time, and 35 but for a tenth.
+    # 12 x 9 tiles of 8 x 8 pixels. With 25 at most, 8 would be left: five equal chunks. With 35, 3: no fourth chunk.
     for most, ends in ((25, (22, 44, 66, 88, 108)), (35, (36, 72, 108))):
         done = []
         monkeypatch.setitem(renderer.CHUNK_SAMPLES, current_device(), 64 * most * 3 * samples * parts)

@@ -4,8 +4,7 @@ import drjit
 import mitsuba
 import pytest
 from lippmann.errors import InputError
-from lippmann.loading import late_syntax
-from lippmann.variant import current_device, own_variant, start_mitsuba
+from lippmann.variant import current_device, late_syntax, own_variant, start_mitsuba
 from lippmann.variant import mitsuba as ours
 
 

@@ -2,8 +2,8 @@
 
 There are two real formats: `double` for coordinates that span the whole panel, and `real`, the engine's own, for
 everything lens-local. In the golden engine both are float64. In the fast engine `real` is float32, which resolves
-0.05 nm inside a lenslet but only 30 nm across a 700 mm panel. An imaging lens and what it sees are `real` too: rays are
-less than 1 micrometre off at an object a metre away.
+0.05 nm inside a lenslet but only 30 nm across a 700 mm panel. From a capture's imaging lens on, rays are `real` as
+well: they reach an object a metre away with less than 1 micrometre of error.
 """
 
 from __future__ import annotations

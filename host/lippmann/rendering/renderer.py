@@ -39,7 +39,7 @@ from lippmann.variant import current_device, mitsuba
 
 #: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
-#: Chunks may have so much of a chunk more, together, where that saves one.
+#: A band takes one chunk fewer where no more than this part of a chunk would be left for the last.
 CHUNK_SLACK = 0.1
 #: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
