@@ -20,6 +20,7 @@ from runner import BUILD
 TOP = repository()
 HERE = Path(__file__).parent / "cells"
 CELLS = rtl_folders(TOP, devices=True)["ecp5"]
+MODELS = [HERE / "ecp5_models.sv", TOP / "sim" / "netlist" / "ecp5_blocks.sv"]
 CLOCKS = 20_000
 SEED = 1
 
@@ -30,7 +31,7 @@ def printed(request):
     generic = {path.stem.removeprefix(PREFIX): path for path in optics_sources(TOP)}
     files = {
         "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
-        "ecp5": [*CELLS, HERE / "ecp5_models.sv", TOP / "sim" / "netlist" / "ecp5_blocks.sv"],
+        "ecp5": [*CELLS, *MODELS],
     }[request.param]
     shared = [generic[name] for name in ("math_pkg", "cut_product", "delay", "fifo", "digit_product", "row_product")]
     sources = [*shared, HERE / "bench.sv", *files]
@@ -108,7 +109,7 @@ def test_what_is_simulated_is_what_is_placed():
     cells = {path.stem.removeprefix(PREFIX): path for path in CELLS}
     placed = [cells["mult18"], cells["wide_product"], TOP / "rtl" / "math" / "lipp_multiplier.sv"]
     shared = needed("products", {path.stem: path for path in optics_sources(TOP)} | {"products": HERE / "products.sv"})
-    sources = [*shared, HERE / "ecp5_models.sv"]
+    sources = [*shared, *MODELS]
 
     def make(program: Path) -> None:
         renamed = program.with_name("ecp5_products.sv")

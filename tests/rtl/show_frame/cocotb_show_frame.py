@@ -20,6 +20,7 @@ class Bench:
         self.buffers = [[random.randint(1, (1 << 24) - 1) for _ in range(PIXELS)] for _ in range(2)]
         self.crcs = [self.crc(buffer) for buffer in (0, 1)]
         self.coming, self.speed = [], 1.0  # pixels of the request that runs; how often one comes
+        self.wanted, self.waits = 0, False  # the buffer that is asked for; whether the request waits
         self.front = self.late = 0  # late: pixels that were, as the device counts them
 
     def crc(self, buffer):
@@ -46,15 +47,19 @@ class Bench:
         await ReadOnly()
         rgb = int(dut.rgb_o.value)
         taken = come and bool(dut.pixel_ready_o.value)
-        asked = ready and bool(dut.valid_o.value)
+        valid = bool(dut.valid_o.value)
+        if valid and not self.waits:  # it keeps its buffer, however late it is taken
+            self.wanted = self.front
+        asked = ready and valid
+        self.waits = valid and not ready
         request = int(dut.buffer_o.value), int(dut.first_o.value), int(dut.count_o.value)
         await self.edge
         self.late += int(dut.underflow_o.value)
         if taken:
             self.coming.pop(0)
         if asked:
-            assert request == (self.front, 0, PIXELS)
-            self.coming = list(self.buffers[self.front])
+            assert request == (self.wanted, 0, PIXELS)
+            self.coming = list(self.buffers[self.wanted])
         return rgb
 
     async def frame(self, shown, swap, speed, gap=20):
