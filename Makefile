@@ -48,7 +48,7 @@ test: export LIPPMANN_SEED ?= 1908
 test: lint ## lint, then the tests that take minutes at most (JOBS=3)
 	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not full"
 
-test-full: lint ## lint, then every test (half an hour)
+test-full: lint ## lint, then every test (one to two hours)
 	$(BIN)/pytest -n $(JOBS) --junitxml=build/test-full.xml
 
 # Those that trace or render with Dr.Jit; they fail without a GPU.

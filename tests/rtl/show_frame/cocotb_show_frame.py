@@ -20,7 +20,7 @@ class Bench:
         self.buffers = [[random.randint(1, (1 << 24) - 1) for _ in range(PIXELS)] for _ in range(2)]
         self.crcs = [self.crc(buffer) for buffer in (0, 1)]
         self.coming, self.speed = [], 1.0  # pixels of the request that runs; how often one comes
-        self.wanted, self.waits = 0, False  # the buffer that is asked for; whether the request waits
+        self.wanted, self.waits = 0, False  # the buffer that a request asks for; whether it waits to be taken
         self.front = self.late = 0  # late: pixels that were, as the device counts them
 
     def crc(self, buffer):
@@ -48,7 +48,7 @@ class Bench:
         rgb = int(dut.rgb_o.value)
         taken = come and bool(dut.pixel_ready_o.value)
         valid = bool(dut.valid_o.value)
-        if valid and not self.waits:  # it keeps its buffer, however late it is taken
+        if valid and not self.waits:  # a new request, which keeps its buffer however late it is taken
             self.wanted = self.front
         asked = ready and valid
         self.waits = valid and not ready

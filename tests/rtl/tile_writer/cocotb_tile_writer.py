@@ -410,9 +410,9 @@ async def a_pixel_a_clock(dut):
     for tile in some_tiles():
         (height, width), size = shape(tile), np.prod(shape(tile))
         pixels = picture(*shape(tile), "noise")
-        # Of rows of one pixel the store's take longer than the bytes.
-        longest = max(3 * size, height * (width + ROW))
-        assert await bench.good(tile, RAW, pixels.tobytes(), pixels, 0) == FIRST + longest + 2
+        # The slower of the two: bytes are, but where each row is one pixel.
+        clocks = max(3 * size, height * (width + ROW))
+        assert await bench.good(tile, RAW, pixels.tobytes(), pixels, 0) == FIRST + clocks + 2
         solid = np.broadcast_to(np.array([200, 100, 50], np.uint8), (*shape(tile), 3))
         assert await bench.good(tile, SOLID, solid[0, 0].tobytes(), solid, 0) == FIRST + 2 + height * (width + ROW)
         # The first pixel takes four bytes, and runs a clock for each pixel.
