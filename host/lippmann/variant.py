@@ -109,7 +109,7 @@ def late_syntax(dr: Any) -> Iterator[None]:
     at_once = dr.syntax
 
     def late(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-        if function is None:  # written with options, @drjit.syntax(...): return what takes the function
+        if function is None:  # called with options alone, which returns a decorator
             return functools.partial(late, **options)
         rewritten = functools.cache(lambda: at_once(function, **options))
 

@@ -410,7 +410,7 @@ async def a_pixel_a_clock(dut):
     for tile in some_tiles():
         (height, width), size = shape(tile), np.prod(shape(tile))
         pixels = picture(*shape(tile), "noise")
-        # The slower of the two: bytes are, but where each row is one pixel.
+        # Three clocks a pixel to bring its bytes, or those that the store takes for the rows: the slower of the two.
         clocks = max(3 * size, height * (width + ROW))
         assert await bench.good(tile, RAW, pixels.tobytes(), pixels, 0) == FIRST + clocks + 2
         solid = np.broadcast_to(np.array([200, 100, 50], np.uint8), (*shape(tile), 3))
