@@ -44,7 +44,7 @@ has_library() {
   ldconfig -p | grep -F "$1" >/dev/null
 }
 
-# Under any of the names that host/lippmann/dev/browser.py knows.
+# Under any of the names that host/tools/browser.py knows.
 has_chromium() {
   local name
   for name in chromium chromium-browser google-chrome google-chrome-stable; do

@@ -7,8 +7,8 @@ import numpy as np
 from lippmann.calibration.check import pictures
 from lippmann.calibration.photographs import read_photograph
 from lippmann.cli import run
-from lippmann.display import display_text, load_display
-from lippmann.observer import Eye, observe, whole_window
+from lippmann.display.description import display_text, load_display
+from lippmann.eye.observer import Eye, observe, whole_window
 from make_pictures import SCENES, picture, row
 
 #: How the display is built, other than its file says, and where the camera stands, mm: as in docs/how-to/calibrate.md.

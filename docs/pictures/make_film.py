@@ -1,8 +1,8 @@
 """Draw the picture of the shipped film: an eye's view of four frames. `make pictures` runs it."""
 
 import lippmann as lp
-from lippmann.film.film import load_film
-from lippmann.film.shot import render_shot, shots_of
+from lippmann.motion.film import load_film
+from lippmann.motion.shot import render_shot, shots_of
 from lippmann.rendering.integral import RenderOptions
 from make_pictures import SCENES, look, row
 

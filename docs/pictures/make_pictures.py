@@ -9,13 +9,13 @@ from pathlib import Path
 import lippmann as lp
 import numpy as np
 from lippmann import load_display, parse_display, trace
-from lippmann.display import Display
-from lippmann.images import encoded_values
-from lippmann.observer import whole_window
+from lippmann.base.images import encoded_values
+from lippmann.base.variant import own_variant
+from lippmann.display.description import Display
+from lippmann.eye.observer import whole_window
+from lippmann.optics.model_choice import TOLERANCE, choose_model, model_error_px, probe
 from lippmann.optics.rays import MODELS
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.select.model import TOLERANCE, choose_model, model_error_px, probe
-from lippmann.variant import own_variant
 from PIL import Image, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent

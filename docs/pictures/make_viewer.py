@@ -5,12 +5,12 @@ import tempfile
 from pathlib import Path
 
 import lippmann as lp
-from lippmann.dev.browser import browser_page
-from lippmann.observer import whole_window
+from lippmann.base.variant import own_variant
+from lippmann.eye.observer import whole_window
+from lippmann.eye.page import Direct, page_html
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.variant import own_variant
-from lippmann.viewer.page import Direct, page_html
 from PIL import Image
+from tools.browser import browser_page
 
 HERE = Path(__file__).resolve().parent
 TOP = HERE.parents[1]
@@ -21,7 +21,7 @@ EYE_MM = (-15.0, 5.0, 600.0)
 #: Waits until all rays of the view are traced, moves the eye to that of the direct render, shows three lenslets of the
 #: panel, and waits again.
 READY = """
-lippmann.viewer.then(async () => {
+lippmann.eye.then(async () => {
   const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
   const rest = async () => {
     do await later(500); while (document.getElementById("rate").value !== "at rest");

@@ -5,22 +5,19 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from lippmann import old_names
-
 if TYPE_CHECKING:
     from lippmann.api import capture, draw, load_layers, load_scene, observe, render, sweep, view, widget
     from lippmann.board.board import Board
     from lippmann.capturing.setup import load_setup
-    from lippmann.display import Display, load_display, parse_display
-    from lippmann.engines import trace, trace_to_panel
-    from lippmann.integral_image import IntegralImage
+    from lippmann.display.description import Display, load_display, parse_display
+    from lippmann.engines import trace
     from lippmann.layers.stack import Layer, LayerStack
     from lippmann.optics.rays import Hits, Rays, Status
-    from lippmann.rendering.placement import Placement
+    from lippmann.optics.trace import trace_to_panel
+    from lippmann.rendering.integral_image import IntegralImage
+    from lippmann.scenes.placement import Placement
 
 __version__ = "0.2.0.dev0"
-
-old_names.watch()
 
 __all__ = [
     "Board",
@@ -52,12 +49,13 @@ _HOMES = {
     "lippmann.api": ("capture", "draw", "load_layers", "load_scene", "observe", "render", "sweep", "view", "widget"),
     "lippmann.board.board": ("Board",),
     "lippmann.capturing.setup": ("load_setup",),
-    "lippmann.display": ("Display", "load_display", "parse_display"),
-    "lippmann.engines": ("trace", "trace_to_panel"),
-    "lippmann.integral_image": ("IntegralImage",),
+    "lippmann.display.description": ("Display", "load_display", "parse_display"),
+    "lippmann.engines": ("trace",),
+    "lippmann.optics.trace": ("trace_to_panel",),
+    "lippmann.rendering.integral_image": ("IntegralImage",),
     "lippmann.layers.stack": ("Layer", "LayerStack"),
     "lippmann.optics.rays": ("Hits", "Rays", "Status"),
-    "lippmann.rendering.placement": ("Placement",),
+    "lippmann.scenes.placement": ("Placement",),
 }
 
 

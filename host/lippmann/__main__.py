@@ -6,7 +6,7 @@ import atexit
 import sys
 import threading
 
-from lippmann import interrupts
+from lippmann.base import interrupts
 
 
 def main() -> None:

@@ -18,14 +18,19 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from lippmann import __version__
+from lippmann.base.files import replacing
+from lippmann.base.images import check_output
+from lippmann.base.variant import VARIANTS, own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.setup import Pickup, Setup, load_setup
-from lippmann.display import MAX_SIDE_PX, Display, display_at
+from lippmann.display.description import MAX_SIDE_PX, Display, display_at
 from lippmann.errors import InputError, whole_number
-from lippmann.files import replacing
-from lippmann.images import check_output
-from lippmann.integral_image import IntegralImage, check_image
+from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
+from lippmann.eye.observer import Eye, View, whole_window
+from lippmann.eye.observer import observe as observe_window
+from lippmann.eye.page import FRAMES_PER_SECOND, Direct, page_html
+from lippmann.eye.page_direct_views import render_directs
 from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.layers.cost import measured_cuts
 from lippmann.layers.cut import SLOT, Cut
@@ -33,23 +38,18 @@ from lippmann.layers.drawing import Filter, draw_layers
 from lippmann.layers.folder import check_for_display
 from lippmann.layers.folder import load_layers as load_layers_folder
 from lippmann.layers.stack import LayerStack
-from lippmann.notebook import HEIGHT_PX, Sweep, Widget
-from lippmann.observer import Eye, View, whole_window
-from lippmann.observer import observe as observe_window
+from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.arrange import arranged
 from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
-from lippmann.rendering.placement import Arrange, Placement
+from lippmann.rendering.integral_image import IntegralImage, check_image
 from lippmann.rendering.remarks import overridden
 from lippmann.rendering.renderer import Progress, Settings, Shading, check_memory
 from lippmann.rendering.samples import colours_of
-from lippmann.rendering.scene import Part, Scene, check_scene_file, scene_of
-from lippmann.rendering.scene import load_scene as load_scene_file
 from lippmann.rendering.sources import Aperture, Window
-from lippmann.select.model import TOLERANCE
-from lippmann.variant import VARIANTS, own_variant
-from lippmann.viewer.direct import render_directs
-from lippmann.viewer.page import FRAMES_PER_SECOND, Direct, page_html
+from lippmann.scenes.arrange import arranged
+from lippmann.scenes.placement import Arrange, Placement
+from lippmann.scenes.scene import Part, Scene, check_scene_file, scene_of
+from lippmann.scenes.scene import load_scene as load_scene_file
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -75,7 +75,7 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
     Parameters
     ----------
     path
-        Mitsuba XML, or another tool's file (`lippmann.scene_files.formats`).
+        Mitsuba XML, or another tool's file (`lippmann.scenes.formats`).
     placement
         Where the scene stands relative to the display. None: as in the file beside the scene; without such a file a
         scene unit is 1 mm, and another tool's scene is placed by the display.

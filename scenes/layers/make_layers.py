@@ -11,8 +11,8 @@ from pathlib import Path
 import lippmann as lp
 from lippmann.api import cut_layers
 from lippmann.layers.folder import save_layers
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
+from lippmann.scenes.placement import Placement
 
 HERE = Path(__file__).resolve().parent
 SCALE = 0.25

@@ -7,7 +7,7 @@
 // --place is the Unix socket, or the folder of the file with the token that TCP asks for; a host that is silent for
 // --idle seconds makes room for another one.
 //
-// Built by lippmann.sim.virtual_board. With ByteLink, bytes are transferred as fast as the board
+// Built by lippmann.simulation.virtual_board. With ByteLink, bytes are transferred as fast as the board
 // accepts them; without, a UART's wires are simulated: --step is its bits per clock in 1 / 65536,
 // --host-step that of the host's end when it differs. --stalls makes both ends of a byte line pause
 // at random. The ready file (JSON) holds the URL and exists while the board runs. With LIPPMANN_MEMORY_HZ the frames are

@@ -6,12 +6,12 @@
 //
 // An oscillator, the PLL's outputs, a UART, an SDRAM chip, and a screen that decodes the TMDS symbols of
 // the GPDI socket. The options are those of sim/board/main.cpp: --step is the UART's bits per system
-// clock in 1 / 65536. Built by lippmann.dev.netlist, which finds in the netlist: LIPPMANN_CLOCKS, an
+// clock in 1 / 65536. Built by tools.netlist, which finds in the netlist: LIPPMANN_CLOCKS, an
 // X(port, divider) for each output of the PLL; LIPPMANN_VCO_KHZ; the ports of the clocks of the system, of
 // the memory and of the pairs of bits. LIPPMANN_TIMING is the rest of a dvi::Timing after the panel's size.
 //
 // SIGTERM and SIGINT end the board, SIGUSR1 presses its button 1. The last line on stdout is a JSON object
-// of counts, which lippmann.dev.netlist judges; a violation of the SDRAM's data sheet is named there.
+// of counts, which tools.netlist judges; a violation of the SDRAM's data sheet is named there.
 #include <getopt.h>
 #include <sys/prctl.h>
 #include <unistd.h>

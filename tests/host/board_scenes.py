@@ -6,11 +6,11 @@ import dataclasses
 import math
 
 import numpy as np
-from lippmann.display import load_display
-from lippmann.fixed.drawing import draw
+from lippmann.display.description import load_display
+from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.sim import virtual_board
+from lippmann.simulation import virtual_board
 
 WIDTH, HEIGHT = 112, 80
 #: Few blocks: three of texels and the palette's.

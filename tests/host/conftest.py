@@ -5,13 +5,10 @@ shape of all scenes that are alive, also of those that are not rendered: with th
 tests of another took eight times as long.
 """
 
-import importlib.metadata
 import os
-import tomllib
 
 import pytest
-from lippmann.sim.tools import repository as top
-from lippmann.variant import mitsuba, start_mitsuba
+from lippmann.base.variant import mitsuba, start_mitsuba
 
 
 @pytest.fixture(scope="session")
@@ -19,17 +16,3 @@ def mi():
     """Mitsuba on the CPU, whatever else the machine has; `make test-gpu` asks for the GPU."""
     start_mitsuba(os.environ.get("LIPPMANN_TEST_DEVICE", "llvm"))
     return mitsuba()
-
-
-@pytest.fixture
-def registered(monkeypatch):
-    """The entry points of pyproject.toml, whether the environment was set up since they changed or not."""
-    table = tomllib.loads((top() / "pyproject.toml").read_text())["project"]["entry-points"]
-    points = [
-        importlib.metadata.EntryPoint(name, value, group)
-        for group, names in table.items()
-        for name, value in names.items()
-    ]
-    monkeypatch.setattr(
-        importlib.metadata, "entry_points", lambda **wanted: importlib.metadata.EntryPoints(points).select(**wanted)
-    )

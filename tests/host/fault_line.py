@@ -14,9 +14,9 @@ from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
+from lippmann.board.packets import DELIMITER, MAX_STUFFED
+from lippmann.board.port import BITS_A_BYTE, open_port
 from lippmann.errors import DeviceError
-from lippmann.link.packets import DELIMITER, MAX_STUFFED
-from lippmann.link.port import BITS_A_BYTE, open_port
 
 #: Longest chunk that is passed on at once: bytes, and time on a paced line in s.
 CHUNK_BYTES = 4096

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import scene_words

@@ -4,8 +4,8 @@ To be run only when a change of the picture is wanted; look at them before they 
 """
 
 from golden_pictures import GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
-from lippmann.rendering.scene import load_scene
-from lippmann.variant import start_mitsuba
+from lippmann.base.variant import start_mitsuba
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import truth
-from lippmann.display import Array, Display, Grid, Panel, PlanoSide
+from lippmann.display.description import Array, Display, Grid, Panel, PlanoSide
 
 GRIDS: tuple[Grid, ...] = ("square", "hex")
 SIDES: tuple[PlanoSide, ...] = ("panel", "viewer")

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from lippmann.display import NEAREST_EYE, Array, Display, Grid, Panel
+from lippmann.display.description import NEAREST_EYE, Array, Display, Grid, Panel
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.layers.stack import MAX_LAYERS, Layer, LayerStack
 
 

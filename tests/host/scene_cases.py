@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.display import Display, Grid, PlanoSide
-from lippmann.observer import Window
+from lippmann.display.description import Display, Grid, PlanoSide
+from lippmann.eye.observer import Window
 from optics_cases import display_of
 
 Floats = npt.NDArray[np.float64]

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from lippmann.dev import anchors, flow
 from lippmann.errors import LippmannError
+from tools import anchors, flow
 
 SLOW, FAST, IN, LUT, STILL = 10, 11, 12, 13, 14
 

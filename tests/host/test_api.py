@@ -20,9 +20,9 @@ import mitsuba
 import numpy as np
 import pytest
 from jupyter_client.manager import start_new_kernel
+from lippmann.base.images import encoded_values, read_picture
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
-from lippmann.images import encoded_values, read_picture
 from model_board import ModelBoard
 from PIL import Image
 from scene_cases import focused_display, glowing_sphere, write_scene
@@ -202,7 +202,7 @@ def test_the_command_observes_what_the_function_returns(small, capfd, mi):
 @pytest.fixture
 def few_samples(monkeypatch):
     """One sample for each pixel of a page's direct renders."""
-    monkeypatch.setattr("lippmann.viewer.direct.SAMPLES", 1)
+    monkeypatch.setattr("lippmann.eye.page_direct_views.SAMPLES", 1)
 
 
 def test_the_command_writes_the_page_of_the_function(small, capfd, mi, few_samples):

@@ -10,18 +10,18 @@ from types import SimpleNamespace
 import lippmann
 import numpy as np
 import pytest
+from lippmann.base.images import psnr_db, read_picture
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.film.film import load_film
-from lippmann.film.shot import shots_of
-from lippmann.images import psnr_db, read_picture
-from lippmann.rendering.arrange import arranged
+from lippmann.motion.film import load_film
+from lippmann.motion.shot import shots_of
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.remarks import remarks
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.scene import box_of, load_scene
 from lippmann.rendering.sources import Window
+from lippmann.scenes.arrange import arranged
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import box_of, load_scene
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
 
 SEED = 5508

@@ -16,21 +16,21 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from lippmann import provenance
+from lippmann.base import provenance
+from lippmann.base.images import read_picture
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError, NoSpaceError
-from lippmann.film.film import load_film
-from lippmann.film.shot import render_shot, shots_of, with_one_shading
-from lippmann.images import read_picture
+from lippmann.motion.film import load_film
+from lippmann.motion.shot import render_shot, shots_of, with_one_shading
 from lippmann.rendering import bands, renderer
 from lippmann.rendering.bands import Band, here, left_over, render_bands, still_of, write_still
 from lippmann.rendering.cluster import local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions, render_image
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import digest_of, load_scene
-from lippmann.sim.tools import repository
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import digest_of, load_scene
+from lippmann.simulation.toolchain import repository
 from test_film import DISPLAY, SCENE
 from test_film_cluster import Cluster, until
 

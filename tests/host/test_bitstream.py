@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from lippmann.base.toml import schema, tables
 from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards, read_boards
 from lippmann.cli import run
-from lippmann.dev import bitstream
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.sim.tools import repository
-from lippmann.toml import schema, tables
+from lippmann.simulation.toolchain import repository
+from tools import bitstream
 
 TOP = repository()
 PANEL = """
@@ -483,10 +483,10 @@ def test_make_takes_no_display_from_the_environment():
     make = ["make", "-n", "-o", ".venv/.ready", "bitstream"]
     environment = {"PATH": "/usr/bin:/bin", "DISPLAY": ":0"}
     plain = subprocess.run(make, cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
-    assert plain.split()[-1] == "lippmann.dev.bitstream"
+    assert plain.split()[-1] == "tools.bitstream"
     asked = ["BOARD=ulx3s_lcd", "DISPLAY=x.toml", "SEEDS=1,2", "LAYERS=0", "BILINEAR=1"]
     full = subprocess.run([*make, *asked], cwd=TOP, env=environment, capture_output=True, text=True, check=True).stdout
-    words = "lippmann.dev.bitstream --board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear"
+    words = "tools.bitstream --board ulx3s_lcd --display x.toml --seeds 1,2 --layers 0 --bilinear"
     assert shlex.split(full)[-10:] == words.split()
 
 
@@ -501,12 +501,12 @@ def test_make_takes_values_with_blanks_and_none(asked, words):
     # Under make test this make is an inner one, which would tell the folders that it enters and leaves.
     make = ["make", "--no-print-directory", "-n", "-o", ".venv/.ready", "bitstream", *asked]
     said = subprocess.run(make, cwd=TOP, capture_output=True, text=True, check=True).stdout
-    assert shlex.split(said)[-len(words) - 1 :] == ["lippmann.dev.bitstream", *words]
+    assert shlex.split(said)[-len(words) - 1 :] == ["tools.bitstream", *words]
 
 
 def test_it_is_a_command(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "lippmann.dev.bitstream", "--board", "x"], cwd=tmp_path, capture_output=True, text=True,
+        [sys.executable, "-m", "tools.bitstream", "--board", "x"], cwd=tmp_path, capture_output=True, text=True,
         check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)

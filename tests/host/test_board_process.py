@@ -9,12 +9,12 @@ from types import SimpleNamespace
 
 import pytest
 from lippmann.board import discovery
+from lippmann.board import port as port_module
+from lippmann.cli import board_start as command
 from lippmann.cli import doctor, run
-from lippmann.cli import virtual_board as command
 from lippmann.errors import DeviceError
-from lippmann.link import port as port_module
-from lippmann.sim import virtual_board
-from lippmann.sim.virtual_board import RunningBoard
+from lippmann.simulation import virtual_board
+from lippmann.simulation.virtual_board import RunningBoard
 
 DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('ready', flush=True); time.sleep(60)"
 SMALL = (
@@ -129,7 +129,7 @@ def test_processes_that_need_the_same_build_make_it_once(tmp_path):
     program = f"""
 import time
 from pathlib import Path
-from lippmann.sim.compilation import kept
+from lippmann.simulation.compilation import kept
 
 def make(path):
     with open({str(tmp_path / "made")!r}, "a") as log:

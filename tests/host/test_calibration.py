@@ -19,7 +19,6 @@ from lippmann.calibration.bundle import WITHIN, Problem, jacobian, seam_powers
 from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.intervals import Moved, blur_of, interval, movement_of, read
 from lippmann.calibration.landing import inner_rays, landing_of, movement
-from lippmann.calibration.lattice import find_lattice, steps_of, within
 from lippmann.calibration.lenslets import Lenslets, Readings
 from lippmann.calibration.outline import regular
 from lippmann.calibration.photographs import positions
@@ -28,13 +27,14 @@ from lippmann.calibration.result import DoubtError, load_calibration
 from lippmann.calibration.shoot import shoot
 from lippmann.calibration.smooth import Smooth
 from lippmann.calibration.solve import calibrate
+from lippmann.calibration.viewed_lattice import find_lattice, steps_of, within
 from lippmann.cli import run
-from lippmann.display import display_text, load_display
+from lippmann.conformance.calibration_page import digits
+from lippmann.display.description import display_text, load_display
 from lippmann.errors import InputError
-from lippmann.measure.calibration import eye_difference, judge, random_case
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.report.calibration import digits
+from tools.calibration_accuracy import eye_difference, judge, random_case
 
 SEED = 2
 #: Width of the panel and of the photographs, pixels: 20 x 15 lenslets of about 20 pixels.

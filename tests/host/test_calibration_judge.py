@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 from lippmann.calibration.result import Calibration, Parameter
-from lippmann.display import load_display
-from lippmann.measure.calibration import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
+from lippmann.calibration.simulated_camera import corners_mm
+from lippmann.display.description import load_display
 from lippmann.optics.panel import PanelFrame
-from lippmann.simulated_camera.camera import corners_mm
+from tools.calibration_accuracy import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
 
 
 @pytest.fixture(params=["square", "hex"])

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lippmann.base.images import read_picture
 from lippmann.capturing.rays import rays_from_picture
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
-from lippmann.display import display_text, load_display, parse_display
-from lippmann.images import read_picture
+from lippmann.display.description import display_text, load_display, parse_display
 from lippmann.optics.backend import NumpyBackend
-from lippmann.rendering.placement import Placement
+from lippmann.scenes.placement import Placement
 from scene_cases import generator, glowing_sphere, write_scene
 
 TOP = Path(__file__).parents[2]

@@ -8,9 +8,9 @@ import pytest
 from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.capturing.setup import Pickup, load_setup
-from lippmann.measure.depth import CENTRES, WIDE, judged, measure_depths, strip_of
-from lippmann.measure.depth import SETUPS as FIGURE
-from lippmann.report.benches import depth_page
+from tools.bench_pages import depth_page
+from tools.depth import CENTRES, WIDE, judged, measure_depths, strip_of
+from tools.depth import SETUPS as FIGURE
 
 SETUPS = Path(__file__).parents[2] / "scenes/setups"
 

@@ -9,10 +9,11 @@ import pytest
 from lippmann.capturing.imaging_lens import ThinLens
 from lippmann.capturing.rays import rays_from_picture, system_of
 from lippmann.capturing.setup import Camera, Pickup, Setup, Subject, load_setup
-from lippmann.engines import trace, trace_to_panel
+from lippmann.engines import trace
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
 from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through
+from lippmann.optics.trace import trace_to_panel
 from optics_cases import display_of
 from scene_cases import generator
 

@@ -174,7 +174,7 @@ def test_each_cell_takes_the_best_centre(grid, rotation, ratio, eye, lattice):
 def test_the_paper_s_displays(name):
     from pathlib import Path
 
-    from lippmann.display import load_display
+    from lippmann.display.description import load_display
 
     display = load_display(Path(__file__).parents[2] / f"scenes/displays/{name}.toml")
     partner = rotation_map(display)

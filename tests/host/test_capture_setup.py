@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from lippmann.capturing.imaging_lens import LensPair, ThinLens
 from lippmann.capturing.setup import Camera, Pickup, load_setup
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
 
 TOP = Path(__file__).parents[2]

@@ -19,11 +19,12 @@ import imageio_ffmpeg
 import lippmann as lp
 import numpy as np
 import pytest
-from lippmann import __version__, interrupts
+from lippmann import __version__
+from lippmann.base import interrupts
+from lippmann.base.images import read_picture
+from lippmann.board.port import open_port
 from lippmann.cli import COMMANDS, doctor, run
 from lippmann.errors import InputError, MissingLibraryError
-from lippmann.images import read_picture
-from lippmann.link.port import open_port
 from model_board import ModelBoard
 from PIL import Image
 from scene_cases import display_toml, focused_display, glowing_sphere, rgb, write_scene
@@ -330,7 +331,6 @@ def test_the_installed_command_waits_for_those_that_watch_it(place, watch):
     [
         (["obs"], {"observe"}),
         (["board", "s"], {"start", "setup", "stop"}),
-        (["bench", "re"], {"render"}),
         (["render", "--sam"], {"--samples"}),
         (["render", "--model", "p"], {"pinhole", "paraxial"}),
         (["inspect", "--schema", "d"], {"display", "depth_picture"}),
@@ -467,12 +467,6 @@ def test_trace_refuses_options_that_an_engine_does_not_know(place, capfd, engine
     arguments = ("trace", "--display", "tiny.toml", "--engine", engine, "--pixels", 5, option, value, "-o", "r.npz")
     assert re.search(rf"{option}.* belongs to the engine.*leave it out with {engine}", refused(capfd, *arguments))
     assert not (place / "r.npz").exists()
-
-
-def test_a_report_goes_into_a_folder_that_exists(place, capfd):
-    """As every other output; known before minutes of measuring."""
-    line = refused(capfd, "bench", "fixed", "--scenes", ROOT / "scenes", "--report", "kept/here")
-    assert "the folder kept/here does not exist; make it first" in line
 
 
 # --- displays -------------------------------------------------------------------------------------
@@ -763,7 +757,7 @@ def test_a_missing_library_is_exit_code_3(place, capfd, monkeypatch):
     def lacking(_):
         raise MissingLibraryError("mitsuba cannot be imported (no libLLVM); run make setup")
 
-    monkeypatch.setattr("lippmann.variant.start_mitsuba", lacking)
+    monkeypatch.setattr("lippmann.base.variant.start_mitsuba", lacking)
     assert refused(capfd, *render("-o", "a.exr"), code=3).endswith("run make setup")
 
 

@@ -4,11 +4,11 @@ import json
 import subprocess
 
 import pytest
-from lippmann.dev.code_coverage import check_reasons, host_rows, page, read_rtl, reasons, rtl_rows, share, toggles_page
+from lippmann.conformance.figures import read_csv
 from lippmann.errors import InputError
-from lippmann.measure.figures import read_csv
-from lippmann.sim.compilation import COVERAGE, TOGGLES, verilated
-from lippmann.sim.tools import repository
+from lippmann.simulation.compilation import COVERAGE, TOGGLES, verilated
+from lippmann.simulation.toolchain import repository
+from tools.code_coverage import check_reasons, host_rows, page, read_rtl, reasons, rtl_rows, share, toggles_page
 
 RTL = """module one_branch(input logic clk, input logic [1:0] a, output logic [1:0] q);
   always_ff @(posedge clk) begin

@@ -4,12 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from lippmann import processor
+from lippmann.base import processor
+from lippmann.base.variant import current_device
 from lippmann.rendering import coherence
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import scene_of
-from lippmann.variant import current_device
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import scene_of
 from scene_cases import focused_display, generator
 
 CPUINFO = """processor\t: {}

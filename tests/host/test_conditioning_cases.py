@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 import truth
-from lippmann.conditioning.cases import CASES, Back, Out, changed, hard_sets
-from lippmann.conditioning.digits import exact_array, size, true_hits, true_rays
-from lippmann.conditioning.measure import measure
-from lippmann.display import load_display
-from lippmann.engines import trace, trace_to_panel
+from lippmann.conformance.engine_errors import measure
+from lippmann.conformance.fifty_digits import exact_array, size, true_hits, true_rays
+from lippmann.conformance.hard_cases import CASES, Back, Out, changed, hard_sets
+from lippmann.display.description import load_display
+from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.sim.tools import repository
+from lippmann.optics.trace import trace_to_panel
+from lippmann.simulation.toolchain import repository
 from optics_cases import GRIDS, SIDES, optics_of
 
 SEED = 6

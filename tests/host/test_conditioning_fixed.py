@@ -8,8 +8,8 @@ import pkgutil
 import lippmann.fixed
 import numpy as np
 import pytest
-from lippmann.conditioning.cases import Out, changed, hard_sets
-from lippmann.conditioning.measure import fixed_words, measure_fixed
+from lippmann.conformance.engine_errors import fixed_words, measure_fixed
+from lippmann.conformance.hard_cases import Out, changed, hard_sets
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build

@@ -2,9 +2,9 @@
 
 import csv
 
-from lippmann.conditioning.cases import CASES
-from lippmann.conditioning.formulas import measure
-from lippmann.sim.tools import repository
+from lippmann.conformance.hard_cases import CASES
+from lippmann.simulation.toolchain import repository
+from tools.formulas import measure
 
 REPORTS = repository() / "docs/reports"
 

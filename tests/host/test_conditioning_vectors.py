@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.conditioning.cases import changed
-from lippmann.conditioning.vectors import OUTPUTS, memory_lines, widths, words_of_memory
-from lippmann.display import display_text, load_display
+from lippmann.conformance.hard_cases import changed
+from lippmann.conformance.vectors import OUTPUTS, memory_lines, widths, words_of_memory
+from lippmann.display.description import display_text, load_display
 from lippmann.engines import trace
 from lippmann.fixed.ray_pipeline import FixedRays
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 SQUARE = str(repository() / "scenes/displays/paper-square.toml")
 HEX = str(repository() / "scenes/displays/paper-hex.toml")
@@ -106,7 +106,7 @@ def test_vectors_of_the_simpler_models_pass(model, tmp_path, capsys):
 
 def test_traced_rays_pass_and_others_do_not(tmp_path, capsys, monkeypatch):
     # These rays have no two faults, and to look for them takes long.
-    monkeypatch.setattr("lippmann.diagnose.judge._two", lambda seen: None)
+    monkeypatch.setattr("lippmann.conformance.judge._two", lambda seen: None)
     rays = str(tmp_path / "rays.npz")
     arguments = ["trace", "--display", SQUARE, "--engine", "fast", "--aperture", "full", "--pixels", "500", "-o", rays]
     assert run(arguments) == 0

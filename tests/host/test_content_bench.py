@@ -1,16 +1,16 @@
-"""`lippmann bench content`: the files that it makes, and its figures and pictures, on a small display."""
+"""`tools.bench content`: the files that it makes, and its figures and pictures, on a small display."""
 
 import numpy as np
 import pytest
-from lippmann.measure import content
-from lippmann.measure.content_files import Surface, write_meshes, write_splats
-from lippmann.rendering.arrange import arranged
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
-from lippmann.report.benches import content_page
-from lippmann.sim.tools import repository
+from lippmann.scenes.arrange import arranged
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
+from tools import content_gallery
+from tools.bench_pages import content_page
+from tools.content_files import Surface, write_meshes, write_splats
 
 SCENES = repository() / "scenes"
 
@@ -52,9 +52,9 @@ def test_splats_lie_on_the_surface_and_show_its_colours(knot, tmp_path):
 
 @pytest.mark.full
 def test_more_views_are_nearer_to_the_scene(tmp_path, monkeypatch, mi):
-    monkeypatch.setattr(content, "VIEWS", ((3, 1), (16, 1)))
-    monkeypatch.setattr(content, "SAMPLES", 2)
-    rows = list(content.measure(SCENES, tmp_path, 1))
+    monkeypatch.setattr(content_gallery, "VIEWS", ((3, 1), (16, 1)))
+    monkeypatch.setattr(content_gallery, "SAMPLES", 2)
+    rows = list(content_gallery.measure(SCENES, tmp_path, 1))
     few, many, depths, itself = (row["middle_db"] for row in rows)
     assert few < many < itself
     assert depths > few - 3.0
@@ -63,17 +63,17 @@ def test_more_views_are_nearer_to_the_scene(tmp_path, monkeypatch, mi):
 
 @pytest.mark.full
 def test_the_gallery_has_a_picture_of_each_kind(tmp_path, monkeypatch, mi):
-    monkeypatch.setattr(content, "GALLERY", "vga-square")
-    pictures, captions = content.gallery(SCENES, tmp_path, 1)
+    monkeypatch.setattr(content_gallery, "GALLERY", "vga-square")
+    pictures, captions = content_gallery.gallery(SCENES, tmp_path, 1)
     assert len(pictures) == len(captions) == 8
     assert captions[-3:] == ["views/", "quilt_qs8x2a1.33333.png", "picture.toml"]
     assert all(picture.max() > 0.2 for picture in pictures)
 
 
 def test_a_depth_picture_is_placed_by_its_camera(tmp_path, mi):
-    display = content.load_display(SCENES / "displays/vga-square.toml")
+    display = content_gallery.load_display(SCENES / "displays/vga-square.toml")
     scene = load_scene(SCENES / "fish/fish.xml", Placement(0.25))
-    path = content.write_depth_picture(scene, display, tmp_path, 160)
+    path = content_gallery.write_depth_picture(scene, display, tmp_path, 160)
     placed = arranged(load_scene(path), display, "camera")
     # The scale is that of the display, for the camera was the display's eye.
     assert placed.placement.scale == pytest.approx(scene_scale(placed, display), rel=1e-6)
@@ -86,7 +86,7 @@ def scene_scale(placed, display):
 
 
 def _axis():
-    from lippmann.variant import mitsuba
+    from lippmann.base.variant import mitsuba
 
     mi = mitsuba()
     return mi.Ray3f(mi.Point3f(0.0), mi.Vector3f(0.0, 0.0, -1.0))

@@ -1,4 +1,4 @@
-"""The commands behind make's targets, `python -m lippmann.dev.*`: errors in one line, exit codes as of `lippmann`."""
+"""The commands behind make's targets, `python -m tools.*`: errors in one line, exit codes as of `lippmann`."""
 
 import contextlib
 import io
@@ -10,8 +10,8 @@ import sys
 import pytest
 from click.testing import CliRunner
 from lippmann.cli import run
-from lippmann.dev import flow, mutation
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
+from tools import flow, mutation
 
 COMMANDS = (
     "bitstream",
@@ -33,14 +33,14 @@ VGA = repository() / "scenes/displays/vga-square.toml"
 
 def process(place, module, *arguments):
     """Call a command in a folder; its exit code and lines of stdout and stderr."""
-    command = [sys.executable, "-m", f"lippmann.dev.{module}", *map(str, arguments)]
+    command = [sys.executable, "-m", f"tools.{module}", *map(str, arguments)]
     done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False, timeout=60)
     return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()
 
 
 def called(place, module, *arguments):
     """The same from `python -m` on, without a process of its own, which takes half a second to import its libraries."""
-    name = f"lippmann.dev.{module}"
+    name = f"tools.{module}"
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.chdir(place)
@@ -60,10 +60,10 @@ def test_an_unknown_option_is_refused_and_help_does_nothing(module, tmp_path):
     code, out, err = called(tmp_path, module, "--qqq")
     assert (code, out) == (2, [])
     (line,) = err
-    assert line.startswith(f"lippmann: No such option '--qqq'. Usage: python -m lippmann.dev.{module} ")
+    assert line.startswith(f"lippmann: No such option '--qqq'. Usage: python -m tools.{module} ")
     code, out, err = called(tmp_path, module, "--help")
     assert (code, err) == (0, [])
-    assert out[0].startswith(f"Usage: python -m lippmann.dev.{module}")
+    assert out[0].startswith(f"Usage: python -m tools.{module}")
     assert any(line.strip().startswith("Example: ") for line in out)
     assert not list(tmp_path.iterdir())
 

@@ -9,18 +9,18 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.conditioning.cases import Out, changed, hard_sets
-from lippmann.conditioning.measure import fixed_words
-from lippmann.conditioning.search import random_aims, random_pixels
-from lippmann.conditioning.vectors import INPUTS
-from lippmann.diagnose.faults import fitted_together
-from lippmann.diagnose.foreign import Foreign
-from lippmann.diagnose.judge import _rounding, judge
-from lippmann.display import display_text, load_display
+from lippmann.conformance.engine_errors import fixed_words
+from lippmann.conformance.foreign_rays import Foreign
+from lippmann.conformance.hard_cases import Out, changed, hard_sets
+from lippmann.conformance.judge import _rounding, judge
+from lippmann.conformance.lens_faults import fitted_together
+from lippmann.conformance.ray_search import random_aims, random_pixels
+from lippmann.conformance.vectors import INPUTS
+from lippmann.display.description import display_text, load_display
 from lippmann.fixed import leave_dome
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 from optics_cases import display_of
 
 SEED = 64
@@ -362,7 +362,7 @@ def test_a_fit_of_two_numbers_names_those_that_moved():
 def test_two_faults_are_looked_for_in_eight_rays(monkeypatch, wrong, looked_for):
     """Two fitted numbers could be read from fewer, and the search takes half a minute."""
     looked = []
-    monkeypatch.setattr("lippmann.diagnose.judge.pairs", lambda *given: iter(looked.append(given) or ()))
+    monkeypatch.setattr("lippmann.conformance.judge.pairs", lambda *given: iter(looked.append(given) or ()))
     display = display_for("square")
     rays = traced(display, *rays_for(display, 200))
     turned = rays["direction"].copy()
@@ -578,7 +578,7 @@ def test_wrapped_word(written, capsys, monkeypatch):
 
 def test_wrong_register(written, capsys, monkeypatch):
     # This design has one fault, and to look for two takes long.
-    monkeypatch.setattr("lippmann.diagnose.judge._two", lambda seen: None)
+    monkeypatch.setattr("lippmann.conformance.judge._two", lambda seen: None)
     case, judge_words = written
     wrong = dataclasses.replace(case.registers, **{n: -getattr(case.registers, n) for n in ("x_from_v", "y_from_u")})
     code, said = judge_words(ray_pipeline(*case.words, wrong, case.build), capsys)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lippmann.display import Array, Display, Panel, display_text, load_display, parse_display
+from lippmann.display.description import Array, Display, Panel, display_text, load_display, parse_display
+from lippmann.display.glass import SELLMEIER, index_of
+from lippmann.display.subpixels import LAYOUTS
 from lippmann.errors import InputError
-from lippmann.glass import SELLMEIER, index_of
-from lippmann.subpixels import LAYOUTS
 from truth import mp
 
 SEED = 466

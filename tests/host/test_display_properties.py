@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.display import load_display
-from lippmann.display_properties import beats_in_lenslets, display_properties, eye_views
+from lippmann.display.description import load_display
 from lippmann.engines import trace
+from lippmann.optics.display_properties import beats_in_lenslets, display_properties, eye_views
 from lippmann.optics.rays import Status
 from optics_cases import GRIDS, display_of
 from scene_cases import generator

@@ -21,18 +21,18 @@ from unittest import mock
 
 import click
 import pytest
-from lippmann import toml
+from lippmann.base import toml
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
-from lippmann.diagnose.bounds import load_bounds
-from lippmann.display import Panel, load_display
-from lippmann.film.film import load_film
-from lippmann.film.layer_film import LayerFilmFile
+from lippmann.conformance.bounds import load_bounds
+from lippmann.display.description import Panel, load_display
 from lippmann.layers.folder import LayersFile
 from lippmann.layers.pictures import PicturesFile
-from lippmann.rendering.placement import load_placement
-from lippmann.scene_files.depth_picture import DepthPictureFile
-from lippmann.sim.tools import PREFIX
+from lippmann.motion.film import load_film
+from lippmann.motion.layer_film import LayerFilmFile
+from lippmann.scenes.depth_picture import DepthPictureFile
+from lippmann.scenes.placement import load_placement
+from lippmann.simulation.toolchain import PREFIX
 
 TOP = Path(__file__).parents[2]
 PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/**/*.md")])
@@ -61,15 +61,15 @@ NOT_RUN = {
     r"git clone |cd lippmann$|source \.venv/": "lead to the checkout and its environment, in which the tests run",
     r"make setup|make test|make$": "are what runs the tests; their targets are looked up",
     r"python scenes/": "make the shipped files again, over those that other tests read; the scripts are looked up",
-    r"python -m lippmann\.dev\.formal ": "minutes; tests/rtl/test_formal.py runs every proof; the module is looked up",
-    r"python -m lippmann\.dev\.(crossings|netlist) ": (
+    r"python -m tools\.formal ": "minutes; tests/rtl/test_formal.py runs every proof; the module is looked up",
+    r"python -m tools\.(crossings|netlist) ": (
         "minutes; tests/rtl/test_crossings.py and test_netlist.py run the same; the modules are looked up"
     ),
     r"lippmann export povray .* -o out/pov$|cd out/pov && povray|lippmann capture scenes/seed/full\.xml": (
         "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
     ),
     r"export PATH=|fusesoc ": "minutes; tests/rtl/test_manifests.py runs these targets in a clone",
-    r"lippmann bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
+    r"python -m tools.bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
     r"make bitstream|lippmann board program": "an hour; tests/rtl/boards makes bitstreams; and no board is here",
     r"verilator --binary |lippmann vectors .*(build/bench|stream_cocotb\.py)": "test_foreign_rtl.py runs these lines",
     r"lippmann regress .* mine\.mem": "judges the reader's own design",

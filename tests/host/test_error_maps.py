@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.conditioning.cases import Out
-from lippmann.diagnose.error_maps import ErrorMaps, edges
-from lippmann.diagnose.foreign import Foreign, foreign_words
-from lippmann.diagnose.judge import judge
-from lippmann.display import parse_display
+from lippmann.conformance.error_maps import ErrorMaps, edges
+from lippmann.conformance.foreign_rays import Foreign, foreign_words
+from lippmann.conformance.hard_cases import Out
+from lippmann.conformance.judge import judge
+from lippmann.display.description import parse_display
 from lippmann.fixed.ray_pipeline import FixedRays
 
 TEXT = """gap_mm = 0.5

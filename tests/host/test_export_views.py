@@ -6,16 +6,16 @@ import re
 
 import numpy as np
 import pytest
+from lippmann.base.images import psnr_db, read_picture
 from lippmann.cli import run
-from lippmann.content.views import eyes_of, of_scene
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.images import psnr_db, read_picture
-from lippmann.observer import Eye, whole_window
+from lippmann.eye.many_views import eyes_of, of_scene
+from lippmann.eye.observer import Eye, whole_window
 from lippmann.rendering.renderer import Settings, first_depths
-from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
-from lippmann.scene_files.quilts import quilt_path
+from lippmann.scenes.quilts import quilt_path
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 from test_film import DISPLAY
 

@@ -11,14 +11,14 @@ from typing import Annotated, Literal
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lippmann import toml
+from lippmann.base import toml
+from lippmann.base.toml import key
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
-from lippmann.dev import promises
-from lippmann.dev.generate_tables import MARKED, generate
-from lippmann.display import Display, Panel, load_display, parse_display
+from lippmann.display.description import Display, Panel, load_display, parse_display
 from lippmann.errors import InputError
-from lippmann.toml import key
+from tools import promises
+from tools.generate_tables import MARKED, generate
 
 TOP = Path(__file__).parents[2]
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from full_disk import full_disk
-from lippmann import files
-from lippmann.animation import write_animation
+from lippmann.base import files
+from lippmann.base.animation import write_animation
+from lippmann.base.images import write_picture
+from lippmann.base.programs import run_program
 from lippmann.cli import run
 from lippmann.errors import InputError, NoSpaceError
-from lippmann.film.video import write_video
-from lippmann.images import write_picture
-from lippmann.programs import run_program
+from lippmann.motion.video import write_video
 
 TINY = (
     "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
@@ -105,7 +105,7 @@ def test_a_power_cut_during_a_command(tmp_path, monkeypatch):
 HALF = """
 import sys, time
 from pathlib import Path
-from lippmann.files import partial_folder, replacing
+from lippmann.base.files import partial_folder, replacing
 with replacing(Path(sys.argv[1], "a.bin")) as partial, partial_folder(Path(sys.argv[1], "set")) as folder:
     partial.write_bytes(b"half")
     (folder / "below").mkdir()

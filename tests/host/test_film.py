@@ -12,20 +12,20 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from lippmann.base.images import encode, psnr_db, read_picture
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.film.film import load_film
-from lippmann.film.path import Key
-from lippmann.film.path import Path as FilmPath
-from lippmann.film.shot import render_shot, shots_of
-from lippmann.film.video import write_video
-from lippmann.images import encode, psnr_db, read_picture
+from lippmann.motion.film import load_film
+from lippmann.motion.path import Key
+from lippmann.motion.path import Path as FilmPath
+from lippmann.motion.shot import render_shot, shots_of
+from lippmann.motion.video import write_video
 from lippmann.rendering import renderer
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import depths_of, load_scene
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import depths_of, load_scene
 from PIL import Image
 from scipy.spatial.transform import Rotation
 

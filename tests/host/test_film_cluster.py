@@ -10,9 +10,9 @@ import time
 import lippmann.rendering.cluster
 import numpy as np
 import pytest
+from lippmann.base.images import read_picture
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.images import read_picture
 from lippmann.rendering.cluster import _check_scene, render_on_cluster
 from test_film import DISPLAY, FILM, MOVE, SCENE
 

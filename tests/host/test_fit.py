@@ -9,20 +9,20 @@ from functools import cache
 
 import numpy as np
 import pytest
+from lippmann.base.variant import mitsuba
 from lippmann.cli import run
 from lippmann.cli.fit import _layers
-from lippmann.display import load_display
+from lippmann.conformance.fit import INSIDE, TRIED_SAMPLES, away_from_borders, choose_build, choose_samples, fit, gap
+from lippmann.display.description import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.layers.choose import LayerChoice, choose_layers
+from lippmann.optics.model_choice import choose_model
 from lippmann.optics.rays import MODELS
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import load_scene
-from lippmann.select.build import INSIDE, TRIED_SAMPLES, away_from_borders, choose_build, choose_samples, fit, gap
-from lippmann.select.model import choose_model
-from lippmann.sim.tools import repository
-from lippmann.variant import mitsuba
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
 from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import display_toml, focused_display, generator, rgb, write_scene
 from scipy.spatial import KDTree

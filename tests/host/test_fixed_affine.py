@@ -10,7 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from lippmann.display import Array, Display, Panel
+from lippmann.display.description import Array, Display, Panel
 from lippmann.engines import trace, trace_fixed
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build

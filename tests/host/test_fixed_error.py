@@ -13,22 +13,21 @@ import os
 import click.testing
 import numpy as np
 import pytest
-from lippmann.cli import cli
-from lippmann.conditioning import word_sets
-from lippmann.display import load_display
+from lippmann.conformance import fixed_errors, stage_errors, word_sets
+from lippmann.display.description import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, turned_over
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.measure import fixed, stages
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import MODELS, Status, gets_through
 from lippmann.optics.system import System
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 from optics_cases import exit_cosine, random_in_cell
+from tools import bench
 
 SCENES = repository() / "scenes"
 RAYS = 20_000
@@ -107,7 +106,7 @@ def test_against_golden(model, aperture, name, side, f):
     assert len(differs) < 0.001 * RAYS
     if len(differs):
         some = word_sets.Words(*(column[differs] for column in words))
-        away = word_sets.edge_distance_nm(display, build, some, fixed.rows_of(twin, differs), stated_nm, model)
+        away = word_sets.edge_distance_nm(display, build, some, fixed_errors.rows_of(twin, differs), stated_nm, model)
         assert away.max() <= stated_nm
 
 
@@ -115,7 +114,7 @@ def test_against_golden(model, aperture, name, side, f):
 def test_compact_configurations_promise_60_microradian_on_the_papers_displays(name):
     named = CONFIGURATIONS[name]
     display = named.displays(SCENES)[0]
-    found = fixed.compare(display, named.build, random_words(display, named.build, 200_000))
+    found = fixed_errors.compare(display, named.build, random_words(display, named.build, 200_000))
     assert found.alive.mean() > 0.999
     assert found.turn_urad[found.alive].max() <= 60.0
 
@@ -135,7 +134,7 @@ def test_rays_near_the_critical_angle_and_on_edges():
     assert (fates[:half] != fates[half:]).any(axis=1).all()
     # Total internal reflection is among them.
     assert (fates[:, 0] == Status.INTERNAL_REFLECTION).sum() > 100
-    row = fixed.measure(named, display, "boundaries", iter([words]))
+    row = fixed_errors.measure(named, display, "boundaries", iter([words]))
     assert row["kept"]
     assert row["status_differs"] > 0
 
@@ -150,7 +149,7 @@ def test_the_promise_holds_beyond_the_owners_cell(name):
             word_sets.wide_words(display, named.build, seed, 100_000),
             word_sets.boundary_words(display, named.build, seed, 5_000),
         ):
-            row = fixed.measure(named, display, "wide", iter([words]))
+            row = fixed_errors.measure(named, display, "wide", iter([words]))
             assert row["kept"], row
             assert row["rays"] - row["refused"] > 1_000
 
@@ -180,11 +179,11 @@ def test_edge_words_lie_on_edges(name):
 def test_rays_that_the_words_do_not_hold_are_refused_and_counted():
     named = CONFIGURATIONS["widest-aims-hex"]
     display = named.displays(SCENES)[0]
-    row = fixed.measure(named, display, "wide", iter([word_sets.wide_words(display, named.build, SEED, 20_000)]))
+    row = fixed_errors.measure(named, display, "wide", iter([word_sets.wide_words(display, named.build, SEED, 20_000)]))
     assert 0 < row["refused"] < 0.05 * row["rays"]
     # With enough domes to try none is lost.
     more = dataclasses.replace(named, build=dataclasses.replace(named.build, max_cell_steps=4))
-    row = fixed.measure(more, display, "wide", iter([word_sets.wide_words(display, more.build, SEED, 20_000)]))
+    row = fixed_errors.measure(more, display, "wide", iter([word_sets.wide_words(display, more.build, SEED, 20_000)]))
     assert row["lost"] == 0
     assert row["edge_nm"] <= 2.0
 
@@ -204,7 +203,7 @@ def test_steps_in_integers_are_the_twin(name):
         config = configuration(display, build, "exact")
         words = random_words(display, build)
         twin = ray_pipeline(*words, config, build)
-        point, direction, lenslet = next(stages.hybrids(build, config, words, len(stages.steps_of(build))))
+        point, direction, lenslet = next(stage_errors.hybrids(build, config, words, len(stage_errors.steps_of(build))))
         active = gets_through(twin.status)
         assert active.mean() > 0.95
         out = np.ldexp(np.column_stack([point, direction]), build.fraction_bits + 1)
@@ -224,7 +223,7 @@ def test_steps_in_float64_are_golden_but_for_the_configuration(name):
     named = CONFIGURATIONS[name]
     f = named.build.fraction_bits
     for display in named.displays(SCENES):
-        rows = {row["stage"]: row for row in fixed.budget(named, display, SEED)}
+        rows = {row["stage"]: row for row in fixed_errors.budget(named, display, SEED)}
         first, last = rows["configuration"], rows["all"]
         assert 0.0 < first["rms_direction_urad"] < 10.0 * 2.0**-f * 1e6
         assert 0.0 < first["max_point_nm"] < 10.0 * 2.0**-f * display.array.radius_mm * 1e6
@@ -238,16 +237,16 @@ def test_steps_in_float64_are_golden_but_for_the_configuration(name):
 def test_a_worse_step_shows_in_its_own_row(monkeypatch):
     named = CONFIGURATIONS["widest-square"]
     display = named.displays(SCENES)[0]
-    before = {row["stage"]: row for row in fixed.budget(named, display, SEED)}
-    good = stages.TWIN["leave_dome"]
+    before = {row["stage"]: row for row in fixed_errors.budget(named, display, SEED)}
+    good = stage_errors.TWIN["leave_dome"]
 
     @functools.wraps(good)
     def bad(*args):
         dx, *rest = good(*args)
         return dx + 64, *rest
 
-    monkeypatch.setitem(stages.TWIN, "leave_dome", bad)
-    after = {row["stage"]: row for row in fixed.budget(named, display, SEED)}
+    monkeypatch.setitem(stage_errors.TWIN, "leave_dome", bad)
+    after = {row["stage"]: row for row in fixed_errors.budget(named, display, SEED)}
     # 64 near words; the step's own rounding is some hundredths of that.
     worse, sound = after["leave_dome"], before["leave_dome"]
     assert worse["rms_direction_urad"] == pytest.approx(64 * 2.0**-24 * 1e6, rel=0.02)
@@ -257,9 +256,8 @@ def test_a_worse_step_shows_in_its_own_row(monkeypatch):
 
 
 def test_report(monkeypatch, tmp_path):
-    monkeypatch.setattr(fixed, "WHOLE", 5_000)
+    monkeypatch.setattr(fixed_errors, "WHOLE", 5_000)
     arguments = [
-        "bench",
         "fixed",
         "--scenes",
         str(SCENES),
@@ -268,10 +266,10 @@ def test_report(monkeypatch, tmp_path):
         "--report",
         str(tmp_path),
     ]
-    result = click.testing.CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    result = click.testing.CliRunner().invoke(bench.command, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     page = (tmp_path / "fixed-point-error.md").read_text()
-    for said in ("machine: ", "date: ", "command: lippmann bench fixed", "--seed 0", "| widest-square | 23 |"):
+    for said in ("machine: ", "date: ", "command: python -m tools.bench fixed", "--seed 0", "| widest-square | 23 |"):
         assert said in page
     assert "**no**" not in page
     rows = (tmp_path / "fixed-point-error.csv").read_text().splitlines()
@@ -282,7 +280,7 @@ def test_report(monkeypatch, tmp_path):
 
 def test_unknown_configuration_is_refused():
     result = click.testing.CliRunner().invoke(
-        cli, ["bench", "fixed", "--scenes", str(SCENES), "--configuration", "wide"]
+        bench.command, ["fixed", "--scenes", str(SCENES), "--configuration", "wide"]
     )
     assert result.exit_code != 0
     assert "unknown configuration 'wide'" in str(result.exception)

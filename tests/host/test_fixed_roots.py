@@ -12,7 +12,7 @@ from lippmann.fixed.quadratic import root_table
 from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.sqrt import sqrt
 from lippmann.fixed.words import FRACTIONS
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 mpmath.mp.dps = 50
 

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from lippmann.dev import flow
 from lippmann.errors import InputError, LippmannError, MissingLibraryError
+from tools import flow
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_a_signal_ends_the_tool_too(native, tmp_path, number):
     native("").write_text(f"#!/bin/sh\necho $$ > {tmp_path}/part\nmv {tmp_path}/part {told}\nexec sleep 60\n")
     # In the background, where the tests may run, a shell has SIGINT ignored.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    code += "from lippmann.dev import flow; flow.run_tool([flow.PLACER])"
+    code += "from tools import flow; flow.run_tool([flow.PLACER])"
     with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL) as command:
         until = time.monotonic() + 30
         while not told.exists() and time.monotonic() < until:

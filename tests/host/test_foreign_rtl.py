@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 TOP = repository()
 FOREIGN = TOP / "tests" / "foreign"

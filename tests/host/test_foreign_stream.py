@@ -15,20 +15,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from junitparser import Error, Failure, JUnitXml
-from lippmann.conditioning.cases import CASES, Out
-from lippmann.conditioning.measure import fixed_words
-from lippmann.conditioning.search import cell_steps, random_aims, random_pixels
-from lippmann.conditioning.stream import Stream
-from lippmann.conditioning.vectors import OUTPUTS, hex_digits, memory_lines, widths
-from lippmann.diagnose.bounds import load_bounds
-from lippmann.diagnose.coverage import BEYOND_WORDS, POINTS, covered, summary
-from lippmann.diagnose.faults import golden
-from lippmann.diagnose.judge import judge
-from lippmann.diagnose.stream import ANSWERED, ASKED, StreamReader, _whole
-from lippmann.display import load_display, parse_display
+from lippmann.conformance.bounds import load_bounds
+from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS, covered, summary
+from lippmann.conformance.engine_errors import fixed_words
+from lippmann.conformance.hard_cases import CASES, Out
+from lippmann.conformance.judge import judge
+from lippmann.conformance.judged_stream import ANSWERED, ASKED, StreamReader, _whole
+from lippmann.conformance.lens_faults import golden
+from lippmann.conformance.ray_search import cell_steps, random_aims, random_pixels
+from lippmann.conformance.vector_stream import Stream
+from lippmann.conformance.vectors import OUTPUTS, hex_digits, memory_lines, widths
+from lippmann.display.description import load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 TOP = repository()
 FOREIGN = TOP / "tests" / "foreign"

@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from lippmann.base.fullscreen import monitors, show
+from lippmann.base.images import write_picture
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
-from lippmann.fullscreen import monitors, show
-from lippmann.images import write_picture
 
 
 @pytest.fixture(autouse=True)

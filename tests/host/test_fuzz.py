@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.errors import LippmannError
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 INPUTS = int(os.environ.get("LIPPMANN_INPUTS", "150"))
@@ -83,26 +83,26 @@ def with_right_sums(data):
 
 
 def display_file(path):
-    from lippmann.display import load_display
-    from lippmann.display_properties import display_properties
+    from lippmann.display.description import load_display
+    from lippmann.optics.display_properties import display_properties
 
     display_properties(load_display(path))
 
 
 def placement_file(path):
-    from lippmann.rendering.placement import load_placement
+    from lippmann.scenes.placement import load_placement
 
     load_placement(path)
 
 
 def film_file(path):
-    from lippmann.film.film import load_film
+    from lippmann.motion.film import load_film
 
     load_film(path)
 
 
 def layer_film_file(path):
-    from lippmann.film.layer_film import check_keys, load_layer_film
+    from lippmann.motion.layer_film import check_keys, load_layer_film
 
     check_keys(load_layer_film(path), _display(), path)
 
@@ -138,13 +138,13 @@ def placed_picture(path):
 
 
 def image_file(path):
-    from lippmann.images import read_picture
+    from lippmann.base.images import read_picture
 
     read_picture(path)
 
 
 def scene_file(path):
-    from lippmann.rendering.scene import load_scene
+    from lippmann.scenes.scene import load_scene
 
     load_scene(path)
 
@@ -158,7 +158,7 @@ def views_folder(path):
 
 
 def foreign_rays(path):
-    from lippmann.diagnose.foreign import read_foreign
+    from lippmann.conformance.foreign_rays import read_foreign
 
     read_foreign(path, _display(), "exact", 16)
 
@@ -208,7 +208,7 @@ def calibration_file(path):
 
 
 def _display():
-    from lippmann.display import load_display
+    from lippmann.display.description import load_display
 
     return load_display(Path("vga-square.toml"))
 

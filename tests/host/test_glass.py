@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.display import parse_display
+from lippmann.display.description import parse_display
+from lippmann.display.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, WAVELENGTH_RANGE_NM, index_of
 from lippmann.errors import InputError
-from lippmann.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, WAVELENGTH_RANGE_NM, index_of
 
 # Fraunhofer lines, nm.
 D_LINE, F_LINE, C_LINE = 587.5618, 486.1327, 656.2725

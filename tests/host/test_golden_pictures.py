@@ -9,7 +9,7 @@ import pytest
 from golden_pictures import BEFORE, GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
 from lippmann.optics.sampling import points_in_square
 from lippmann.rendering import samples
-from lippmann.rendering.scene import load_scene
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 
 #: dB, of sRGB values with 255 as the peak. Equal code on another processor differs by rounding: a ray on an outline

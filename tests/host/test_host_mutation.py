@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from lippmann.dev import faults, host_mutation
-from lippmann.dev.faults import Fault, Scratch, faults_page, in_turn, try_faults
-from lippmann.dev.host_mutation import differs, fate, faults_of
 from lippmann.errors import LippmannError
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
+from tools import host_mutation, source_faults
+from tools.host_mutation import differs, fate, faults_of
+from tools.source_faults import Fault, Scratch, faults_page, in_turn, try_faults
 
 TOP = repository()
 
@@ -112,27 +112,27 @@ def fault_at(scratch, file, text):
 
 def test_the_tests_that_execute_a_line_run_first_those_that_execute_least(scratch, reach):
     # Found by reading test_glass.py: who asks for a glass that is unknown, and who for its index.
-    refused = reach.tests(fault_at(scratch, "host/lippmann/glass.py", "raise"))
+    refused = reach.tests(fault_at(scratch, "host/lippmann/display/glass.py", "raise"))
     assert refused
     assert all("::test_" in test and test.startswith("tests/host/test_glass.py") for test in refused)
-    constant = reach.tests(fault_at(scratch, "host/lippmann/glass.py", "from __future__"))
+    constant = reach.tests(fault_at(scratch, "host/lippmann/display/glass.py", "from __future__"))
     assert set(refused) < set(constant), "a line of the import: whoever executes any line of the file"
-    assert not reach.tests(fault_at(scratch, "host/lippmann/dev/peers.py", "import"))
+    assert not reach.tests(fault_at(scratch, "host/tools/peers.py", "import"))
 
 
 def test_a_planted_fault_is_caught_by_the_tests_of_its_file(scratch, small):
-    path = TOP / "host/lippmann/glass.py"
+    path = TOP / "host/lippmann/display/glass.py"
     text = path.read_text()
-    planted = [fault for fault in faults_of(path, "host/lippmann/glass.py") if differs(fault, text)]
+    planted = [fault for fault in faults_of(path, "host/lippmann/display/glass.py") if differs(fault, text)]
     fault = next(fault for fault in planted if fault.was.count(" / ") > fault.now.count(" / "))
     assert fate(fault, scratch).startswith("caught by tests/host/test_glass.py::")
     assert (scratch.folder / fault.file).read_text() == text, "the copy is as before"
 
 
 def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, small):
-    path = TOP / "host/lippmann/glass.py"
+    path = TOP / "host/lippmann/display/glass.py"
     first = path.read_text().split("\n")[0]
-    docstring = Fault("host/lippmann/glass.py", 1, first, first.replace(" ", "  ", 1))
+    docstring = Fault("host/lippmann/display/glass.py", 1, first, first.replace(" ", "  ", 1))
     assert fate(docstring, scratch) == "survived"
     place = path.read_text().split("\n").index("from __future__ import annotations") + 1
     assert fate(Fault(docstring.file, place, "from __future__ import annotations", "from ("), scratch) == "refused"
@@ -142,7 +142,7 @@ def test_what_is_no_fault_survives_the_tests_of_its_file(scratch, small):
 def planted(scratch, monkeypatch):
     """Returns the fate of a change that no test can see: a test file of a given text executes it, or runs last."""
     line = "from __future__ import annotations"
-    place = (TOP / "host/lippmann/glass.py").read_text().split("\n").index(line) + 1
+    place = (TOP / "host/lippmann/display/glass.py").read_text().split("\n").index(line) + 1
     path = scratch.folder / "tests/host/test_planted.py"
 
     def fate_with(text, stage):
@@ -151,7 +151,7 @@ def planted(scratch, monkeypatch):
         near, last = (tests, []) if stage == "near" else (tests[:1], tests[1:])
         monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: near))
         monkeypatch.setattr(host_mutation, "_last", lambda _: last)
-        return fate(Fault("host/lippmann/glass.py", place, line, f"{line}; 1"), scratch)
+        return fate(Fault("host/lippmann/display/glass.py", place, line, f"{line}; 1"), scratch)
 
     yield fate_with
     path.unlink()
@@ -166,13 +166,13 @@ def test_a_test_that_fails_without_the_fault_is_left_out(scratch, planted, capsy
 
 
 def test_a_fault_that_keeps_a_file_of_tests_from_its_import_is_caught(scratch, monkeypatch):
-    file, name = "host/lippmann/glass.py", "def index_of("
+    file, name = "host/lippmann/display/glass.py", "def index_of("
     tests = ["tests/host/test_old_names.py", "tests/host/test_glass.py::test_planted"]
     monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: tests))
     fault = fault_at(scratch, file, name)
     planted = scratch.folder / "tests/host/test_glass.py"
     text = planted.read_text()
-    planted.write_text(f"{text}\nfrom lippmann.glass import index_of\n\ndef test_planted():\n    pass\n")
+    planted.write_text(f"{text}\nfrom lippmann.display.glass import index_of\n\ndef test_planted():\n    pass\n")
     try:
         gone = Fault(file, fault.line, fault.was, fault.was.replace("index_of", "index"))
         assert fate(gone, scratch) == f"caught by {tests[1]}"
@@ -239,5 +239,5 @@ def test_groups_take_turns():
 
 def test_the_copy_is_the_checkout_without_compiled_files(scratch):
     assert (scratch.folder / "scenes/displays/paper-hex.toml").is_file()
-    assert all((scratch.folder / name).exists() for name in faults.TESTED)
+    assert all((scratch.folder / name).exists() for name in source_faults.TESTED)
     assert not list(Path(scratch.folder, "docs").rglob("__pycache__"))

@@ -11,11 +11,11 @@ import zlib
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from lippmann.animation import FRAME_MS, write_animation, write_contact_sheet
-from lippmann.board.frames import Target, load_frame
+from lippmann.base.animation import FRAME_MS, write_animation, write_contact_sheet
+from lippmann.base.files import replacing
+from lippmann.base.images import PREFIX, check_output, decode, encode, read_picture, write_picture
+from lippmann.board.panel_frames import Target, load_frame
 from lippmann.errors import InputError
-from lippmann.files import replacing
-from lippmann.images import PREFIX, check_output, decode, encode, read_picture, write_picture
 from PIL import Image
 from scene_cases import generator
 
@@ -307,7 +307,7 @@ def test_an_8k_file_takes_no_copy_of_the_image(tmp_path, suffix):
     script = """
         import resource, sys
         import numpy as np
-        from lippmann.images import write_picture
+        from lippmann.base.images import write_picture
         peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
         write_picture(sys.argv[1], np.full((64, 7680, 3), 0.5, np.float32), {})
         light = np.empty((4320, 7680, 3), np.float32)
@@ -377,7 +377,7 @@ def test_a_file_that_does_not_fit_is_told(tmp_path, suffix):
         import resource, sys
         import numpy as np
         from lippmann.errors import NoSpaceError
-        from lippmann.images import write_picture
+        from lippmann.base.images import write_picture
         light = np.random.default_rng(1).random((64, 64, 3)).astype(np.float32)
         for limit in (0, 100, 4096, 10_000):
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))

@@ -8,10 +8,10 @@ import sys
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from lippmann.display import display_text
+from lippmann.base.images import encoded_values, read_picture, write_picture
+from lippmann.display.description import display_text
 from lippmann.errors import InputError
-from lippmann.images import encoded_values, read_picture, write_picture
-from lippmann.integral_image import IntegralImage
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import BASE_MEMORY_MB
 from optics_cases import display_of
 from PIL import Image
@@ -173,7 +173,7 @@ def test_the_callers_metadata_stays():
 
 
 def test_printing_shows_no_pixels():
-    from lippmann.observer import View
+    from lippmann.eye.observer import View
 
     image = image_for(display_with())
     assert str(image) == f"<IntegralImage, 17 x 13 px, {image.metadata}>"
@@ -254,7 +254,7 @@ def test_without_a_desktop_a_line_says_so(monkeypatch, capfd):
 
 
 def test_a_view_is_saved_with_its_metadata(tmp_path):
-    from lippmann.observer import View
+    from lippmann.eye.observer import View
 
     view = View(generator(3).random((4, 5, 3), np.float32), {"ok": 1.0}, {"eye_mm": "(0.0, 0.0, 600.0)"})
     view.save(tmp_path / "v.tif")
@@ -267,8 +267,8 @@ def test_a_view_is_saved_with_its_metadata(tmp_path):
 PEAKS = """
 import sys
 import numpy as np
-from lippmann.display import load_display
-from lippmann.integral_image import IntegralImage
+from lippmann.display.description import load_display
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import BASE_MEMORY_MB
 from lippmann.rendering.renderer import peak_memory_mb
 import dataclasses

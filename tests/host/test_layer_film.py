@@ -6,9 +6,9 @@ import os
 import numpy as np
 import pytest
 from lippmann.errors import InputError
-from lippmann.film.layer_film import check_keys, load_layer_film
 from lippmann.layers.folder import save_layers
 from lippmann.layers.stack import Layer, LayerStack
+from lippmann.motion.layer_film import check_keys, load_layer_film
 from optics_cases import display_of
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 TOP = repository()
 

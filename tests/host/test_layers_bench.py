@@ -8,19 +8,19 @@ import zlib
 import numpy as np
 import pytest
 from cobs import cobs
+from lippmann.conformance.figures import read_csv
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.cut import SLOT as BUILD_SLOT
 from lippmann.layers.cut import cut_scene
 from lippmann.layers.drawing import exit_lines
 from lippmann.layers.stack import light_of
-from lippmann.measure import layers
-from lippmann.measure.figures import read_csv
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import load_scene
-from lippmann.report.benches import layers_page
-from lippmann.sim.tools import repository
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, rgb, write_scene
+from tools import layers_likeness
+from tools.bench_pages import layers_page
 
 REPORTS = repository() / "docs/reports"
 DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
@@ -48,7 +48,7 @@ def scene(mi, tmp_path):
 
 def test_two_plain_cards_are_two_layers_without_a_hole(scene):
     cards = scene(card(10.0, (0.6, 0.1, 0.1), 5.0), card(-15.0, (0.1, 0.5, 0.2), 1000.0))
-    streamed, *rows = layers.measure_scene(cards, DISPLAY, 0, slot=SLOT, settings=FAST)
+    streamed, *rows = layers_likeness.measure_scene(cards, DISPLAY, 0, slot=SLOT, settings=FAST)
     # There are two depths, and no third layer.
     assert [(row["layers"], row["drawn"]) for row in rows] == [
         (1, "nearest"), (1, "bilinear"), (2, "nearest"), (2, "bilinear"),
@@ -79,12 +79,12 @@ def test_a_hole_is_found_where_a_layer_was_pierced(scene):
     pierced[1] = dataclasses.replace(layer, texels=texels)
     broken = dataclasses.replace(cut, stack=dataclasses.replace(cut.stack, layers=tuple(pierced)))
     for drawn in ("nearest", "bilinear"):
-        assert layers.hole_percent(slant, cut, DISPLAY, lines, drawn, FAST) == 0.0
-        assert layers.hole_percent(slant, broken, DISPLAY, lines, drawn, FAST) > 0.2
+        assert layers_likeness.hole_percent(slant, cut, DISPLAY, lines, drawn, FAST) == 0.0
+        assert layers_likeness.hole_percent(slant, broken, DISPLAY, lines, drawn, FAST) > 0.2
     # Seen against nothing at all: the last layer away.
     last = dataclasses.replace(pierced[2], palette=np.zeros((256, 4), np.uint8))
     gone = dataclasses.replace(cut, stack=dataclasses.replace(cut.stack, layers=(*cut.stack.layers[:2], last)))
-    assert layers.hole_percent(slant, gone, DISPLAY, lines, "nearest", FAST) > 10.0
+    assert layers_likeness.hole_percent(slant, gone, DISPLAY, lines, "nearest", FAST) > 10.0
 
 
 def test_a_streamed_frame_is_its_packets():
@@ -93,10 +93,10 @@ def test_a_streamed_frame_is_its_packets():
     wanted = 0
     for tile in (0, 1):
         # Type 5, sequence 0; epoch 0, tile, coding 1.
-        data = bytes([layers.Kind.TILE, 0, 0, 0, 0, tile, 0, 1, 1, 2, 3])
+        data = bytes([layers_likeness.Kind.TILE, 0, 0, 0, 0, tile, 0, 1, 1, 2, 3])
         wanted += len(cobs.encode(data + zlib.crc32(data).to_bytes(4, "little"))) + 1
-    assert layers.tile_bytes(frame) == wanted
-    assert layers.line_seconds(300_000) == pytest.approx(1.0)  # 8 bits, start and stop at 3 Mbaud
+    assert layers_likeness.tile_bytes(frame) == wanted
+    assert layers_likeness.line_seconds(300_000) == pytest.approx(1.0)  # 8 bits, start and stop at 3 Mbaud
 
 
 def row(display, scene, drawn, number, db):
@@ -123,7 +123,7 @@ def test_the_page_of_few_rows():
 
 
 def test_the_builds_of_the_page_are_those_that_make_synth_places():
-    from lippmann.dev.synthesis import SCENES
+    from tools.synthesis import SCENES
 
     for drawn in ("nearest", "bilinear"):
         for design in (design for design in SCENES if f"-{drawn}-" in design.name):
@@ -134,8 +134,8 @@ def test_the_builds_of_the_page_are_those_that_make_synth_places():
 
 def test_the_kept_report_is_whole():
     _, rows = read_csv(REPORTS / "layers.csv")
-    for display in layers.DISPLAYS:
-        for scene in layers.SCENES:
+    for display in layers_likeness.DISPLAYS:
+        for scene in layers_likeness.SCENES:
             some = [row for row in rows if (row["display"], row["scene"]) == (display, scene)]
             (streamed,) = (row for row in some if row["drawn"] == "streamed")
             drawn = [row for row in some if row["drawn"] != "streamed"]
@@ -155,7 +155,7 @@ def test_figures_of_the_how_to_are_those_of_the_kept_report():
         return f"{row['view_db']:.1f}"
 
     gains = []
-    for display, scene in itertools.product(layers.DISPLAYS, ("chart", "fish")):
+    for display, scene in itertools.product(layers_likeness.DISPLAYS, ("chart", "fish")):
         nearest = [db(display, scene, number) for number in (4, 8)]
         assert f"| {scene}, `{display}` | {' | '.join(nearest)} |" in text
         bilinear = [db(display, scene, number, "bilinear") for number in (4, 8)]
@@ -164,8 +164,8 @@ def test_figures_of_the_how_to_are_those_of_the_kept_report():
     assert min(gains) >= 0.0
     streamed = [row for row in rows if row["drawn"] == "streamed"]
     assert f"gives {min(row['view_db'] for row in streamed):.1f} dB or more" in text
-    assert f"up to {max(layers.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text
-    loads = {f"{layers.line_seconds(row['line_bytes']):.1f} s once" for row in rows if row["layers"] == 4}
+    assert f"up to {max(layers_likeness.line_seconds(row['line_bytes']) for row in streamed):.1f} s" in text
+    loads = {f"{layers_likeness.line_seconds(row['line_bytes']):.1f} s once" for row in rows if row["layers"] == 4}
     assert all(load in text for load in loads)
     assert "then 39 bytes" in text
     assert {row["frame_bytes"] for row in rows if row["drawn"] != "streamed"} == {39}

@@ -9,20 +9,20 @@ import re
 import lippmann as lp
 import numpy as np
 import pytest
+from lippmann.base.images import encoded_values
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.images import encoded_values
+from lippmann.eye.observer import observe, whole_window
 from lippmann.layers.cost import cost_of, eyes_of
 from lippmann.layers.cut import check_slot, cut_scene, reach_of, texels_for
 from lippmann.layers.drawing import exit_lines, texel_coordinates
 from lippmann.layers.folder import load_layers, load_named_layers
 from lippmann.layers.peel import Area, seen_depths
 from lippmann.layers.stack import Layer, light_of
-from lippmann.observer import observe, whole_window
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import Part, load_scene
-from lippmann.sim.tools import repository
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Part, load_scene
+from lippmann.simulation.toolchain import repository
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, rgb, write_scene
 from scipy import ndimage

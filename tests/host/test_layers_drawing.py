@@ -7,9 +7,9 @@ import math
 import lippmann as lp
 import numpy as np
 import pytest
+from lippmann.base.images import encoded_values, read_picture
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.images import encoded_values, read_picture
 from lippmann.layers.drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, scene_build_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import Status

@@ -11,12 +11,12 @@ import zlib
 
 import numpy as np
 import pytest
-from lippmann import limits, toml
+from lippmann.base import limits, toml
+from lippmann.base.images import read_picture
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.images import read_picture
-from lippmann.rendering.scene import load_scene
+from lippmann.scenes.scene import load_scene
 
 TINY = (
     "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
@@ -208,7 +208,7 @@ def test_tables_of_text(place, capsys, monkeypatch):
     refused(capsys, "trace", "--pixels", "digits.csv", "-o", "r.npz")
     (place / "field.csv").write_text("9" * 500_000 + ",1\n")
     refused(capsys, "regress", "--rays", "field.csv")
-    monkeypatch.setattr("lippmann.conditioning.vectors.MAX_TABLE_BYTES", 1 << 18)
+    monkeypatch.setattr("lippmann.conformance.vectors.MAX_TABLE_BYTES", 1 << 18)
     assert "is larger than 256 KB" in refused(capsys, "regress", "--rays", "field.csv")
 
 

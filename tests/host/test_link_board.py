@@ -21,21 +21,21 @@ import numpy as np
 import pytest
 import serial
 from fault_line import Faults, Proxy
+from lippmann.board import port as port_module
 from lippmann.board.board import TILES_REPLY, Board
 from lippmann.board.check_rays import check_rays
 from lippmann.board.discovery import find_board, find_boards
-from lippmann.board.stream import send_frame
+from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus, packed
+from lippmann.board.port import MAX_WAITING, Line, open_port
+from lippmann.board.round_trip import RoundTrip
+from lippmann.board.streaming import send_frame
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import Write
-from lippmann.integral_image import IntegralImage
-from lippmann.link import port as port_module
-from lippmann.link.packets import BACK, FRONT, Kind, ReplyStatus, packed
-from lippmann.link.port import MAX_WAITING, Line, open_port
-from lippmann.link.round_trip import RoundTrip
-from lippmann.registers import BOARD_REGISTERS
+from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.rendering.integral_image import IntegralImage
 from model_board import ABORT, APPLY, BUSY, CONTROL, OPTICS_BUILD, SIGN_RUNS, SOURCE, STALE, START, ModelBoard
 from optics_cases import display_of
 from scene_cases import generator

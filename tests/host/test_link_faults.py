@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from fault_line import NO_FAULTS, Faults, Mangler, Proxy
 from lippmann.board.board import Board
-from lippmann.board.stream import send_frame
+from lippmann.board.port import SEND_S
+from lippmann.board.streaming import send_frame
 from lippmann.errors import DeviceError, NoBoardError
-from lippmann.link.port import SEND_S
 from model_board import ModelBoard
 from scene_cases import generator
 

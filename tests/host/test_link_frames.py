@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from lippmann.base.images import write_picture
 from lippmann.board.board import Hello
-from lippmann.board.frames import Target, image_frame, load_frame
-from lippmann.display import Panel
+from lippmann.board.panel_frames import Target, image_frame, load_frame
+from lippmann.display.description import Panel
 from lippmann.errors import InputError
-from lippmann.images import write_picture
-from lippmann.integral_image import IntegralImage
+from lippmann.rendering.integral_image import IntegralImage
 from optics_cases import display_of
 from scene_cases import generator
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
-from lippmann.board.scene import Loaded, SceneBoard, SceneStatus
+from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.register_file import build_word
+from lippmann.fixed.register_map import BOARD_REGISTERS
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.folder import load_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 from model_board import DRAW, LOOK, ModelBoard
 from scene_cases import generator
 

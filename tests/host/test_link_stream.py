@@ -8,12 +8,12 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from fault_line import Proxy
+from lippmann.board import round_trip
 from lippmann.board.board import Board
-from lippmann.board.stream import Sent, send_frame
+from lippmann.board.packets import BACK, FRONT, Kind, packed
+from lippmann.board.round_trip import RoundTrip
+from lippmann.board.streaming import Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
-from lippmann.link import round_trip
-from lippmann.link.packets import BACK, FRONT, Kind, packed
-from lippmann.link.round_trip import RoundTrip
 from model_board import ModelBoard
 from scene_cases import generator
 
@@ -184,7 +184,7 @@ def test_a_loss_that_later_replies_tell_of_waits_for_no_time_out(lost, monkeypat
         # HELLO and two TILES came before the 40 tiles.
         model.deaf = lost
         # A time-out that no load of this machine brings about.
-        monkeypatch.setattr("lippmann.link.round_trip.SHORTEST_S", 4.0)
+        monkeypatch.setattr("lippmann.board.round_trip.SHORTEST_S", 4.0)
         monkeypatch.setattr(RoundTrip, "back_off", lambda _: pytest.fail("waited in vain"))
         image = noise(model)
         sent = send_frame(board, image)
@@ -195,7 +195,7 @@ def test_a_loss_that_later_replies_tell_of_waits_for_no_time_out(lost, monkeypat
 def test_the_last_packets_are_found_lost_by_time_out(monkeypatch):
     waits = []
     # A loaded machine must not delay the reply beyond the time-out.
-    monkeypatch.setattr("lippmann.link.round_trip.SHORTEST_S", 0.5)
+    monkeypatch.setattr("lippmann.board.round_trip.SHORTEST_S", 0.5)
     back_off = RoundTrip.back_off
     monkeypatch.setattr(RoundTrip, "back_off", lambda self: waits.append(back_off(self)))
     with joined(width=256, height=160) as (model, board):

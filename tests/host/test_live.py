@@ -6,26 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lippmann.base.images import encoded_values, psnr_db
 from lippmann.board.board import Board
-from lippmann.board.frames import panel_values
+from lippmann.board.live_sender import Sender
+from lippmann.board.panel_frames import panel_values
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
-from lippmann.film.film import load_film
-from lippmann.film.shot import render_shot, scene_of_shot, shots_of
-from lippmann.images import encoded_values, psnr_db
-from lippmann.live.encoder import Encoder, least_radiance
-from lippmann.live.hand import Hand
-from lippmann.live.picture import LivePicture
-from lippmann.live.reel import Reel
-from lippmann.live.run import run_live
-from lippmann.live.screens import screens
-from lippmann.live.sender import Sender
+from lippmann.motion.encoder import Encoder, least_radiance
+from lippmann.motion.film import load_film
+from lippmann.motion.hand import Hand
+from lippmann.motion.live_loop import run_live
+from lippmann.motion.live_picture import LivePicture
+from lippmann.motion.reel import Reel
+from lippmann.motion.screens import screens
+from lippmann.motion.shot import render_shot, scene_of_shot, shots_of
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import load_scene
-from lippmann.sim.tools import repository
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
 from model_board import ModelBoard
 from scene_cases import generator
 from test_film import DISPLAY
@@ -110,7 +110,7 @@ def test_an_interrupted_pass_is_done_again(made):
 
 def test_large_panels_get_a_ray_for_a_block_of_pixels(place, monkeypatch):
     """The block's middle, as the renderer's source has it."""
-    monkeypatch.setattr("lippmann.live.picture.QUICK_S", 1e-9)
+    monkeypatch.setattr("lippmann.motion.live_picture.QUICK_S", 1e-9)
     display, scene = load_display("d.toml"), load_scene("s.xml")
     picture = LivePicture(scene, display, "pinhole", Settings())
     assert picture.block == 8

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from lippmann import memory
-from lippmann.memory import free_memory_mb, group_memory_mb
+from lippmann.base import memory
+from lippmann.base.memory import free_memory_mb, group_memory_mb
 
 MB = 1_000_000
 #: A limit, and what is used.

@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 import pytest
+from lippmann.base.images import write_picture
 from lippmann.cli import run
-from lippmann.images import write_picture
 from model_board import ModelBoard
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
 

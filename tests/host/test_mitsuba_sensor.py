@@ -8,9 +8,9 @@ import drjit as dr
 import lippmann
 import numpy as np
 import pytest
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, make_integrator, render_integral
-from lippmann.rendering.scene import load_scene
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
 
@@ -31,9 +31,9 @@ SCENE = (
 @pytest.fixture
 def sensor_of(mi, tmp_path):
     """A scene with the sensor for a display, loaded from XML."""
-    import lippmann.mitsuba
+    import lippmann.capturing.mitsuba_sensor
 
-    lippmann.mitsuba.register()
+    lippmann.capturing.mitsuba_sensor.register()
 
     def made(display, extra="", film=None, samples=1, parts=SCENE):
         (tmp_path / "display.toml").write_text(display_toml(display))
@@ -177,13 +177,13 @@ def test_plain_mitsuba_uses_it(mi, sensor_of, tmp_path):
     """A script that imports the module after setting a variant; and one that forgets to."""
     sensor_of(focused_display("square", width_px=8, height_px=6, pixel_pitch=0.1))
     program = (
-        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import lippmann.mitsuba;"
+        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import lippmann.capturing.mitsuba_sensor;"
         f"print(mi.render(mi.load_file({str(tmp_path / 'scene.xml')!r}), spp=2).shape)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=os.environ)
     assert done.stdout.split() == ["(6,", "8,", "3)"]
     for before in ("", "import mitsuba; mitsuba.set_variant('llvm_ad_spectral');"):
-        program = f"{before}import lippmann.mitsuba"
+        program = f"{before}import lippmann.capturing.mitsuba_sensor"
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
         assert "call mitsuba.set_variant" in done.stderr
     assert dr.has_backend(dr.JitBackend.LLVM)

@@ -7,9 +7,9 @@ import lippmann
 import numpy as np
 import pytest
 import truth
-from lippmann.display import parse_display
-from lippmann.engines import backend_of
+from lippmann.display.description import parse_display
 from lippmann.optics.rays import MODELS, Status
+from lippmann.optics.trace import backend_of
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 
 SEED = 2005
@@ -284,7 +284,7 @@ def test_identity_is_that_of_the_thing_and_not_of_the_light_or_the_model(side):
     ],
 )
 def test_bad_arguments_are_named(pixels, options, words):
-    with pytest.raises(lippmann.display.InputError) as error:
+    with pytest.raises(lippmann.display.description.InputError) as error:
         lippmann.trace(display_of("hex", "panel"), pixels, **options)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
@@ -292,8 +292,8 @@ def test_bad_arguments_are_named(pixels, options, words):
 
 def test_bad_world_rays_and_devices():
     display = display_of("hex", "panel")
-    with pytest.raises(lippmann.display.InputError, match=r"origin_mm.*\(N, 3\)"):
+    with pytest.raises(lippmann.display.description.InputError, match=r"origin_mm.*\(N, 3\)"):
         lippmann.trace_to_panel(display, [(0, 0)], [(0, 0, -1)])
-    with pytest.raises(lippmann.display.InputError, match="finite"):
+    with pytest.raises(lippmann.display.description.InputError, match="finite"):
         lippmann.trace_to_panel(display, [(0, 0, 0)], [(0, 0, math.nan)])
     assert type(backend_of("golden")).__name__ == "NumpyBackend"

@@ -6,12 +6,12 @@ import math
 import lippmann
 import numpy as np
 import pytest
+from lippmann.base.stored_rows import StoredRows
 from lippmann.errors import InputError
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye, View, observe, whole_window
+from lippmann.eye.observer import Eye, View, observe, whole_window
 from lippmann.optics.rays import MODELS
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sources import Window
-from lippmann.stored_rows import StoredRows
 from optics_cases import GRIDS, KEYS, SIDES, kinds, random_display
 from scene_cases import centres, focused_display, generator
 
@@ -312,7 +312,7 @@ def test_views_repeat_and_do_not_depend_on_chunks(mi, monkeypatch):
     first = see(mi, noise, display, eye, seed=3)
     np.testing.assert_array_equal(see(mi, noise, display, eye, seed=3).radiance, first.radiance)
     assert (see(mi, noise, display, eye, seed=4).radiance != first.radiance).any()
-    monkeypatch.setattr("lippmann.observer.CHUNK_RAYS", 16 * 37)
+    monkeypatch.setattr("lippmann.eye.observer.CHUNK_RAYS", 16 * 37)
     pieces = see(mi, noise, display, eye, seed=3)
     np.testing.assert_array_equal(pieces.radiance, first.radiance)
     assert pieces.status_share == first.status_share
@@ -335,8 +335,8 @@ def test_an_image_on_disk_is_seen_alike_by_parts(mi, monkeypatch, tmp_path, suff
     np.testing.assert_array_equal(np.asarray(stored.radiance), read.radiance)
     rows.clear()
     wanted = see(mi, read.radiance, display, eye, seed=3)
-    monkeypatch.setattr("lippmann.observer.CHUNK_RAYS", 16 * 37)
-    monkeypatch.setattr("lippmann.observer.STORED_BYTES", 12 * display.panel.width_px * 2 * UNDER)
+    monkeypatch.setattr("lippmann.eye.observer.CHUNK_RAYS", 16 * 37)
+    monkeypatch.setattr("lippmann.eye.observer.STORED_BYTES", 12 * display.panel.width_px * 2 * UNDER)
     found = see(mi, stored.radiance, display, eye, seed=3)
     np.testing.assert_array_equal(found.radiance, wanted.radiance)
     assert found.status_share == wanted.status_share

@@ -9,26 +9,27 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lippmann.board.frames import Target, image_frame, load_frame
+from lippmann.base.images import decode, encode, encoded_values, read_picture
+from lippmann.board.panel_frames import Target, image_frame, load_frame
 from lippmann.capturing.rotation import rotation_map
 from lippmann.cli import run
-from lippmann.conditioning.cases import Out
-from lippmann.conditioning.digits import true_rays
-from lippmann.display import MM_PER_INCH, display_text, parse_display
-from lippmann.display_properties import beats_in_lenslets, display_properties
-from lippmann.engines import trace, trace_to_panel
+from lippmann.conformance.fifty_digits import true_rays
+from lippmann.conformance.hard_cases import Out
+from lippmann.display.description import MM_PER_INCH, display_text, parse_display
+from lippmann.display.subpixels import COLOURS, LAYOUTS, layout_of
+from lippmann.engines import trace
 from lippmann.errors import InputError
+from lippmann.eye.observer import Eye, observe
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.images import decode, encode, encoded_values, read_picture
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye, observe
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.display_properties import beats_in_lenslets, display_properties
 from lippmann.optics.rays import Status
+from lippmann.optics.trace import trace_to_panel
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
-from lippmann.subpixels import COLOURS, LAYOUTS, layout_of
+from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import focused_display, generator, rgb, write_scene
 

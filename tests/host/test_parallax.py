@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.observer import Eye, observe, whole_window
-from lippmann.rendering.placement import Placement
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.optics.model_choice import choose_model
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import load_scene
-from lippmann.select.model import choose_model
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
 from scene_cases import centres, focused_display, glowing_sphere, on_screen, write_scene
 
 #: Depth of each sphere, mm, and the row that it has for itself.

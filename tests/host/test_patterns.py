@@ -5,14 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.board.frames import Target, load_frame
+from lippmann.base.images import encoded_values
+from lippmann.board.panel_frames import Target, load_frame
 from lippmann.cli import run
-from lippmann.display import display_text
+from lippmann.display.description import display_text
 from lippmann.errors import InputError
-from lippmann.images import encoded_values
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye, observe, whole_window
-from lippmann.patterns import ON_BOARD, draw, white_for_eye
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.eye.test_patterns import ON_BOARD, draw, white_for_eye
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sources import Window
 from optics_cases import GRIDS, display_of
 from PIL import Image

@@ -6,19 +6,19 @@ from dataclasses import replace
 import drjit as dr
 import numpy as np
 import pytest
+from lippmann.base.variant import current_device, mitsuba
 from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import load_setup
-from lippmann.measure.pictures import every_strip, rows_of_strips
+from lippmann.conformance.test_pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.pixel_filter import MOST_SAMPLES, PixelFilter, is_filtered, softness
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Renderer, Settings, render_rays
 from lippmann.rendering.samples import Seeds
-from lippmann.rendering.scene import scene_of
 from lippmann.rendering.sources import Lines, RaySource, Window, display_source, eye_source
-from lippmann.sim.tools import repository
-from lippmann.variant import current_device, mitsuba
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import scene_of
+from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, generator
 
 WIDTH, HEIGHT = 40, 150

@@ -5,8 +5,8 @@ from fractions import Fraction
 from itertools import product
 
 import pytest
-from lippmann.dev.pll import Pll, panel_pixel_mhz, solve
 from lippmann.errors import InputError
+from tools.pll import Pll, panel_pixel_mhz, solve
 
 MEMORY = Fraction(60), Fraction(125)
 #: Timings of VESA DMT and CEA-861, and of reduced blanking.

@@ -5,27 +5,28 @@ import json
 
 import numpy as np
 import pytest
+from lippmann.capturing.povray_export import write_folder
+from lippmann.capturing.povray_optics import lattice_rows, setup_view
+from lippmann.capturing.povray_program import Run
 from lippmann.capturing.rays import capture_source
 from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
-from lippmann.dev.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams
-from lippmann.dev.peers import page as peers_page
-from lippmann.dev.seed import Timed, findings, lenslets_in, with_window
-from lippmann.display import load_display
+from lippmann.conformance.test_pictures import every_strip
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.measure.pictures import every_strip
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
-from lippmann.povray.export import write_folder
-from lippmann.povray.optics import lattice_rows, setup_view
-from lippmann.povray.program import Run
-from lippmann.rendering.placement import placement_beside
 from lippmann.rendering.renderer import Settings, render_rays
-from lippmann.rendering.scene import load_scene
+from lippmann.scenes.placement import placement_beside
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 from scene_cases import write_scene
 from test_povray_scene import ball, card, diffuse, light
+from tools import bench
+from tools.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams
+from tools.peers import page as peers_page
+from tools.seed import Timed, findings, lenslets_in, with_window
 
 SMALL_PX = 120
 
@@ -277,10 +278,10 @@ def test_the_page_beside_povray(tmp_path):
     assert (pixels[:, 8:14] == 255).all()
 
 
-def test_bench_seed_quick(mi, registered, capfd, repository, monkeypatch, tmp_path):
+def test_bench_seed_quick(mi, capfd, repository, monkeypatch, tmp_path):
     """The whole benchmark on small windows: rows, findings, report, plot."""
     monkeypatch.chdir(repository)
-    assert run(["bench", "seed", "--quick", "--report", str(tmp_path), "--json"]) == 0
+    assert bench.main(["seed", "--quick", "--report", str(tmp_path), "--json"]) == 0
     result = json.loads(capfd.readouterr().out)
     tracers = {(row["tracer"], row["grid"], row["antialias"]) for row in result["rows"]}
     assert tracers == {

@@ -11,13 +11,13 @@ import time
 from pathlib import Path
 
 import pytest
-from lippmann.measure.processes import processes
+from tools.processes import processes
 
 PROGRAM = """
 import time
 from multiprocessing import active_children
 from lippmann import interrupts
-from lippmann.measure.processes import processes
+from tools.processes import processes
 
 interrupts.install()
 with processes(2) as pool:

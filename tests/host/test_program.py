@@ -7,14 +7,14 @@ import stat
 from types import SimpleNamespace
 
 import pytest
+from lippmann.board import port as port_module
 from lippmann.board import program as program_module
 from lippmann.board.bitfile import comment, read_bitfile, sealed
 from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, read_boards, usual_baud
 from lippmann.cli import doctor as doctor_module
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.link import port as port_module
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 VGA = str(repository() / "scenes/displays/vga-square.toml")
 IDENTITY = "fff26505bc0c5ffc"

@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from lippmann.base.raw_images import read_numbers
 from lippmann.errors import InputError
-from lippmann.raw_images import read_numbers
 from PIL import Image
 
 WORDS = "is not what is wanted", "give another"

@@ -11,8 +11,8 @@ from lippmann.rendering import recorded as recording
 from lippmann.rendering import renderer
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import load_scene
-from lippmann.sim.tools import repository
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
 
 
@@ -112,8 +112,8 @@ import sys
 from pathlib import Path
 import drjit as dr
 from lippmann.rendering.recorded import Recorded
-from lippmann.rendering.scene import load_scene
-from lippmann.variant import mitsuba, start_mitsuba
+from lippmann.scenes.scene import load_scene
+from lippmann.base.variant import mitsuba, start_mitsuba
 start_mitsuba("llvm")
 mi = mitsuba()
 new, old = (load_scene(Path(sys.argv[1])) for _ in range(2))

@@ -10,16 +10,16 @@ import sys
 from pathlib import Path
 
 import pytest
-from lippmann.dev.generate_registers import generate
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster
 from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
+from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS, Field
 from lippmann.fixed.words import OFFSET_BITS, OFFSET_FRACTION, SLOPE_BITS, SLOPE_FRACTION
-from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Field
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 from optics_cases import display_of
+from tools.generate_registers import generate
 
 TOP = repository()
 
@@ -39,7 +39,7 @@ def test_missing_data_do_not_stop_the_generator(tmp_path):
     shutil.copytree(TOP / "rtl", tmp_path / "rtl")
     for name in ("optics.json", "board.json"):
         (tmp_path / "host/lippmann/registers" / name).write_text("<<<<<<<")
-    command = [sys.executable, "-m", "lippmann.dev.generate_registers"]
+    command = [sys.executable, "-m", "tools.generate_registers"]
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, "PYTHONPATH": str(tmp_path / "host")})
     for name in ("optics.json", "board.json"):
         path = Path("host/lippmann/registers") / name

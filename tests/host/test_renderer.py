@@ -10,23 +10,23 @@ from pathlib import Path
 import lippmann
 import numpy as np
 import pytest
+from lippmann.base.images import psnr_db
+from lippmann.base.variant import current_device
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.images import psnr_db
-from lippmann.observer import Eye, observe
+from lippmann.eye.observer import Eye, observe
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
 from lippmann.optics.sampling import points_in_pixel, points_in_square, square_to_cell
 from lippmann.rendering import renderer, sources
 from lippmann.rendering.lights import needs_chance
-from lippmann.rendering.placement import Placement, load_placement
 from lippmann.rendering.renderer import Renderer, Settings, check_memory, render_integral, render_view
 from lippmann.rendering.sampler import sampler_of
 from lippmann.rendering.samples import Seeds
-from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window, display_source
-from lippmann.variant import current_device
+from lippmann.scenes.placement import Placement, load_placement
+from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import centres, first_sphere, focused_display, generator, glowing_sphere, rgb, write_scene
 from scipy.spatial.transform import Rotation

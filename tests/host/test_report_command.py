@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 from lippmann.cli import run
-from lippmann.measure.figures import read_stored
-from lippmann.measure.plan import QUICK
-from lippmann.report.compare import compare
-from lippmann.report.run import TABLES
-from lippmann.sim.tools import repository
+from lippmann.conformance.figures import read_stored
+from lippmann.conformance.report_changes import compare
+from lippmann.conformance.report_plan import QUICK
+from lippmann.conformance.report_run import TABLES
+from lippmann.simulation.toolchain import repository
 from PIL import Image
 from test_report_page import check_page
 
@@ -30,7 +30,7 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         said = []
         patch.setattr("lippmann.cli.report.emit", lambda result, text: said.append(result))
-        patch.setattr("lippmann.measure.plan.QUICK", replace(QUICK, memory_rounds=1))
+        patch.setattr("lippmann.conformance.report_plan.QUICK", replace(QUICK, memory_rounds=1))
         assert report(folder, "--quick", "--seed", "3") == 0
     return folder, json.loads(json.dumps(said[0]))
 

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from lippmann.conformance.configurations import pareto_front
+from lippmann.conformance.figures import Figures, Measured, in_turn, read_figures, read_stored
+from lippmann.conformance.pages import TEMPLATES, Page
+from lippmann.conformance.report_changes import compare, has_moved
+from lippmann.conformance.tables import write_csv
 from lippmann.errors import InputError
-from lippmann.measure.configurations import pareto_front
-from lippmann.measure.figures import Figures, Measured, in_turn, read_figures, read_stored
-from lippmann.report.compare import compare, has_moved
-from lippmann.report.pages import TEMPLATES, Page
-from lippmann.report.tables import write_csv
 
 ORIGIN = {"machine": "one", "date": "2026-01-01", "command": "lippmann report", "versions": "1", "seed": "0"}
 

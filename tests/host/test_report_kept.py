@@ -4,13 +4,13 @@ import itertools
 import re
 
 import pytest
+from lippmann.conformance.configurations import on_front
+from lippmann.conformance.figures import read_stored
+from lippmann.conformance.report_plan import WHOLE
+from lippmann.conformance.report_run import TABLES
 from lippmann.fixed.named_builds import CONFIGURATIONS
-from lippmann.measure.configurations import on_front
-from lippmann.measure.figures import read_stored
-from lippmann.measure.plan import WHOLE
 from lippmann.optics.rays import ENGINES, MODELS
-from lippmann.report.run import TABLES
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 REPORTS = repository() / "docs/reports"
 

@@ -7,20 +7,20 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.conditioning.digits import true_rays
-from lippmann.display import load_display
+from lippmann.base.images import decode
+from lippmann.conformance import configurations, engine_speeds, processor_load, renderer_speed
+from lippmann.conformance.fifty_digits import true_rays
+from lippmann.conformance.figures import Figures, Measured
+from lippmann.conformance.plots import size_label
+from lippmann.conformance.report_plan import QUICK, WHOLE
+from lippmann.conformance.test_pictures import middle, noise_levels
+from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.named_builds import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
-from lippmann.images import decode
-from lippmann.measure import configurations, engines, processor_load, renderer
-from lippmann.measure.figures import Figures, Measured
-from lippmann.measure.pictures import middle, noise_levels
-from lippmann.measure.plan import QUICK, WHOLE
 from lippmann.optics.rays import Status
-from lippmann.report.plots import size_label
-from lippmann.sim.tools import repository
+from lippmann.simulation.toolchain import repository
 
 SCENES = repository() / "scenes"
 DEPTHS = (-165.0, 78.0)
@@ -43,7 +43,7 @@ def test_errors_of_turned_and_shifted_rays(angle, shift_mm):
     turned = np.tile([math.sin(angle), 0.0, math.cos(angle)], (3, 1))
     turned[2] = [0.0, 0.0, 1.0]  # one in three is right
     local = np.tile([shift_mm, 0.0, 0.0], (3, 1))
-    found = engines.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), DEPTHS)
+    found = engine_speeds.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), DEPTHS)
     chord, far = 2.0 * math.sin(angle / 2.0), abs(shift_mm - 165.0 * math.tan(angle))
     near = shift_mm + 78.0 * math.tan(angle)
     assert found["max_urad"] == pytest.approx(1e6 * chord, rel=1e-6)
@@ -63,7 +63,9 @@ def test_rays_of_other_fates_are_counted_and_not_compared():
     lenslet[1, 0] += 1
     wrong = true.direction.copy()
     wrong[:2] = (1.0, 0.0, 0.0)
-    found = engines.errors(true, dataclasses.replace(true, status=status, lenslet=lenslet, direction=wrong), DEPTHS)
+    found = engine_speeds.errors(
+        true, dataclasses.replace(true, status=status, lenslet=lenslet, direction=wrong), DEPTHS
+    )
     assert found["other_fates"] == 2
     assert found["max_urad"] == found["max_mm"] == 0.0
 
@@ -74,7 +76,7 @@ def test_rays_lost_in_both_are_no_other_fate():
         true, status=np.full(2, int(Status.MISSED), np.uint8), lenslet=true.lenslet + np.array([1, 0])
     )
     other = dataclasses.replace(true, status=np.full(2, int(Status.BLOCKED), np.uint8))
-    found = engines.errors(one, other, DEPTHS)
+    found = engine_speeds.errors(one, other, DEPTHS)
     assert found == {**dict.fromkeys(found, 0.0)}
 
 
@@ -82,10 +84,10 @@ def test_rays_lost_in_both_are_no_other_fate():
 @pytest.mark.parametrize("aperture", ["chief", "full"])
 def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     """The twin's words hold pixels and aims exactly; golden agrees with 50 digits to a float64's rounding."""
-    sample = engines.random_rays(shipped(name), aperture, 12, 5)
+    sample = engine_speeds.random_rays(shipped(name), aperture, 12, 5)
     twin = sample.traced("twin")
     assert (twin.pixel == sample.pixels).all()
-    found = engines.errors(true_rays(sample), sample.traced(), DEPTHS)
+    found = engine_speeds.errors(true_rays(sample), sample.traced(), DEPTHS)
     assert found["other_fates"] == 0
     assert 0.0 < found["max_urad"] < 1e-6
     assert found["max_mm"] < 1e-10
@@ -137,8 +139,8 @@ def test_what_scatters_is_measured_three_times(plan):
 @pytest.mark.parametrize("power", [-1.0, 0.0, 0.5, 1.0, 2.0])
 def test_exponent_of_a_power_law(power):
     sizes = np.array([1, 2, 5, 30])
-    assert renderer.exponent(sizes, 3.0 * sizes**power) == pytest.approx(power, abs=1e-12)
-    assert renderer.exponent([4], [1.0]) is None
+    assert renderer_speed.exponent(sizes, 3.0 * sizes**power) == pytest.approx(power, abs=1e-12)
+    assert renderer_speed.exponent([4], [1.0]) is None
 
 
 @pytest.mark.parametrize(
@@ -152,7 +154,7 @@ def test_sizes_have_short_labels(size, label):
 @pytest.mark.parametrize("across", [600, 1200, 4800])
 def test_more_pixels_fill_the_same_window(across):
     display = shipped("uhd-4k")
-    panel = renderer.resized(display, across).panel
+    panel = renderer_speed.resized(display, across).panel
     assert panel.width_px == across
     assert panel.width_mm == pytest.approx(display.panel.width_mm)
     assert abs(panel.height_mm - display.panel.height_mm) <= 0.5 * panel.pixel_pitch_mm
@@ -160,7 +162,7 @@ def test_more_pixels_fill_the_same_window(across):
 
 @pytest.mark.parametrize(("triangles", "lights"), [(200, 1), (2_000, 5)])
 def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
-    scene = renderer.waves(triangles, lights).mitsuba
+    scene = renderer_speed.waves(triangles, lights).mitsuba
     (mesh,) = scene.shapes()
     assert mesh.face_count() == pytest.approx(triangles, rel=0.05)
     assert len(scene.emitters()) == lights

@@ -6,9 +6,9 @@ import re
 
 import jinja2
 import pytest
-from lippmann.measure.figures import Figures, Measured
-from lippmann.report.pages import Page, stamped
-from lippmann.report.plots import Plot, drawn, finish
+from lippmann.conformance.figures import Figures, Measured
+from lippmann.conformance.pages import Page, stamped
+from lippmann.conformance.plots import Plot, drawn, finish
 from PIL import Image
 
 ORIGIN = {

@@ -8,17 +8,17 @@ import plyfile
 import pytest
 import trimesh
 from lippmann import api
+from lippmann.base.images import decode, psnr_db, read_picture, write_picture
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.images import decode, psnr_db, read_picture, write_picture
-from lippmann.rendering.arrange import arranged
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import Window
-from lippmann.scene_files import meshes
-from lippmann.scene_files.ply_faces import check_faces
+from lippmann.scenes import meshes
+from lippmann.scenes.arrange import arranged
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.ply_faces import check_faces
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement
 from test_export_views import told

@@ -9,13 +9,14 @@ import os
 import numpy as np
 import pytest
 from layer_cases import float_coordinates, float_light, random_stack
-from lippmann.display import load_display
+from lippmann.base.images import encoded_values
+from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.composite import composite
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words
-from lippmann.fixed.drawing import draw, sample_words
+from lippmann.fixed.drawn_frame import draw, sample_words
 from lippmann.fixed.exit_line import exit_line
 from lippmann.fixed.layer_coordinate import coefficient_bits, layer_coordinate
 from lippmann.fixed.panel_curve import entry_light, panel_curve
@@ -27,15 +28,14 @@ from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_by
 from lippmann.fixed.scene_words import LayerWords, SceneWords
 from lippmann.fixed.texel_blend import texel_blend
 from lippmann.fixed.texel_fetch import texel_fetch
-from lippmann.images import encoded_values
 from lippmann.layers.cut import reach_of
 from lippmann.layers.drawing import draw_golden, exit_lines
 from lippmann.layers.folder import load_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import gets_through
 from lippmann.optics.system import System
-from lippmann.sim.tools import repository
-from lippmann.sim.virtual_board import board_build
+from lippmann.simulation.toolchain import repository
+from lippmann.simulation.virtual_board import board_build
 from random_cases import configured_display
 from scene_cases import focused_display
 

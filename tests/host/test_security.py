@@ -8,13 +8,13 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from lippmann import images, limits, toml
+from lippmann.base import images, limits, toml
 from lippmann.calibration import photographs
+from lippmann.eye import page_server
 from lippmann.layers import pictures
-from lippmann.scene_files import depth_picture, meshes, splats, views
-from lippmann.sim.tools import repository
-from lippmann.sim.virtual_board import IDLE_S
-from lippmann.viewer import serve
+from lippmann.scenes import depth_picture, meshes, splats, window_views
+from lippmann.simulation.toolchain import repository
+from lippmann.simulation.virtual_board import IDLE_S
 
 PAGE = (repository() / "SECURITY.md").read_text()
 
@@ -38,8 +38,9 @@ def test_the_limits_are_those_of_the_code():
     assert f"{images.MAX_CHANNELS} channels; {images.MAX_TEXT_BYTES >> 10} KB" in row("image")
     assert row("photograph of a calibration") == f"{photographs.MAX_PIXELS // 10**6} million pixels"
     assert row("picture of depths") == f"{depth_picture.MOST_PIXELS // 10**6} million pixels"
-    million = views.MOST_PIXELS // 10**6
-    told = f"{million} million pixels in all; {views.MOST_VIEWS} views; {views.MOST_BYTES >> 20} MB of `views.json`"
+    million = window_views.MOST_PIXELS // 10**6
+    views, megabytes = window_views.MOST_VIEWS, window_views.MOST_BYTES >> 20
+    told = f"{million} million pixels in all; {views} views; {megabytes} MB of `views.json`"
     assert row("quilt, folder of views") == told
     most = pictures.MAX_PIXELS // 10**6
     assert row("layer's picture").endswith(f"; {most} million pixels of a picture that `layers` cuts")
@@ -49,7 +50,7 @@ def test_the_limits_are_those_of_the_code():
     assert limits.MAX_HEADER_BYTES == 10_000
     assert row("bitstream") == f"{limits.MAX_BITSTREAM_BYTES >> 20} MB"
     assert IDLE_S == 60
-    assert serve.MAX_REQUESTS == 8
+    assert page_server.MAX_REQUESTS == 8
 
 
 @pytest.mark.parametrize("name", ["a:b", "a$(id)", "a`id`", "a'b", 'a"b', "a\\b", "a\nb", "read-only"])

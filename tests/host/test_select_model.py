@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given, seed, settings
 from hypothesis import strategies as st
-from lippmann.conditioning.search import random_aims, random_pixels
+from lippmann.conformance.ray_search import random_aims, random_pixels
 from lippmann.errors import InputError
+from lippmann.optics.model_choice import Choice, choose_model, reconstructed_pixel_mm
 from lippmann.optics.rays import MODELS, Status
-from lippmann.select.model import Choice, choose_model, reconstructed_pixel_mm
 from optics_cases import display_of, random_display
 from scene_cases import focused_display, generator
 

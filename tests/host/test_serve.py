@@ -7,8 +7,8 @@ import time
 from contextlib import ExitStack
 
 import pytest
-from lippmann.viewer import serve
-from lippmann.viewer.serve import MAX_REQUESTS, page_server
+from lippmann.eye import page_server as serve
+from lippmann.eye.page_server import MAX_REQUESTS, page_server
 
 PAGE = b"<p>the page</p>"
 

@@ -1,18 +1,18 @@
-"""`lippmann bench shading`: its ways to light samples, its scenes and its page, on a small display."""
+"""`tools.bench shading`: its ways to light samples, its scenes and its page, on a small display."""
 
 import math
 
 import numpy as np
 import pytest
-from lippmann.images import psnr_db
-from lippmann.measure import adaptive, shading
+from lippmann.base.images import psnr_db
 from lippmann.rendering.pixel_filter import share_of_noise
 from lippmann.rendering.renderer import Settings, render_rays
-from lippmann.rendering.scene import load_scene
 from lippmann.rendering.sources import display_source
-from lippmann.report.benches import shading_page
-from lippmann.sim.tools import repository
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
+from tools import adaptive, shading_speed
+from tools.bench_pages import shading_page
 
 SCENES = repository() / "scenes"
 
@@ -24,11 +24,11 @@ def display():
 
 @pytest.fixture
 def fish(mi, tmp_path):
-    return load_scene(shading.with_lamps(SCENES / "fish/fish.xml", 2, tmp_path))
+    return load_scene(shading_speed.with_lamps(SCENES / "fish/fish.xml", 2, tmp_path))
 
 
 def drawn(scene, display, samples, way):
-    shares, program = shading.WAYS[way]
+    shares, program = shading_speed.WAYS[way]
     source = display_source(display, "exact", samples, "chief", "fast", None)
     return render_rays(scene, source, Settings(samples, shading=shares), program=program).radiance
 
@@ -37,8 +37,8 @@ def test_a_scene_has_as_many_lamps_as_asked_and_their_power(fish, mi):
     lamps = [mi.traverse(lamp) for lamp in fish.mitsuba.emitters()]
     assert len(lamps) == 2
     power = [np.array(lamp["intensity.value"]).ravel() for lamp in lamps]
-    np.testing.assert_allclose(np.sum(power, axis=0), shading.POWER, rtol=1e-5)
-    np.testing.assert_allclose(np.array(lamps[0]["position"]).ravel()[2], shading.HEIGHT_MM)
+    np.testing.assert_allclose(np.sum(power, axis=0), shading_speed.POWER, rtol=1e-5)
+    np.testing.assert_allclose(np.array(lamps[0]["position"]).ravel()[2], shading_speed.HEIGHT_MM)
 
 
 def test_one_sample_is_decoupled_from_nothing(fish, display):
@@ -54,22 +54,22 @@ def test_samples_of_a_pixel_share_the_light_of_its_first(fish, display):
 
 
 def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
-    monkeypatch.setattr(shading, "load_display", lambda path: display)
+    monkeypatch.setattr(shading_speed, "load_display", lambda path: display)
     for name, value in (("LAMPS", (1, 2)), ("SAMPLES", (1, 2)), ("SCENES", ("fish",)), ("CAPTURED", ())):
-        monkeypatch.setattr(shading, name, value)
-    rows = list(shading.curves(SCENES, tmp_path, 1))
+        monkeypatch.setattr(shading_speed, name, value)
+    rows = list(shading_speed.curves(SCENES, tmp_path, 1))
     assert [(row["lamps"], row["way"], row["samples"]) for row in rows[:7]] == [
-        *((1, way, samples) for way in shading.WAYS for samples in (1, 2)), (2, "each", 1)
+        *((1, way, samples) for way in shading_speed.WAYS for samples in (1, 2)), (2, "each", 1)
     ]  # fmt: skip
     # Twice the samples, half the noise's power: 3 dB, beside what pixels gain that share samples.
     gain = rows[1]["panel_db"] - rows[0]["panel_db"] + 20.0 * math.log10(share_of_noise(2, 1))
     assert 1.0 < gain < 5.0
-    (pair,) = shading.likeness(SCENES, 1)
+    (pair,) = shading_speed.likeness(SCENES, 1)
     assert (pair["scene"], pair["auto"]) == ("fish", "each")  # the picture is small
     assert min(pair["panel_db"], pair["view_db"]) > 40.0
     saved = [{"scene": "fish", "samples": 4, "power": 1.5, "pixel": 2.0, "tile": 1.2, "found": 1.1}]
     tables = {"shading": rows, "shading-likeness": [pair], "shading-adaptive": saved}
-    page = shading_page({"machine": "one"}, tables, shading.error_map(SCENES, 1))
+    page = shading_page({"machine": "one"}, tables, shading_speed.error_map(SCENES, 1))
     assert {path.name for path in page.write(tmp_path / "page")} == {
         *(f"{name}.csv" for name in tables), "shading.md", "shading.png", "shading-map.png",
     }  # fmt: skip

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lippmann.base.images import psnr_db
+from lippmann.base.variant import current_device
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.images import psnr_db
-from lippmann.observer import Eye, Window, observe
+from lippmann.eye.observer import Eye, Window, observe
 from lippmann.rendering import renderer as renderers
 from lippmann.rendering.irradiance import Irradiance
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Renderer, Settings, radiance_of, render_integral
-from lippmann.rendering.scene import scene_of
 from lippmann.rendering.sources import display_source
 from lippmann.rendering.surface_lattice import FAN, SPHERE, Place, corners, from_octahedron, on_octahedron, place_of
-from lippmann.variant import current_device
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import scene_of
 from scene_cases import focused_display, generator
 
 PAINT = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.2]}}

@@ -4,16 +4,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.display import load_display
-from lippmann.engines import trace_to_panel
+from lippmann.base.images import decode
+from lippmann.calibration.simulated_camera import Camera, corners_mm, framed
+from lippmann.calibration.simulated_disturbances import Disturbances, disturbed, hidden
+from lippmann.calibration.simulated_photographs import photograph_folder
+from lippmann.calibration.simulated_projection import sight_of, traced
+from lippmann.calibration.simulated_sensor import Sensor
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.images import decode
 from lippmann.optics.rays import gets_through
-from lippmann.simulated_camera.camera import Camera, corners_mm, framed
-from lippmann.simulated_camera.disturbances import Disturbances, disturbed, hidden
-from lippmann.simulated_camera.photograph import photograph_folder
-from lippmann.simulated_camera.sensor import Sensor
-from lippmann.simulated_camera.sight import sight_of, traced
+from lippmann.optics.trace import trace_to_panel
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 

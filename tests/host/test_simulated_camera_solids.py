@@ -4,13 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.display import load_display
-from lippmann.engines import trace_to_panel
-from lippmann.errors import InputError
-from lippmann.optics.rays import gets_through
-from lippmann.simulated_camera.camera import Camera, framed
-from lippmann.simulated_camera.sight import sight_of
-from lippmann.simulated_camera.solids import (
+from lippmann.calibration.simulated_camera import Camera, framed
+from lippmann.calibration.simulated_projection import sight_of
+from lippmann.calibration.simulated_solids import (
     look_at_solids,
     numbered,
     numbers,
@@ -19,6 +15,10 @@ from lippmann.simulated_camera.solids import (
     write_model,
     write_picture,
 )
+from lippmann.display.description import load_display
+from lippmann.errors import InputError
+from lippmann.optics.rays import gets_through
+from lippmann.optics.trace import trace_to_panel
 
 #: A panel so fine that its pixels' edges do not count, columns.
 FINE_PX = 2560

@@ -76,9 +76,9 @@ def test_it_builds_and_every_link_within_it_leads_somewhere(tmp_path):
     assert order == re.findall(r"\(docs/how-to/([\w-]+)\.md\)", table)
     api = (tmp_path / "site/docs/site/api.html").read_text()
     for name in (
-        "lippmann.display.load_display",
-        "lippmann.observer.observe",
-        "lippmann.film.film.Film.placement",
+        "lippmann.display.description.load_display",
+        "lippmann.eye.observer.observe",
+        "lippmann.motion.film.Film.placement",
     ):
         assert f'id="{name}"' in api
 

@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 from fault_line import Proxy
+from lippmann.base.images import decode, write_picture
 from lippmann.board.board import Board
 from lippmann.cli import run
-from lippmann.images import decode, write_picture
-from lippmann.registers import BOARD_REGISTERS, SCENE_REGISTERS
+from lippmann.fixed.register_map import BOARD_REGISTERS, SCENE_REGISTERS
 from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, RESET, ModelBoard, RefusedError
 from scene_cases import generator
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from lippmann import errors
 from lippmann.cli import output, run
-from lippmann.film.video import write_video
+from lippmann.motion.video import write_video
 from lippmann.rendering import cluster
 
 NAMED = (

@@ -3,9 +3,9 @@
 import drjit
 import mitsuba
 import pytest
+from lippmann.base.variant import current_device, late_syntax, own_variant, start_mitsuba
+from lippmann.base.variant import mitsuba as ours
 from lippmann.errors import InputError
-from lippmann.variant import current_device, late_syntax, own_variant, start_mitsuba
-from lippmann.variant import mitsuba as ours
 
 
 @pytest.fixture

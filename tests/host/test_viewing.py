@@ -10,14 +10,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.display import display_text, load_display
-from lippmann.display_properties import beats_in_lenslets, display_properties, eye_views, table_of_views
-from lippmann.engines import trace_to_panel
+from lippmann.display.description import display_text, load_display
 from lippmann.errors import InputError
-from lippmann.observer import Eye, observe, whole_window
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.optics.display_properties import beats_in_lenslets, display_properties, eye_views, table_of_views
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status
-from lippmann.viewing import middle_eye, sees_all, status_share, zones
+from lippmann.optics.trace import trace_to_panel
+from lippmann.optics.zones import middle_eye, sees_all, status_share, zones
 from optics_cases import GRIDS, SIDES, display_of
 from scene_cases import focused_display, generator
 

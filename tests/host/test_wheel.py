@@ -72,7 +72,9 @@ def python(site, program, **environment):
 )
 def test_an_installed_package_finds_its_rtl_and_the_users_cache(site, cache, wanted):
     """A relative XDG_CACHE_HOME is to be ignored."""
-    program = "from lippmann.sim.tools import *; print(hardware(), build_folder(), len(rtl_sources(hardware())))"
+    program = (
+        "from lippmann.simulation.toolchain import *; print(hardware(), build_folder(), len(rtl_sources(hardware())))"
+    )
     done = python(site, program, XDG_CACHE_HOME=cache)
     # Folders of the list only: rtl/board/NAME/ is an FPGA board, which needs the checkout.
     listed = [name for name in files("rtl") if name.count("/") == 2 and not name.startswith("rtl/ecp5/")]
@@ -81,7 +83,7 @@ def test_an_installed_package_finds_its_rtl_and_the_users_cache(site, cache, wan
 
 
 def test_what_needs_the_checkout_says_so(site):
-    done = python(site, "from lippmann.sim.tools import *; repository()")
+    done = python(site, "from lippmann.simulation.toolchain import *; repository()")
     assert "MissingLibraryError: this needs the checkout, which pip does not install" in done.stderr
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.sim.tools import PREFIX
+from lippmann.simulation.toolchain import PREFIX
 from runner import compiled, seed_options
 
 Ints = npt.NDArray[np.int64]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.display import Array, Display, Panel
+from lippmann.display.description import Array, Display, Panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration

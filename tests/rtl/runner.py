@@ -2,7 +2,7 @@
 
 Two departures from cocotb's own runner: `--public-flat-rw`, which makes every signal of the design public and costs
 minutes of compilation, gives way to a control file that names the ports; and a bench is compiled as all RTL of the
-project is (lippmann.sim.compilation), from the files that its top needs.
+project is (lippmann.simulation.compilation), from the files that its top needs.
 """
 
 import os
@@ -14,8 +14,8 @@ from pathlib import Path
 import cocotb_tools.config
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
-from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import PREFIX, needed, repository, rtl_sources
+from lippmann.simulation.compilation import SHORT, kept, verilated
+from lippmann.simulation.toolchain import PREFIX, needed, repository, rtl_sources
 
 TOP = repository()
 BUILD = TOP / "build" / "rtl-tests"

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import words_of_pixels
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Status
-from lippmann.sim.compilation import FAST, SHORT
-from lippmann.sim.harness import harness
-from lippmann.sim.tools import repository
+from lippmann.simulation.compilation import FAST, SHORT
+from lippmann.simulation.ray_harness import harness
+from lippmann.simulation.toolchain import repository
 from random_cases import configured_display, random_rays
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

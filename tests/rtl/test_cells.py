@@ -11,11 +11,11 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.dev.flow import elaborate, run_tool
-from lippmann.dev.synthesis import DESIGNS, place, source, sources, stages
-from lippmann.sim.compilation import SHORT, kept, verilated
-from lippmann.sim.tools import PREFIX, needed, optics_sources, repository, rtl_folders, verilator_environment
+from lippmann.simulation.compilation import SHORT, kept, verilated
+from lippmann.simulation.toolchain import PREFIX, needed, optics_sources, repository, rtl_folders, verilator_environment
 from runner import BUILD
+from tools.flow import elaborate, run_tool
+from tools.synthesis import DESIGNS, place, source, sources, stages
 
 TOP = repository()
 HERE = Path(__file__).parent / "cells"

@@ -6,15 +6,15 @@ import time
 from pathlib import Path
 
 import pytest
-from lippmann.sim import compilation
-from lippmann.sim.compilation import RtlError, kept, verilated
-from lippmann.sim.tools import needed, rtl_sources
+from lippmann.simulation import compilation
+from lippmann.simulation.compilation import RtlError, kept, verilated
+from lippmann.simulation.toolchain import needed, rtl_sources
 from runner import TOP
 
 ASK = """
 import sys, time
 from pathlib import Path
-from lippmann.sim.compilation import kept
+from lippmann.simulation.compilation import kept
 
 def make(path):
     with open("made", "a") as log:

@@ -11,17 +11,17 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.conditioning.cases import Out, changed, hard_sets
-from lippmann.conditioning.measure import fixed_words
-from lippmann.display import load_display
+from lippmann.conformance.engine_errors import fixed_words
+from lippmann.conformance.hard_cases import Out, changed, hard_sets
+from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS
 from lippmann.optics.rays import gets_through
-from lippmann.sim.compilation import SHORT
-from lippmann.sim.harness import harness
-from lippmann.sim.tools import repository
+from lippmann.simulation.compilation import SHORT
+from lippmann.simulation.ray_harness import harness
+from lippmann.simulation.toolchain import repository
 from random_cases import configured_display, random_rays
 from test_batch import BUILDS, SEED, assert_equal, name
 from wild_registers import any_rays, any_registers

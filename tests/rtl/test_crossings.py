@@ -8,12 +8,12 @@ import subprocess
 import sys
 
 import pytest
-from lippmann.dev import crossings
-from lippmann.dev.crossings import check
-from lippmann.dev.flow import run_tool
-from lippmann.dev.gates import Netlist
-from lippmann.sim.tools import needed, repository, rtl_sources
+from lippmann.simulation.toolchain import needed, repository, rtl_sources
 from runner import BUILD
+from tools import crossings
+from tools.crossings import check
+from tools.flow import run_tool
+from tools.gates import Netlist
 
 TOP = repository()
 
@@ -222,14 +222,14 @@ def test_the_program_ends_with_a_code_and_a_line(netlists):
     path = BUILD / "crossings" / "designs.json"
 
     def run(name):
-        words = [sys.executable, "-m", "lippmann.dev.crossings", str(path), "--top", f"top_{name}", "--timed", "pin*"]
+        words = [sys.executable, "-m", "tools.crossings", str(path), "--top", f"top_{name}", "--timed", "pin*"]
         return subprocess.run(words, capture_output=True, text=True, check=False)
 
     good = run("fifo")
     assert good.returncode == 0
     assert "a_clk -> b_clk: Gray, 5 at i_fifo written" in good.stdout.splitlines()
     wrong = subprocess.run(
-        [sys.executable, "-m", "lippmann.dev.crossings", __file__], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "tools.crossings", __file__], capture_output=True, text=True, check=False
     )
     assert (wrong.returncode, len(wrong.stderr.splitlines())) == (2, 1)
     bad = run("fan_out")

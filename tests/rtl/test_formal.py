@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from lippmann.dev.formal import run_proof, tasks
-from lippmann.sim.tools import PREFIX
+from lippmann.simulation.toolchain import PREFIX
+from tools.formal import run_proof, tasks
 
 TOP = Path(__file__).resolve().parents[2]
 FORMAL = TOP / "sim" / "formal"

@@ -15,9 +15,9 @@ import yaml
 from click.testing import CliRunner
 from clone import TOP, clone, files
 from lippmann import load_display, trace
-from lippmann.dev.generate_manifests import main, manifests
 from lippmann.errors import LippmannError
-from lippmann.sim.tools import PREFIX, rtl_folders, rtl_sources, verilator_environment
+from lippmann.simulation.toolchain import PREFIX, rtl_folders, rtl_sources, verilator_environment
+from tools.generate_manifests import main, manifests
 
 EXAMPLE = "docs/how-to/example-design"
 #: All but those of the FPGA boards, which only `make bitstream` reads.
@@ -67,7 +67,7 @@ def test_the_committed_files_are_those_that_the_list_makes():
     assert {str(path) for path in made} == {"Bender.yml", "rtl/lippmann.core", "rtl/lippmann.f", "rtl/lippmann_ecp5.f"}
     for path, text in made.items():
         assert (TOP / path).read_text() == text, f"{path}: run make manifests"
-    assert "-m lippmann.dev.generate_manifests\n" in (TOP / "Makefile").read_text()
+    assert "-m tools.generate_manifests\n" in (TOP / "Makefile").read_text()
 
 
 def test_every_file_stands_in_the_list_once():
@@ -132,7 +132,7 @@ def test_the_command_writes_them(monkeypatch, tmp_path):
     shutil.copy(TOP / "pyproject.toml", tmp_path)
     for path in manifests(TOP):
         (tmp_path / path).unlink(missing_ok=True)
-    monkeypatch.setattr("lippmann.dev.generate_manifests.repository", lambda: tmp_path)
+    monkeypatch.setattr("tools.generate_manifests.repository", lambda: tmp_path)
     result = CliRunner().invoke(main)
     assert result.exit_code == 0
     assert sorted(result.stdout.split()) == sorted(map(str, manifests(TOP)))

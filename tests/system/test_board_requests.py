@@ -11,15 +11,15 @@ import zlib
 import numpy as np
 import pytest
 from lippmann.board.board import Board
-from lippmann.display import load_display
+from lippmann.board.packets import packed
+from lippmann.display.description import load_display
 from lippmann.errors import DeviceError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.link.packets import packed
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 WIDTH, HEIGHT = 112, 80

@@ -16,16 +16,16 @@ from lippmann.board.board import Board
 from lippmann.board.check_rays import check_rays
 from lippmann.board.closed_loop import capturing
 from lippmann.board.drawn_loop import frames_differ
+from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import load_textures, play_film
-from lippmann.board.scene import Loaded, SceneBoard
-from lippmann.board.stream import send_frame
+from lippmann.board.packets import Kind
+from lippmann.board.streaming import send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
-from lippmann.film.layer_film import LayerFilm
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
 from lippmann.layers.stack import LayerStack
-from lippmann.link.packets import Kind
-from lippmann.sim import virtual_board
+from lippmann.motion.layer_film import LayerFilm
+from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 BUILDS = {
@@ -343,7 +343,7 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
 def test_a_cut_load_goes_on(usual, window, monkeypatch):
     """The line is cut in the middle: no block that has arrived is sent again."""
     # A time-out that no load of this machine brings about.
-    monkeypatch.setattr("lippmann.link.round_trip.SHORTEST_S", 1.5)
+    monkeypatch.setattr("lippmann.board.round_trip.SHORTEST_S", 1.5)
     rng = np.random.default_rng([SEED, 7])
     build = usual.build
     contents = {slot: rng.bytes(build.slot_bytes) for slot in range(4)}

@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
+from lippmann.base.images import decode, encoded_values, psnr_db, write_picture
 from lippmann.board.check_rays import check_rays
 from lippmann.board.closed_loop import capturing
-from lippmann.board.stream import send_frame
+from lippmann.board.streaming import send_frame
 from lippmann.calibration.check import rings
 from lippmann.calibration.codes import PatternSet, write_patterns
 from lippmann.calibration.shoot import frame_of
+from lippmann.calibration.simulated_photographs import photograph_folder
 from lippmann.calibration.solve import calibrate
-from lippmann.conditioning.word_sets import frame_words
-from lippmann.images import decode, encoded_values, psnr_db, write_picture
-from lippmann.measure.calibration import judge, random_case
-from lippmann.measure.fixed import compare, stated_nm
-from lippmann.observer import Eye, observe, whole_window
-from lippmann.simulated_camera.photograph import photograph_folder
+from lippmann.conformance.fixed_errors import compare, stated_nm
+from lippmann.conformance.word_sets import frame_words
+from lippmann.eye.observer import Eye, observe, whole_window
+from tools.calibration_accuracy import judge, random_case
 
 #: Photographs' width for each pixel of the panel.
 SHARPNESS = 25 / 16

@@ -7,16 +7,16 @@ import zlib
 
 import numpy as np
 import pytest
+from lippmann.board import round_trip
 from lippmann.board.board import Board
 from lippmann.board.closed_loop import PATIENCE_S
-from lippmann.board.scene import Loaded, SceneBoard
+from lippmann.board.drawn_scene import Loaded, SceneBoard
+from lippmann.board.port import BITS_A_BYTE, Line
 from lippmann.errors import NoBoardError
+from lippmann.fixed.register_map import BOARD_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.layers.stack import LayerStack
-from lippmann.link import round_trip
-from lippmann.link.port import BITS_A_BYTE, Line
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.simulation import virtual_board
 from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, display_of, moved, random_layer, show, twin
 
 #: Of the line in the figures that are promised, and the slowest clock for it: the fewest clocks of a bit.

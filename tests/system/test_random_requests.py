@@ -18,16 +18,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.display import load_display
+from lippmann.board.packets import packed
+from lippmann.board.port import Line
+from lippmann.display.description import load_display
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.fixed.register_map import OPTICS_REGISTERS
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.link.packets import packed
-from lippmann.link.port import Line
-from lippmann.registers import OPTICS_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.simulation import virtual_board
 from model_board import (
     ABORT,
     ADDRESS,

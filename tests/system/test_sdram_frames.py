@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from lippmann.board.board import Board
 from lippmann.board.closed_loop import PATIENCE_S
-from lippmann.board.stream import send_frame
-from lippmann.display import load_display
-from lippmann.link.port import BITS_A_BYTE
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.board.port import BITS_A_BYTE
+from lippmann.board.streaming import send_frame
+from lippmann.display.description import load_display
+from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 WIDTH, HEIGHT = 1280, 720

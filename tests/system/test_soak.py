@@ -14,27 +14,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lippmann.base.memory import proc_mb
+from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
+from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.film_player import load_textures, play_film
-from lippmann.board.scene import SceneBoard
-from lippmann.board.stream import send_frame
-from lippmann.display import load_display
-from lippmann.film.layer_film import LayerFilm, LayerKey, MovingLayer
+from lippmann.board.live_sender import Sender
+from lippmann.board.streaming import send_frame
+from lippmann.display.description import load_display
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.live.hand import Hand
-from lippmann.live.picture import LivePicture
-from lippmann.live.reel import Reel
-from lippmann.live.run import run_live
-from lippmann.live.screens import NoScreens
-from lippmann.live.sender import Sender
-from lippmann.memory import proc_mb
-from lippmann.rendering.placement import Placement
+from lippmann.motion.hand import Hand
+from lippmann.motion.layer_film import LayerFilm, LayerKey, MovingLayer
+from lippmann.motion.live_loop import run_live
+from lippmann.motion.live_picture import LivePicture
+from lippmann.motion.reel import Reel
+from lippmann.motion.screens import NoScreens
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import load_scene
-from lippmann.sim import virtual_board
-from lippmann.sim.tools import repository
-from lippmann.variant import start_mitsuba
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
+from lippmann.simulation import virtual_board
+from lippmann.simulation.toolchain import repository
 
 pytestmark = pytest.mark.full
 SOAK_S = float(os.environ.get("LIPPMANN_SOAK_S", "40"))

@@ -14,17 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.dev.browser import browser_page
-from lippmann.display import Array, Display, Panel, load_display
-from lippmann.engines import trace, trace_to_panel
-from lippmann.images import decode, encode, psnr_db, write_picture
-from lippmann.observer import Eye, observe, whole_window
+from lippmann.base.images import decode, encode, psnr_db, write_picture
+from lippmann.base.variant import mitsuba, start_mitsuba
+from lippmann.display.description import Array, Display, Panel, load_display
+from lippmann.engines import trace
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.eye.page import Direct, page_html
 from lippmann.optics.rays import Status
+from lippmann.optics.trace import trace_to_panel
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import load_scene
-from lippmann.variant import mitsuba, start_mitsuba
-from lippmann.viewer.page import Direct, page_html
+from lippmann.scenes.scene import load_scene
 from PIL import Image
+from tools.browser import browser_page
 
 GRIDS, SIDES = ("square", "hex"), ("panel", "viewer")
 ROOT = Path(__file__).parents[2]
@@ -84,7 +85,7 @@ def open_page(browser, folder, page):
     file = folder / "page.html"
     file.write_text(page, encoding="utf-8")
     browser.goto(file.as_uri())
-    assert browser.evaluate("lippmann.viewer.then((viewer) => { globalThis.viewer = viewer; return true; })")
+    assert browser.evaluate("lippmann.eye.then((viewer) => { globalThis.viewer = viewer; return true; })")
 
 
 def open_still(browser, folder, page):
@@ -174,7 +175,7 @@ def test_tiles_change_no_pixel(browser, tmp_path, monkeypatch, subpixels):
     window = whole_window(display, 130)
     found = []
     for limit in (2048, 47):
-        monkeypatch.setattr("lippmann.viewer.page.TILE_PX", limit)
+        monkeypatch.setattr("lippmann.eye.page.TILE_PX", limit)
         open_page(browser, tmp_path, page_html(display, radiance, "x"))
         assert browser.evaluate("viewer.panel.bitmaps.length") == (1 if limit == 2048 else 30)
         views = [seen_in_page(browser, window, rays, **one) for one in EYES for rays in (0, 4)]

@@ -22,21 +22,21 @@ from cobs import cobs
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
 from lippmann.board.closed_loop import run_on_virtual_board
-from lippmann.board.frames import load_frame
-from lippmann.board.stream import send_frame
+from lippmann.board.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
+from lippmann.board.panel_frames import load_frame
+from lippmann.board.socket_port import token_of
+from lippmann.board.streaming import send_frame
 from lippmann.cli import run
-from lippmann.display import display_text, load_display
+from lippmann.display.description import display_text, load_display
 from lippmann.errors import DeviceError, InputError
+from lippmann.eye.test_patterns import ON_BOARD, draw
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import optics_writes, raster_writes, write
-from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
-from lippmann.link.socket_port import token_of
-from lippmann.patterns import ON_BOARD, draw
-from lippmann.registers import BOARD_REGISTERS
-from lippmann.sim import virtual_board
+from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.rendering.integral_image import IntegralImage
+from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
 

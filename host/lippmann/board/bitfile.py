@@ -12,8 +12,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from lippmann.base.limits import MAX_BITSTREAM_BYTES, read_limited
 from lippmann.errors import input_error, reason
-from lippmann.limits import MAX_BITSTREAM_BYTES, read_limited
 
 PREAMBLE = b"\xff\xff\xbd\xb3"
 VERIFY_ID = b"\xe2\x00\x00\x00"

@@ -11,20 +11,20 @@ from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 
-from lippmann.board.frames import image_frame
-from lippmann.board.stream import Progress, Sent, send_frame
+from lippmann.base.toml import documented, key
+from lippmann.board.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
+from lippmann.board.panel_frames import image_frame
+from lippmann.board.port import DEFAULT_BAUD, SEND_S, Line
+from lippmann.board.round_trip import RoundTrip
+from lippmann.board.streaming import Progress, Sent, send_frame
 from lippmann.board.tiles import TILE, Crcs, TileGrid
 from lippmann.errors import DeviceError, InputError, LippmannError, NoBoardError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.register_file import Write, build_of
+from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS
 from lippmann.fixed.words import Ints
-from lippmann.integral_image import IntegralImage
-from lippmann.link.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
-from lippmann.link.port import DEFAULT_BAUD, SEND_S, Line
-from lippmann.link.round_trip import RoundTrip
-from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS
-from lippmann.toml import documented, key
+from lippmann.rendering.integral_image import IntegralImage
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0

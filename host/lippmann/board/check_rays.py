@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lippmann.board.board import Board
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline

@@ -9,15 +9,15 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from lippmann.base.files import scratch_folder
+from lippmann.base.toml import documented, key
 from lippmann.board.board import Board
 from lippmann.board.check_rays import Check, check_rays
-from lippmann.board.stream import Progress, Sent, send_frame
+from lippmann.board.streaming import Progress, Sent, send_frame
 from lippmann.board.tiles import Pixels
-from lippmann.display import Display
-from lippmann.files import scratch_folder
+from lippmann.display.description import Display
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.sim import virtual_board
-from lippmann.toml import documented, key
+from lippmann.simulation import virtual_board
 
 #: Longest silence of a virtual board with its video running, s: it shares the machine.
 PATIENCE_S = 300.0

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from lippmann.board.board import Board, Hello
 from lippmann.board.fpga_boards import usual_baud
+from lippmann.board.port import adapter_ports, ports
+from lippmann.board.socket_port import own_boards
 from lippmann.errors import DeviceError
-from lippmann.link.port import adapter_ports, ports
-from lippmann.link.socket_port import own_boards
 
 #: Longest silence of a port in a search, s.
 SEARCH_PATIENCE_S = 1.0
@@ -50,7 +50,7 @@ def find_board(
     """Return the one board that answers.
 
     A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
-    known USB adapters (`lippmann.link.port.ADAPTER_VENDORS`) and this user's virtual boards on Unix sockets, and to
+    known USB adapters (`lippmann.board.port.ADAPTER_VENDORS`) and this user's virtual boards on Unix sockets, and to
     this machine's other ports only when no board answers there and `allowed`, called with them, returns True. Raises
     DeviceError when no board or more than one answers.
     """

@@ -8,17 +8,17 @@ from typing import Annotated
 
 import numpy as np
 
+from lippmann.base.toml import documented, key
 from lippmann.board.closed_loop import capturing
+from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import Played, load_textures, play_film
-from lippmann.board.scene import Loaded, SceneBoard
-from lippmann.board.stream import Progress
+from lippmann.board.streaming import Progress
 from lippmann.board.tiles import Pixels
-from lippmann.display import Display
-from lippmann.film.layer_film import LayerFilm
-from lippmann.fixed.drawing import draw
+from lippmann.display.description import Display
+from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.sim.virtual_board import board_build
-from lippmann.toml import documented, key
+from lippmann.motion.layer_film import LayerFilm
+from lippmann.simulation.virtual_board import board_build
 
 
 @documented

@@ -6,14 +6,14 @@ import time
 from dataclasses import dataclass, fields
 from typing import Annotated
 
-from lippmann.board.scene import Loaded, SceneBoard, SceneStatus
-from lippmann.board.stream import Progress
-from lippmann.display import Display
+from lippmann.base.toml import documented, key
+from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
+from lippmann.board.streaming import Progress
+from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError
-from lippmann.film.layer_film import LayerFilm
 from lippmann.fixed.scene_build import CURVE_SLOT
 from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
-from lippmann.toml import documented, key
+from lippmann.motion.layer_film import LayerFilm
 
 
 @documented

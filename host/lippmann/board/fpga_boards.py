@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal
 import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
+from lippmann.base.toml import documented, key, load, read
+from lippmann.board.port import DEFAULT_BAUD
 from lippmann.errors import InputError, did_you_mean, input_error
-from lippmann.link.port import DEFAULT_BAUD
-from lippmann.sim.tools import hardware
-from lippmann.toml import documented, key, load, read
+from lippmann.simulation.toolchain import hardware
 
 #: Folder of the boards' folders in a checkout, and the file in each.
 FOLDER, FILE = Path("rtl", "board"), "board.toml"

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from lippmann.base.programs import run_program
 from lippmann.board.bitfile import BitFile, read_bitfile
 from lippmann.board.fpga_boards import FpgaBoard, Usb, fpga_board
 from lippmann.errors import DeviceError, MissingLibraryError, device_error, input_error, no_board_error
-from lippmann.programs import run_program
-from lippmann.sim.tools import Tool
+from lippmann.simulation.toolchain import Tool
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
 #: Longest time of a load, which takes a quarter of a minute; into the flash memory some minutes, s.

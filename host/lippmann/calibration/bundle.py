@@ -22,12 +22,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from lippmann import interrupts
+from lippmann.base import interrupts
 from lippmann.calibration.camera import projected
 from lippmann.calibration.landing import FOLDS, Landing, powers
 from lippmann.calibration.lenslets import Lenslets, regular_places
 from lippmann.calibration.smooth import Smooth, spread_out
-from lippmann.display import Display, Grid
+from lippmann.display.description import Display, Grid
 
 Floats = npt.NDArray[np.float64]
 #: The array's parameters, and the step of each for differences: mm, radians, shares.

@@ -16,12 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.calibration.photographs import SUFFIXES, Light, read_photograph
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye
+from lippmann.eye.observer import Eye
+from lippmann.eye.test_patterns import Pixels, draw
 from lippmann.optics.lattice import Lattice
-from lippmann.patterns import Pixels, draw
+from lippmann.rendering.integral_image import IntegralImage
 
 NAMES = ("1-white", "2-dark", "3-rings")
 #: Width of a ring, in lenslets.

@@ -22,12 +22,13 @@ from typing import Annotated, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lippmann import __version__, toml
-from lippmann.display import Display, Side
+from lippmann import __version__
+from lippmann.base import toml
+from lippmann.base.files import make_folder, replacing
+from lippmann.base.toml import key
+from lippmann.display.description import Display, Side
 from lippmann.errors import InputError, input_error
-from lippmann.files import make_folder, replacing
-from lippmann.integral_image import IntegralImage
-from lippmann.toml import key
+from lippmann.rendering.integral_image import IntegralImage
 
 Kind = Literal["marks", "white", "black", "gray", "phase"]
 #: Period of the phase pictures, pixels, and number of their steps.

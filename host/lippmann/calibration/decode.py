@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lippmann import interrupts
+from lippmann.base import interrupts
 from lippmann.calibration.codes import Pattern, PatternSet
 from lippmann.calibration.doubts import Samples, check_marks, check_samples
 from lippmann.calibration.photographs import Light, Position, read_photograph

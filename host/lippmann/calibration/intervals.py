@@ -31,7 +31,7 @@ from scipy.special import ndtr
 
 from lippmann.calibration.landing import inner_rays
 from lippmann.calibration.lenslets import Lenslets, Readings
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.optics.panel import PanelFrame
 
 Floats = npt.NDArray[np.float64]

@@ -20,15 +20,15 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.lattice import NEAR, within
 from lippmann.calibration.lenslets import INNER, MIDDLE
-from lippmann.display import Display
-from lippmann.engines import trace_to_panel
+from lippmann.calibration.viewed_lattice import NEAR, within
+from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel import PanelFrame
 from lippmann.optics.rays import Hits, Status, gets_through
 from lippmann.optics.sampling import R2_STEPS, square_to_cell
+from lippmann.optics.trace import trace_to_panel
 
 Floats = npt.NDArray[np.float64]
 #: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.

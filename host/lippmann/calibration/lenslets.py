@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.calibration.decode import Decoded
-from lippmann.calibration.lattice import NEAR, SeenLattice, within
 from lippmann.calibration.outline import fit_outline, grouped, regular
-from lippmann.display import Display
+from lippmann.calibration.viewed_lattice import NEAR, SeenLattice, within
+from lippmann.display.description import Display
 from lippmann.errors import input_error
 from lippmann.optics.panel import PanelFrame
 

@@ -18,9 +18,9 @@ import numpy.typing as npt
 from lippmann.calibration.bundle import seam_powers
 from lippmann.calibration.camera import Lens, first_lens, first_pose
 from lippmann.calibration.landing import Landing, landing_of
-from lippmann.calibration.lattice import SeenLattice
 from lippmann.calibration.lenslets import Lenslets
-from lippmann.display import Display, Grid
+from lippmann.calibration.viewed_lattice import SeenLattice
+from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 
 Floats = npt.NDArray[np.float64]

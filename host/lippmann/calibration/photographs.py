@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.images import decode
+from lippmann.base.raw_images import read_numbers
 from lippmann.calibration.codes import FILE, Pattern, PatternSet, read_patterns
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import input_error, not_there
-from lippmann.images import decode
-from lippmann.raw_images import read_numbers
 
 #: Extensions of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")

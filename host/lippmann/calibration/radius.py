@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from lippmann.calibration.bundle import Solution
 from lippmann.calibration.landing import movement
 from lippmann.calibration.lenslets import Lenslets
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import input_error
 
 Floats = npt.NDArray[np.float64]

@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as students_t
 
+from lippmann.base.files import replacing
+from lippmann.base.limits import load_arrays
 from lippmann.calibration.bundle import BOW, Solution
-from lippmann.display import Array, Display, check_radius, display_text, load_display
+from lippmann.display.description import Array, Display, check_radius, display_text, load_display
 from lippmann.errors import InputError, LippmannError, input_error, reason
-from lippmann.files import replacing
-from lippmann.limits import load_arrays
 
 Floats = npt.NDArray[np.float64]
 #: Uncertainties beyond these are not determined: shares of the pitch, gap (D) and radius; mm of the offset; degrees.

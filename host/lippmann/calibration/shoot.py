@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lippmann import interrupts
+from lippmann.base import interrupts
+from lippmann.base.files import make_folder, replacing
+from lippmann.base.images import encoded_values
 from lippmann.calibration.codes import PatternSet
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import DeviceError
-from lippmann.files import make_folder, replacing
-from lippmann.images import encoded_values
 
 Pixels = npt.NDArray[np.uint8]
 Progress = Callable[[int, int], None]

@@ -15,7 +15,6 @@ from lippmann.calibration.bundle import BOW, LENS, MOST_LENSLETS, OUTLIER, Probl
 from lippmann.calibration.decode import decode_position
 from lippmann.calibration.intervals import movement_of, refined
 from lippmann.calibration.landing import Landing, landing_of, outline_mm
-from lippmann.calibration.lattice import SeenLattice, find_lattice
 from lippmann.calibration.lenslets import Lenslets, measure_lenslets
 from lippmann.calibration.numbering import starts
 from lippmann.calibration.photographs import pattern_set, positions
@@ -30,7 +29,8 @@ from lippmann.calibration.result import (
     parameters_of,
     remarks_of,
 )
-from lippmann.display import Display
+from lippmann.calibration.viewed_lattice import SeenLattice, find_lattice
+from lippmann.display.description import Display
 from lippmann.optics.panel import PanelFrame
 
 Floats = npt.NDArray[np.float64]

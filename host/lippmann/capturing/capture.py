@@ -14,9 +14,9 @@ from lippmann.capturing.rays import capture_source
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
 from lippmann.errors import InputError
-from lippmann.rendering.placement import Placement, placement_beside
 from lippmann.rendering.renderer import Progress, Rendered, Settings, render_rays
-from lippmann.rendering.scene import Scene
+from lippmann.scenes.placement import Placement, placement_beside
+from lippmann.scenes.scene import Scene
 
 
 def check_placement(scene: Scene, setup: Setup) -> None:

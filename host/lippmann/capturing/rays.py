@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from lippmann.base.variant import mitsuba
 from lippmann.capturing.setup import Pickup, Setup
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
@@ -19,7 +20,6 @@ from lippmann.optics.rays import gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
 from lippmann.rendering.sources import Aperture, Lines, RaySource, owner_number
-from lippmann.variant import mitsuba
 
 
 class CapturedRays(NamedTuple):

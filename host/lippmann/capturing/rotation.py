@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 

@@ -14,9 +14,10 @@ from typing import Annotated, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lippmann import toml
+from lippmann.base import toml
+from lippmann.base.toml import documented, key
 from lippmann.capturing.imaging_lens import Convex, ImagingLens, LensPair, ThinLens
-from lippmann.display import (
+from lippmann.display.description import (
     MAX_SIDE_PX,
     Array,
     Display,
@@ -33,8 +34,7 @@ from lippmann.display import (
 )
 from lippmann.errors import InputError, input_error, path_of
 from lippmann.optics.rays import Floats
-from lippmann.rendering.placement import ORIGIN, Placement, Scale, Triple
-from lippmann.toml import documented, key
+from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 
 #: Pixels that a camera must see of a lenslet.
 MIN_ELEMENTAL_PX = 2.0
@@ -200,7 +200,7 @@ class SetupFile:
     """The keys of a set-up file."""
 
     name: Annotated[str | None, key("name of the set-up in reports", default="the file's name")] = None
-    display: Annotated[str | DisplayFile, key("display file, its path relative to the set-up file; or its tables")]  # type: ignore[valid-type]
+    display: Annotated[str | DisplayFile, key("display file, its path relative to the set-up file; or its tables")]
     object: Subject
     lens: LensKeys | None = None
     array: ArrayKeys = ArrayKeys()

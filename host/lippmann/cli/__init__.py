@@ -9,14 +9,15 @@ from importlib import import_module
 
 import click
 
-from lippmann import __version__, interrupts
+from lippmann import __version__
+from lippmann.base import interrupts
+from lippmann.base.files import is_full, made, no_space, remove_empty
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, printable, to_install
-from lippmann.files import is_full, made, no_space, remove_empty
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
     "inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view",
-    "pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "bench", "report", "doctor",
+    "pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor",
 )  # fmt: skip
 
 

@@ -9,29 +9,29 @@ from pathlib import Path
 import click
 
 from lippmann import api
-from lippmann.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
-from lippmann.board.frames import panel_values
+from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
+from lippmann.base.images import check_output, encoded_values
+from lippmann.base.variant import start_mitsuba
+from lippmann.board.panel_frames import panel_values
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
 from lippmann.cli.options.rendering import RENDERING
 from lippmann.cli.output import counted, emit, log, progress_bar
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
-from lippmann.film.film import load_film
-from lippmann.film.frames import check_folder, frame_path, write_frames
-from lippmann.film.shot import Shot, render_shot, shots_of, with_one_shading
-from lippmann.film.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
-from lippmann.images import check_output, encoded_values
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye, observe, whole_window
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.motion.film import load_film
+from lippmann.motion.film_frames import check_folder, frame_path, write_frames
+from lippmann.motion.shot import Shot, render_shot, shots_of, with_one_shading
+from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
 from lippmann.rendering.cluster import render_on_cluster
 from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.placement import SCALE_RANGE, unplaced_note
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import BASE_MEMORY_MB, check_memory, check_memory_mb
 from lippmann.rendering.samples import colours_of
-from lippmann.rendering.scene import check_scene_file
 from lippmann.rendering.sources import Window
-from lippmann.variant import start_mitsuba
+from lippmann.scenes.placement import SCALE_RANGE, unplaced_note
+from lippmann.scenes.scene import check_scene_file
 
 MAX_VIEW_PX = 4096
 #: Most frames a second of a GIF: viewers show each for at least 20 ms.

@@ -9,19 +9,19 @@ import click
 
 from lippmann.board.board import OPTICS_BASE, SCENE_BASE, Board
 from lippmann.board.check_rays import check_rays
-from lippmann.board.scene import LAYER_WORDS, SceneBoard
+from lippmann.board.drawn_scene import LAYER_WORDS, SceneBoard
+from lippmann.board.packets import SCENE_VERSION
+from lippmann.cli.board_start import start_command, stop_command
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY, Vector
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
 from lippmann.cli.program import program_command
-from lippmann.cli.virtual_board import start_command, stop_command
-from lippmann.display import Panel, load_display
+from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
-from lippmann.link.packets import SCENE_VERSION
-from lippmann.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Field, Register
+from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Field, Register
 
 #: A whole register.
 WORD = Field(0, 32)

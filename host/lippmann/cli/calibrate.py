@@ -12,19 +12,19 @@ from typing import Any
 
 import click
 
+from lippmann.base.files import make_folder
+from lippmann.base.fullscreen import full_screen
+from lippmann.base.variant import own_variant
 from lippmann.board.board import Board
-from lippmann.board.stream import send_frame
+from lippmann.board.streaming import send_frame
 from lippmann.calibration.codes import FILE, PatternSet, write_patterns
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, check_board, chosen_port
 from lippmann.cli.output import counted, emit, log, progress_bar
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.files import make_folder
-from lippmann.fullscreen import full_screen
-from lippmann.variant import own_variant
-from lippmann.viewing import status_share
+from lippmann.optics.zones import status_share
 
 #: Exit code when photographs were judged and contradict the display file.
 FOUND_WRONG = 4
@@ -145,8 +145,8 @@ def _simulated(
     seed: int,
 ) -> list[Path]:
     """Photograph a display as built: the patterns are the nominal display's, the optics those of the other."""
-    from lippmann.simulated_camera.camera import Camera
-    from lippmann.simulated_camera.photograph import photograph_folder
+    from lippmann.calibration.simulated_camera import Camera
+    from lippmann.calibration.simulated_photographs import photograph_folder
 
     sizes = [(one.panel.width_px, one.panel.height_px) for one in (display, built)]
     if sizes[0] != sizes[1]:
@@ -280,9 +280,9 @@ def report_command(
 
     Example: lippmann calibrate report calibrated.toml -o out/calibration
     """
+    from lippmann.base.provenance import provenance
     from lippmann.calibration.result import load_calibration
-    from lippmann.provenance import provenance
-    from lippmann.report.calibration import calibration_page
+    from lippmann.conformance.calibration_page import calibration_page
 
     path = Path(display_path)
     with own_variant(device):

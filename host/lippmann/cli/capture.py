@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 
 from lippmann import api
+from lippmann.base.files import replacing
+from lippmann.base.images import check_output
+from lippmann.base.variant import current_device
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.setup import Pickup, Setup, load_setup
@@ -15,15 +18,12 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import display_text
+from lippmann.display.description import display_text
 from lippmann.errors import input_error
-from lippmann.files import replacing
-from lippmann.images import check_output
-from lippmann.rendering.placement import unplaced_note
 from lippmann.rendering.renderer import Shading, peak_memory_mb
-from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.sources import Aperture
-from lippmann.variant import current_device
+from lippmann.scenes.placement import unplaced_note
+from lippmann.scenes.scene import Scene, check_scene_file
 
 
 @make_command("capture")

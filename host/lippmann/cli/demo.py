@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 
 from lippmann import api
-from lippmann.animation import write_animation, write_contact_sheet
+from lippmann.base.animation import write_animation, write_contact_sheet
+from lippmann.base.files import make_folder, replacing
+from lippmann.base.images import Radiance, decode, psnr_db
 from lippmann.board.closed_loop import run_on_virtual_board
-from lippmann.board.frames import panel_values
+from lippmann.board.panel_frames import panel_values
 from lippmann.cli.demo_drawn import EYE_DISTANCE_MM, REACH_MM, draw_films
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
 from lippmann.cli.output import counted, emit, log, progress_bar
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
-from lippmann.files import make_folder, replacing
-from lippmann.images import Radiance, decode, psnr_db
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import whole_window
+from lippmann.eye.observer import whole_window
+from lippmann.eye.page import Direct, page_html
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
-from lippmann.viewer.page import Direct, page_html
+from lippmann.scenes.scene import Scene
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"

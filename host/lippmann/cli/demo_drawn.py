@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from lippmann import api
-from lippmann.animation import write_animation
+from lippmann.base.animation import write_animation
+from lippmann.base.images import decode
 from lippmann.board.drawn_loop import draw_on_virtual_board
 from lippmann.cli.output import counted, log, progress_bar
-from lippmann.display import load_display
-from lippmann.film.layer_film import load_layer_film
+from lippmann.display.description import load_display
+from lippmann.eye.observer import whole_window
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.images import decode
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import whole_window
+from lippmann.motion.layer_film import load_layer_film
+from lippmann.rendering.integral_image import IntegralImage
 
 #: What is drawn, by the name of its results: a film of layers, and a folder of layers, which stands still.
 FILMS = {"fish": "films/swim-layers.toml", "chart": "layers/chart"}

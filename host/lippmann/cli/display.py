@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import click
 
+from lippmann.base.fullscreen import show
+from lippmann.base.images import check_input
 from lippmann.board.board import Board
-from lippmann.board.frames import Target, load_frame
+from lippmann.board.panel_frames import Target, load_frame
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
 from lippmann.cli.options.port import BAUD, check_board, chosen_port
 from lippmann.cli.output import emit, log
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.fullscreen import show
-from lippmann.images import check_input
 
 
 @make_command("display")

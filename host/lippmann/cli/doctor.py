@@ -8,19 +8,19 @@ import sys
 from typing import Any
 
 from lippmann import __version__
+from lippmann.base.memory import free_memory_mb
+from lippmann.base.provenance import machine_name
+from lippmann.base.variant import mitsuba, start_mitsuba
 from lippmann.board.discovery import baud_of_board
 from lippmann.board.fpga_boards import board_of_port, fpga_boards
+from lippmann.board.port import adapter_ports, port_trouble, ports, serial_number
 from lippmann.board.program import LOADER
+from lippmann.board.socket_port import SCHEMES
+from lippmann.capturing.povray_program import POVRAY
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, to_install
-from lippmann.link.port import adapter_ports, port_trouble, ports, serial_number
-from lippmann.link.socket_port import SCHEMES
-from lippmann.memory import free_memory_mb
-from lippmann.povray.program import POVRAY
-from lippmann.provenance import machine_name
-from lippmann.sim.tools import RTL_TOOLS
-from lippmann.variant import mitsuba, start_mitsuba
+from lippmann.simulation.toolchain import RTL_TOOLS
 
 NO_ANSWER = "the port opens, but no board answers at any baud rate; check the board's power and the cable"
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
+from lippmann.base.variant import start_mitsuba
 from lippmann.capturing.capture import check_placement, placement_before
+from lippmann.capturing.povray_export import Exported, check_folder, export_display, write_folder
+from lippmann.capturing.povray_optics import setup_view
+from lippmann.capturing.povray_program import POVRAY
 from lippmann.capturing.setup import load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE
 from lippmann.cli.output import emit
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
-from lippmann.povray.export import Exported, check_folder, export_display, write_folder
-from lippmann.povray.optics import setup_view
-from lippmann.povray.program import POVRAY
-from lippmann.rendering.scene import check_scene_file, load_scene
-from lippmann.scene_files.formats import kind_of
-from lippmann.variant import start_mitsuba
+from lippmann.scenes.formats import kind_of
+from lippmann.scenes.scene import check_scene_file, load_scene
 
 
 @make_command("povray")

@@ -11,25 +11,25 @@ from typing import Any
 import click
 import numpy as np
 
+from lippmann.base.files import make_folder, replacing
+from lippmann.base.images import SUFFIXES, check_output, write_picture
+from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import counted, emit, log, progress_bar
-from lippmann.content.views import Sight, eyes_of, focus_depths, of_image, of_scene
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.files import make_folder, replacing
-from lippmann.images import SUFFIXES, check_output, write_picture
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye, whole_window
-from lippmann.rendering.arrange import load_placed
+from lippmann.eye.many_views import Sight, eyes_of, focus_depths, of_image, of_scene
+from lippmann.eye.observer import Eye, whole_window
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, Settings, check_memory_mb, first_depths
-from lippmann.rendering.scene import Scene, check_scene_file
 from lippmann.rendering.sources import Window
-from lippmann.scene_files.quilts import eyes_note, quilt_path, tiled
-from lippmann.scene_files.views import EYES, eyes_text
-from lippmann.variant import start_mitsuba
+from lippmann.scenes.arrange import load_placed
+from lippmann.scenes.quilts import eyes_note, quilt_path, tiled
+from lippmann.scenes.scene import Scene, check_scene_file
+from lippmann.scenes.window_views import EYES, eyes_text
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,14 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED, Finite, Slot, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import emit, progress_bar
-from lippmann.display import load_display
-from lippmann.display_properties import display_properties
+from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit
+from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice
+from lippmann.optics.display_properties import display_properties
+from lippmann.optics.model_choice import TOLERANCE
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import check_scene_file
-from lippmann.select.build import MOST_SAMPLES, Fit, fit
-from lippmann.select.model import TOLERANCE
+from lippmann.scenes.scene import check_scene_file
 
 
 @make_command("fit")

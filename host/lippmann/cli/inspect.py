@@ -12,12 +12,15 @@ from typing import Any
 
 import click
 
-from lippmann import drawing
+from lippmann.base.images import check_output
+from lippmann.base.toml import schema
+from lippmann.base.tones import transfer_name
 from lippmann.cli.frame import Choice, argument, make_command, option
 from lippmann.cli.options.common import Point, Vector
 from lippmann.cli.output import emit
-from lippmann.display import Display, load_display
-from lippmann.display_properties import (
+from lippmann.display.description import Display, load_display
+from lippmann.eye import display_drawing
+from lippmann.optics.display_properties import (
     DISTANCES,
     DisplayProperties,
     EyeView,
@@ -27,21 +30,18 @@ from lippmann.display_properties import (
     percent,
     table_of_views,
 )
-from lippmann.images import check_output
-from lippmann.toml import schema
-from lippmann.tones import transfer_name
-from lippmann.viewing import Zone, viewing_distance
+from lippmann.optics.zones import Zone, viewing_distance
 
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
-    "display": ("lippmann.display", "DisplayFile"),
+    "display": ("lippmann.display.description", "DisplayFile"),
     "setup": ("lippmann.capturing.setup", "SetupFile"),
-    "film": ("lippmann.film.film", "FilmFile"),
-    "layer_film": ("lippmann.film.layer_film", "LayerFilmFile"),
-    "placement": ("lippmann.rendering.placement", "PlacementFile"),
+    "film": ("lippmann.motion.film", "FilmFile"),
+    "layer_film": ("lippmann.motion.layer_film", "LayerFilmFile"),
+    "placement": ("lippmann.scenes.placement", "PlacementFile"),
     "layers": ("lippmann.layers.folder", "LayersFile"),
     "pictures": ("lippmann.layers.pictures", "PicturesFile"),
-    "depth_picture": ("lippmann.scene_files.depth_picture", "DepthPictureFile"),
+    "depth_picture": ("lippmann.scenes.depth_picture", "DepthPictureFile"),
 }
 
 
@@ -73,7 +73,7 @@ def command(
         return
     if display_path is None:
         raise click.UsageError("Missing argument 'DISPLAY.toml'.")
-    pictures = [check_output(path, drawing.SUFFIXES) for path in (zones, draw) if path is not None]
+    pictures = [check_output(path, display_drawing.SUFFIXES) for path in (zones, draw) if path is not None]
     if len(set(pictures)) < len(pictures):
         raise click.UsageError("--zones and --draw name the same file; give two names")
     display = load_display(display_path)
@@ -95,9 +95,9 @@ def command(
         "eye": None if seen is None else _as_json(seen),
     }
     if zones is not None:
-        drawing.draw_zones(display, Path(zones), eye)
+        display_drawing.draw_zones(display, Path(zones), eye)
     if draw is not None:
-        drawing.draw_display(display, Path(draw))
+        display_drawing.draw_display(display, Path(draw))
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
     if seen is not None:
         x, y, z = seen.eye_mm

@@ -11,24 +11,24 @@ from typing import Any
 import click
 
 from lippmann import api
+from lippmann.base.files import replacing
+from lippmann.base.images import check_output
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Slot
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.files import replacing
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.images import check_output
 from lippmann.layers.cost import row_of
 from lippmann.layers.cut import SLOT, Cut
+from lippmann.layers.depth_remarks import depth_remarks, texture_remarks
 from lippmann.layers.drawing import Filter, scene_build_of
 from lippmann.layers.folder import check_for_display, save_layers
 from lippmann.layers.pictures import cut_pictures, is_pictures
-from lippmann.layers.remarks import depth_remarks, texture_remarks
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import check_scene_file
+from lippmann.scenes.scene import check_scene_file
 
 #: Layers of a scene, unless --count tells.
 COUNT = 4

@@ -9,31 +9,31 @@ from dataclasses import asdict
 import click
 import numpy as np
 
+from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
+from lippmann.board.live_sender import Sender
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit, log
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
-from lippmann.film.film import is_film, load_film
-from lippmann.film.shot import scene_of_shot, shots_of
+from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.layers.folder import is_layers
-from lippmann.live.hand import Hand
-from lippmann.live.picture import LivePicture
-from lippmann.live.reel import Reel
-from lippmann.live.run import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
-from lippmann.live.screens import NoScreens, screens
-from lippmann.live.sender import Sender
-from lippmann.observer import Eye, observe, whole_window
-from lippmann.rendering.arrange import load_placed
+from lippmann.motion.film import is_film, load_film
+from lippmann.motion.hand import Hand
+from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
+from lippmann.motion.live_picture import LivePicture
+from lippmann.motion.reel import Reel
+from lippmann.motion.screens import NoScreens, screens
+from lippmann.motion.shot import scene_of_shot, shots_of
 from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
 from lippmann.rendering.samples import colours_of
-from lippmann.rendering.scene import check_scene_file
-from lippmann.variant import start_mitsuba
+from lippmann.scenes.arrange import load_placed
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import check_scene_file
 
 #: Width of the eye's view, pixels.
 VIEW_PX = 480

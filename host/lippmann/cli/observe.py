@@ -9,17 +9,17 @@ import click
 import numpy as np
 
 from lippmann import api
-from lippmann.animation import ANIMATION_SUFFIXES, FRAME_MS, write_animation, write_contact_sheet
+from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_animation, write_contact_sheet
+from lippmann.base.images import SUFFIXES, check_output, encoded_values
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
 from lippmann.cli.output import counted, emit, log, progress_bar
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
-from lippmann.film.video import VIEW_SUFFIXES, even_window, write_video
-from lippmann.images import SUFFIXES, check_output, encoded_values
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye, whole_window
+from lippmann.eye.observer import Eye, whole_window
+from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_video
 from lippmann.optics.rays import Model
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
 
 MAX_VIEW_PX = 16384

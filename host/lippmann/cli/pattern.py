@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 
+from lippmann.base.images import check_output
+from lippmann.base.variant import own_variant
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, FRACTION_BITS, Point, Vector
 from lippmann.cli.output import emit, log
-from lippmann.display import load_display
-from lippmann.images import check_output
-from lippmann.observer import Eye
-from lippmann.patterns import Kind, draw
+from lippmann.display.description import load_display
+from lippmann.eye.observer import Eye
+from lippmann.eye.test_patterns import Kind, draw
 from lippmann.rendering.renderer import Settings, check_memory
-from lippmann.variant import own_variant
 
 
 @make_command("pattern")

@@ -6,18 +6,18 @@ from collections.abc import Iterator
 
 import click
 
-from lippmann import interrupts
+from lippmann.base import interrupts
+from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import Played, load_textures, play_film
-from lippmann.board.scene import Loaded, SceneBoard
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import input_error
-from lippmann.film.layer_film import check_keys, load_layer_film
+from lippmann.layers.depth_remarks import depth_remarks
 from lippmann.layers.folder import check_for_display
-from lippmann.layers.remarks import depth_remarks
+from lippmann.motion.layer_film import check_keys, load_layer_film
 
 
 @make_command("play")

@@ -8,7 +8,7 @@ from lippmann.board.bitfile import read_bitfile
 from lippmann.board.program import program
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.output import emit, log
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import input_error
 
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lippmann import interrupts
+from lippmann.base import interrupts
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import LENS_MODEL, Finite, word_length
 from lippmann.cli.output import as_json, emit, log
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error, printable
 from lippmann.optics.rays import Model
 
 if TYPE_CHECKING:
-    from lippmann.diagnose.bounds import Bounds
-    from lippmann.diagnose.judge import Verdict
+    from lippmann.conformance.bounds import Bounds
+    from lippmann.conformance.judge import Verdict
 
 #: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
 FOUND_WRONG = 4
@@ -59,11 +59,11 @@ def command(
 
     Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
     """
-    from lippmann.diagnose.coverage import summary
-    from lippmann.diagnose.foreign import read_foreign
-    from lippmann.diagnose.judge import judge
-    from lippmann.files import make_folder
-    from lippmann.images import check_output
+    from lippmann.base.files import make_folder
+    from lippmann.base.images import check_output
+    from lippmann.conformance.coverage_points import summary
+    from lippmann.conformance.foreign_rays import read_foreign
+    from lippmann.conformance.judge import judge
 
     for flag, path in (("--bounds", bounds_path), ("--junit", junit), ("--report", report)):
         if path == "":
@@ -102,7 +102,7 @@ def command(
 
 def _bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
     """Return the bounds of a file, or those of two tolerances."""
-    from lippmann.diagnose.bounds import Bounds, load_bounds
+    from lippmann.conformance.bounds import Bounds, load_bounds
 
     given = {"direction_urad": urad, "point_nm": nm}
     for (key, value), name in zip(given.items(), ("--tolerance-urad", "--tolerance-nm"), strict=True):
@@ -120,21 +120,21 @@ class _Files:
     """The files that verdicts are written to, where they are asked for."""
 
     def __init__(self, junit: str | None, report: str | None) -> None:
-        from lippmann.diagnose.error_maps import ErrorMaps
+        from lippmann.conformance.error_maps import ErrorMaps
 
         self.junit, self.report = junit, report
         self.maps = None if report is None else ErrorMaps()
 
     def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: dict[str, Any]) -> None:
         """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
-        from lippmann.diagnose.junit import write_junit
+        from lippmann.conformance.junit import write_junit
 
         said = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit is not None:
             write_junit(Path(self.junit), verdicts, ended, said)
         if self.report is not None and self.maps is not None:
-            from lippmann.provenance import provenance
-            from lippmann.report.regress import errors_page
+            from lippmann.base.provenance import provenance
+            from lippmann.conformance.regress_page import errors_page
 
             origin = provenance("lippmann regress", ("numpy",)) | said
             errors_page(origin, verdicts, self.maps.maps, words, ended).write(Path(self.report), as_html=True)
@@ -142,9 +142,9 @@ class _Files:
 
 def _judge_stream(bounds: Bounds, files: _Files) -> int:
     """Judge the stream at stdin. If it ends early, tell the verdicts so far, and why."""
-    from lippmann.diagnose.coverage import summary
-    from lippmann.diagnose.judge import judge
-    from lippmann.diagnose.stream import StreamReader, bounded_lines
+    from lippmann.conformance.coverage_points import summary
+    from lippmann.conformance.judge import judge
+    from lippmann.conformance.judged_stream import StreamReader, bounded_lines
 
     if sys.stdin is None:
         raise InputError("stdin is closed; run lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream")

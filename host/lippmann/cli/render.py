@@ -12,17 +12,17 @@ import click
 from click.core import ParameterSource
 
 from lippmann import api
+from lippmann.base.images import check_output
+from lippmann.base.variant import current_device, start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
 from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
-from lippmann.images import check_output
-from lippmann.integral_image import IntegralImage
+from lippmann.layers.depth_remarks import depth_remarks
 from lippmann.layers.drawing import Filter
 from lippmann.layers.folder import check_depth, is_layers, load_named_layers
-from lippmann.layers.remarks import depth_remarks
 from lippmann.rendering.bands import (
     Band,
     Rendered,
@@ -38,9 +38,9 @@ from lippmann.rendering.bands import (
 )
 from lippmann.rendering.cluster import check_scheduler, local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import Progress, peak_memory_mb, process_seconds
-from lippmann.rendering.scene import Scene, check_scene_file
-from lippmann.variant import current_device, start_mitsuba
+from lippmann.scenes.scene import Scene, check_scene_file
 
 #: Options that only scenes have.
 OF_SCENES = (

@@ -6,14 +6,13 @@ import dataclasses
 import time
 from pathlib import Path
 
-from lippmann.cli.bench import shipped_scenes
+from lippmann.base.files import make_folder
+from lippmann.base.images import check_output
+from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DEVICE, SCENES, SEED
+from lippmann.cli.options.common import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit, log
 from lippmann.errors import input_error
-from lippmann.files import make_folder
-from lippmann.images import check_output
-from lippmann.variant import start_mitsuba
 
 
 @make_command("report")
@@ -34,9 +33,9 @@ def command(
 
     Example: lippmann report -o out/report
     """
-    from lippmann.measure.figures import read_stored
-    from lippmann.measure.plan import QUICK, WHOLE
-    from lippmann.report.run import PAGE, TABLES, make_report
+    from lippmann.conformance.figures import read_stored
+    from lippmann.conformance.report_plan import QUICK, WHOLE
+    from lippmann.conformance.report_run import PAGE, TABLES, make_report
 
     shown, folder = shipped_scenes(scenes), Path(output)
     before = read_stored(Path(against or output), TABLES)

@@ -6,18 +6,18 @@ import time
 from dataclasses import asdict
 from typing import Any
 
+from lippmann.base.images import check_input
 from lippmann.board.board import END_SCENE, Board
-from lippmann.board.frames import load_frame
-from lippmann.board.scene import SceneBoard
-from lippmann.board.stream import Sent, send_frame
+from lippmann.board.drawn_scene import SceneBoard
+from lippmann.board.packets import RESET_VERSION, SCENE_VERSION
+from lippmann.board.panel_frames import load_frame
+from lippmann.board.streaming import Sent, send_frame
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import TransferName, load_display
+from lippmann.display.description import TransferName, load_display
 from lippmann.errors import NoBoardError, device_error
-from lippmann.images import check_input
-from lippmann.link.packets import RESET_VERSION, SCENE_VERSION
 
 #: Pause between attempts to reopen a lost board, s.
 RETRY_S = 0.5

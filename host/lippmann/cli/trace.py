@@ -14,15 +14,15 @@ import numpy as np
 import numpy.typing as npt
 from click.core import ParameterSource
 
+from lippmann.base.files import replacing
+from lippmann.base.images import check_output
+from lippmann.base.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import emit
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.engines import trace
 from lippmann.errors import input_error, not_there, reason
-from lippmann.files import replacing
-from lippmann.images import check_output
-from lippmann.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
@@ -76,7 +76,7 @@ def command(
         s, t = random.uniform(size=(2, len(pixel)))
         points = np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
     if engine == "fast":
-        from lippmann.variant import start_mitsuba
+        from lippmann.base.variant import start_mitsuba
 
         device = start_mitsuba(device)
     if engine == "rtl":

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import click
 
+from lippmann.base.provenance import provenance
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import as_json, emit, log
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
-from lippmann.provenance import provenance
 
 
 @make_command("vectors")
@@ -37,8 +37,8 @@ def command(
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
     """
-    from lippmann.conditioning.stream import Stream
-    from lippmann.conditioning.vectors import write_vectors
+    from lippmann.conformance.vector_stream import Stream
+    from lippmann.conformance.vectors import write_vectors
 
     display = load_display(display_path)
     said = (

@@ -8,22 +8,23 @@ from pathlib import Path
 
 import click
 
-from lippmann import api, interrupts
+from lippmann import api
+from lippmann.base import interrupts
+from lippmann.base.files import replacing
+from lippmann.base.images import SUFFIXES, check_output, read_picture
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
 from lippmann.cli.output import emit, log, progress_bar
-from lippmann.display import Display, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
-from lippmann.files import replacing
-from lippmann.film.frames import FRAME_STEM
-from lippmann.images import SUFFIXES, check_output, read_picture
-from lippmann.integral_image import IntegralImage
-from lippmann.observer import Eye
-from lippmann.rendering.scene import check_scene_file
-from lippmann.viewer.direct import grid_of_eyes
-from lippmann.viewer.page import FRAMES_PER_SECOND, Direct, check_direct
-from lippmann.viewer.serve import page_server
+from lippmann.eye.observer import Eye
+from lippmann.eye.page import FRAMES_PER_SECOND, Direct, check_direct
+from lippmann.eye.page_direct_views import grid_of_eyes
+from lippmann.eye.page_server import page_server
+from lippmann.motion.film_frames import FRAME_STEM
+from lippmann.rendering.integral_image import IntegralImage
+from lippmann.scenes.scene import check_scene_file
 
 
 @make_command("view")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lippmann.display import Grid
+from lippmann.display.description import Grid
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square
 from lippmann.fixed.words import INDEX_BITS, Bools, Ints, fits, wrapped

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from numbers import Integral
 from typing import Annotated, Any, Literal, get_args
 
-from lippmann.display import Display, Grid
+from lippmann.base.toml import documented, key
+from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, extra_bits
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
-from lippmann.toml import documented, key
 
 #: Lens models of the RTL; `thin` runs on the paraxial hardware with other coefficients.
 HardwareModel = Literal["pinhole", "paraxial", "exact"]

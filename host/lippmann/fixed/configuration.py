@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed import words
 from lippmann.fixed.build import Build, shift_mm

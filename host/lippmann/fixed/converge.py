@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lippmann.display import Grid
+from lippmann.display.description import Grid
 from lippmann.fixed.multiplier import multiplier
 from lippmann.fixed.words import MUL_BITS, Bools, Ints, fits, share_bits, wrapped
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Ints, fits

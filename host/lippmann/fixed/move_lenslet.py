@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lippmann.display import Grid
+from lippmann.display.description import Grid
 from lippmann.fixed.words import Bools, Ints, fits, wrapped
 
 

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from lippmann.display import Display, Grid, load_display
+from lippmann.display.description import Display, Grid, load_display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT, WIDEST

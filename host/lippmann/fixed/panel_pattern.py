@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lippmann.display import Grid
+from lippmann.display.description import Grid
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.lenslet_hex import lenslet_hex
 from lippmann.fixed.lenslet_square import lenslet_square

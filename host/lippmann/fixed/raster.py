@@ -7,10 +7,10 @@ from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from lippmann.base.toml import documented, key
 from lippmann.errors import InputError
 from lippmann.fixed.words import PIXEL_BITS, PIXEL_FRACTION, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Floats
-from lippmann.toml import documented, key
 
 #: Sources of jitter, in the order of their codes in the register.
 Jitter = Literal["off", "table", "lfsr"]

@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Mapping
 from typing import NamedTuple, get_args
 
-from lippmann.display import Grid
+from lippmann.display.description import Grid
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build, HardwareModel
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Jitter, Raster
+from lippmann.fixed.register_map import OPTICS_REGISTERS, Register
 from lippmann.fixed.words import Ints
-from lippmann.registers import OPTICS_REGISTERS, Register
 
 #: Bits of a register.
 WORD_BITS = 32

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+from lippmann.base.toml import documented, key
 from lippmann.errors import InputError
-from lippmann.toml import documented, key
 
 #: Most layers and slots; slot 15 is the panel's curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.base.images import encoded_values
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.exit_line import LATTICE_FRACTION
 from lippmann.fixed.panel_curve import WHITE, entry_light
@@ -28,7 +29,6 @@ from lippmann.fixed.scene_words import (
     LayerWords,
     SceneWords,
 )
-from lippmann.images import encoded_values
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import System
 

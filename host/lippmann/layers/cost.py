@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
-from lippmann.images import Radiance, decode, psnr_db
+from lippmann.base.images import Radiance, decode, psnr_db
+from lippmann.display.description import Display
+from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.layers.cut import Cut, Progress, Reach, cut_scene, reach_of
 from lippmann.layers.drawing import ExitLines, Filter, draw_golden, panel_bytes
 from lippmann.layers.stack import COLOURS, LayerStack
-from lippmann.observer import Eye, observe, whole_window
 from lippmann.rendering.pixel_filter import MOST_SAMPLES
 from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import Scene
+from lippmann.scenes.scene import Scene
 
 #: Bytes of a palette.
 PALETTE_BYTES = 4 * COLOURS

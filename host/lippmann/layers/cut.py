@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, whole_number
 from lippmann.layers.depths import Slab, slabs_of
@@ -22,9 +22,9 @@ from lippmann.layers.palette import Picture, quantise
 from lippmann.layers.peel import Area, Point, Slice, peel, seen_depths
 from lippmann.layers.stack import BLOCK_BYTES, MAX_LAYERS, MAX_SIDE, MIN_ROW, Floats, Layer, LayerStack
 from lippmann.optics.rays import Status
+from lippmann.optics.zones import half_width, middle_eye, viewing_distance
 from lippmann.rendering.renderer import Settings
-from lippmann.rendering.scene import Scene
-from lippmann.viewing import half_width, middle_eye, viewing_distance
+from lippmann.scenes.scene import Scene
 
 Progress = Callable[[int, int], None]
 

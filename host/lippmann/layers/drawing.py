@@ -15,14 +15,14 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display import Display
+from lippmann.base.images import decode, encoded_values
+from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
-from lippmann.fixed import drawing as fixed_drawing
+from lippmann.fixed import drawn_frame as fixed_drawing
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import MAX_TEXEL_BLOCKS, SceneBuild
 from lippmann.fixed.words import WIDEST
-from lippmann.images import decode, encoded_values
 from lippmann.layers.stack import BLOCK_BYTES, MIN_ROW, Bytes, Floats, Layer, LayerStack, light_of, opacity_of
 from lippmann.optics.rays import MODELS, Model, gets_through
 
@@ -126,8 +126,8 @@ def draw_layers(
     if engine == "twin":
         panel = fixed_drawing.draw(display, build, stack, scene_build, model)
     else:
-        from lippmann.sim.harness import rtl_pipeline  # not at the top: golden starts sooner without
-        from lippmann.sim.scene_harness import rtl_scene
+        from lippmann.simulation.ray_harness import rtl_pipeline  # not at the top: golden starts sooner without
+        from lippmann.simulation.scene_harness import rtl_scene
 
         threads = len(os.sched_getaffinity(0))  # the simulators run outside of Python's lock
         panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads)

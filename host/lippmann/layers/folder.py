@@ -18,14 +18,14 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from lippmann import toml
-from lippmann.display import Display
+from lippmann.base import toml
+from lippmann.base.files import make_folder, replacing
+from lippmann.base.images import check_output
+from lippmann.base.toml import documented, key
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error, likely_file, not_there, path_of, reason
-from lippmann.files import make_folder, replacing
-from lippmann.images import check_output
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
-from lippmann.toml import documented, key
-from lippmann.viewing import viewing_distance
+from lippmann.optics.zones import viewing_distance
 
 #: The file that makes a folder one of layers.
 FILE = "layers.toml"

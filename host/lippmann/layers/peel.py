@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from lippmann import interrupts
+from lippmann.base import interrupts
+from lippmann.base.variant import current_device, mitsuba
 from lippmann.layers.stack import Floats
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, first_hit, make_integrator
 from lippmann.rendering.sampler import sampler_of
 from lippmann.rendering.samples import Seeds
-from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Lines
-from lippmann.variant import current_device, mitsuba
+from lippmann.scenes.scene import Scene
 
 Point = tuple[float, float, float]
 

@@ -11,17 +11,17 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from lippmann import toml
-from lippmann.display import Display, Pair
+from lippmann.base import toml
+from lippmann.base.images import decode
+from lippmann.base.toml import documented, key
+from lippmann.display.description import Display, Pair
 from lippmann.errors import input_error, likely_file, not_there, reason
-from lippmann.images import decode
 from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for
 from lippmann.layers.depths import Slab
 from lippmann.layers.folder import Depth, Sky, check_depth
 from lippmann.layers.palette import Picture, quantise
 from lippmann.layers.peel import Area
 from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack
-from lippmann.toml import documented, key
 
 #: The file that makes a folder one of pictures.
 FILE = "pictures.toml"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.display import Array, Grid, Pair
+from lippmann.display.description import Array, Grid, Pair
 from lippmann.optics.backend import Arr, Backend
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.optics.backend import Arr
 
 

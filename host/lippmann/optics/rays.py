@@ -9,8 +9,8 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.toml import documented, key
 from lippmann.optics.backend import Arr
-from lippmann.toml import documented, key
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
 Engine = Literal["golden", "fast", "twin", "rtl"]

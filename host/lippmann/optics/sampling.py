@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from lippmann.base.variant import mitsuba
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
-from lippmann.variant import mitsuba
 
 #: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts, "The unreasonable effectiveness
 #: of quasirandom sequences", 2018).

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.convergence import Convergence

@@ -19,18 +19,18 @@ from pathlib import Path
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.base.files import FolderLock, remove_stale, replacing
+from lippmann.base.images import Radiance, write_picture
+from lippmann.display.description import Display
 from lippmann.errors import NoSpaceError, input_error
-from lippmann.files import FolderLock, remove_stale, replacing
-from lippmann.images import Radiance, write_picture
-from lippmann.integral_image import metadata_of
-from lippmann.rendering.arrange import load_placed
+from lippmann.optics.model_choice import TOLERANCE
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
-from lippmann.rendering.placement import Arrange, Placement
+from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
 from lippmann.rendering.samples import colours_of
-from lippmann.rendering.scene import Scene, digest_of, load_scene
-from lippmann.select.model import TOLERANCE
+from lippmann.scenes.arrange import load_placed
+from lippmann.scenes.placement import Arrange, Placement
+from lippmann.scenes.scene import Scene, digest_of, load_scene
 
 #: A picture of more pixels than these, or more rays, is rendered by bands that are kept.
 KEPT_PIXELS, KEPT_RAYS = 1 << 25, 1 << 27

@@ -20,13 +20,13 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from lippmann import interrupts
+from lippmann.base import interrupts
+from lippmann.base.programs import starting_python
+from lippmann.base.provenance import pixel_versions
+from lippmann.base.variant import start_mitsuba
 from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
-from lippmann.programs import starting_python
-from lippmann.provenance import pixel_versions
 from lippmann.rendering.recorded import garbage_kept
-from lippmann.rendering.scene import digest_of
-from lippmann.variant import start_mitsuba
+from lippmann.scenes.scene import digest_of
 
 #: Seconds in which the scheduler must answer, and a first worker must join.
 ANSWER_S = 10.0

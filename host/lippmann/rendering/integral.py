@@ -13,18 +13,18 @@ from typing import Literal
 import numpy as np
 
 from lippmann import __version__
-from lippmann.display import Display
+from lippmann.base.provenance import pixel_versions
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
-from lippmann.integral_image import IntegralImage
+from lippmann.optics.model_choice import TOLERANCE, choose_model
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
-from lippmann.provenance import pixel_versions
-from lippmann.rendering.placement import Placement
+from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.remarks import remarks
 from lippmann.rendering.renderer import Progress, Renderer, Settings, render_integral
-from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import display_source
-from lippmann.select.model import TOLERANCE, choose_model
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene
 
 ModelOption = Literal["auto", Model]
 MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
@@ -34,7 +34,7 @@ MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
 class RenderOptions:
     """Lens model, engine and settings of a render."""
 
-    #: "auto": the cheapest whose error stays below `tolerance` (see `lippmann.select.model`).
+    #: "auto": the cheapest whose error stays below `tolerance` (see `lippmann.optics.model_choice`).
     model: ModelOption = "auto"
     #: Error that "auto" allows, pixels of the reconstructed view.
     tolerance: float = TOLERANCE

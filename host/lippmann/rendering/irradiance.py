@@ -12,10 +12,10 @@ import math
 import re
 from typing import Any
 
+from lippmann.base.variant import drjit, mitsuba
 from lippmann.rendering.recorded import Recorded
-from lippmann.rendering.scene import Scene
 from lippmann.rendering.surface_lattice import MOST_POINTS, Lattices, Place, corners, from_octahedron, laid, place_of
-from lippmann.variant import drjit, mitsuba
+from lippmann.scenes.scene import Scene
 
 #: Bit of the lamps' word of a point whose light is known; the others tell which lamps it sees.
 KNOWN = 1 << 31

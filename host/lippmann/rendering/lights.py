@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from lippmann.base.variant import mitsuba
 from lippmann.rendering.coherence import coherence_hint
-from lippmann.variant import mitsuba
 
 #: Splats that a ray may pass; after that, or when they leave a hundredth of the light, what is behind is left out.
 MOST_SPLATS = 256
@@ -51,7 +51,7 @@ def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
-    default true; without them each light reaches every surface that faces it, as `lippmann bench stages` asks for).
+    default true; without them each light reaches every surface that faces it, as `tools.bench stages` asks for).
     """
     mi = mitsuba()
     import drjit as dr

@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lippmann.images import BAND_ROWS
+from lippmann.base.images import BAND_ROWS
+from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.samples import Seeds, colour_count
 from lippmann.rendering.sources import RaySource
-from lippmann.variant import current_device, drjit, mitsuba
 
 #: Samples of a pixel, at most, that count for neighbours: of more, their own mean is as good where detail is finest.
 MOST_SAMPLES = 4

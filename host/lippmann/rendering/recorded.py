@@ -13,8 +13,8 @@ import weakref
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from lippmann.rendering.scene import Scene
-from lippmann.variant import current_device
+from lippmann.base.variant import current_device
+from lippmann.scenes.scene import Scene
 
 #: A lamp that shows a picture, as Mitsuba writes it: Dr.Jit 1.5 ends the process that replays one on a GPU.
 PICTURE = re.compile(r"BitmapTexture|EnvironmentMap")

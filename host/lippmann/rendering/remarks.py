@@ -8,16 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from lippmann.display import Display
-from lippmann.display_properties import display_properties
+from lippmann.display.description import Display
+from lippmann.optics.display_properties import display_properties
 from lippmann.optics.rays import Engine
+from lippmann.optics.zones import viewing_distance
 from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.pixel_filter import share_of_noise
 from lippmann.rendering.renderer import Settings, make_integrator, render_view
 from lippmann.rendering.samples import colours_of
-from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import Window
-from lippmann.viewing import viewing_distance
+from lippmann.scenes.scene import Scene
 
 #: Range of a scene's width, in widths of the panel, that gives no remark.
 SIZE_SHARE = (0.02, 1000.0)

@@ -20,22 +20,22 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lippmann import interrupts
-from lippmann.display import Display
+from lippmann.base import interrupts
+from lippmann.base.images import BAND_ROWS, Radiance, psnr_db
+from lippmann.base.memory import free_memory_mb, proc_mb
+from lippmann.base.variant import current_device, mitsuba
+from lippmann.display.description import Display
 from lippmann.errors import InputError, whole_number
-from lippmann.images import BAND_ROWS, Radiance, psnr_db
-from lippmann.memory import free_memory_mb, proc_mb
 from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.irradiance import Irradiance
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, PixelFilter, is_filtered, may_share
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count, lines_of, pixel_of
-from lippmann.rendering.scene import Scene, without_places
 from lippmann.rendering.shading import Program, SharedProgram, each_program, means_of, why_not_shared
 from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
 from lippmann.rendering.surface_lattice import MOST_POINTS
-from lippmann.variant import current_device, mitsuba
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, without_places
 
 #: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}

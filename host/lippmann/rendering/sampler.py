@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+from lippmann.base.variant import mitsuba
 from lippmann.rendering.samples import Seeds
-from lippmann.variant import mitsuba
 
 
 def sampler_of(seeds: Seeds, pixel: Any, sample: Any) -> Any:

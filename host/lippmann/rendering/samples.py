@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.display import Panel
+from lippmann.base.variant import current_device, mitsuba
+from lippmann.display.description import Panel
+from lippmann.display.subpixels import COLOURS, Box, Layout, layout_of
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel, points_in_square
-from lippmann.rendering.placement import Placement
 from lippmann.rendering.sources import Lines, RaySource
-from lippmann.subpixels import COLOURS, Box, Layout, layout_of
-from lippmann.variant import current_device, mitsuba
+from lippmann.scenes.placement import Placement
 
 #: Side of the tiles.
 TILE_PX = 8

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.images import Radiance
+from lippmann.base.images import Radiance
+from lippmann.base.variant import drjit, mitsuba
 from lippmann.rendering.coherence import coherence_hint
 from lippmann.rendering.irradiance import MOST_LAMPS, Irradiance, has_point_lamps
 from lippmann.rendering.lights import has_splats
 from lippmann.rendering.recorded import Recorded
 from lippmann.rendering.sampler import sampler_of
 from lippmann.rendering.samples import Parts, Pose, Seeds, colour_count, lines_of, pixel_of
-from lippmann.rendering.scene import Scene
 from lippmann.rendering.sources import RaySource
 from lippmann.rendering.surface_lattice import NONE, SPHERE, TWO, Lattices, Place, on_octahedron
-from lippmann.variant import drjit, mitsuba
+from lippmann.scenes.scene import Scene
 
 #: Renders a chunk: its samples' colours, and the numbers of lost ones. Its arguments are the numbers of the chunk's
 #: samples (UInt32), its first tile, its `Seeds`, and the scene's `Pose`.

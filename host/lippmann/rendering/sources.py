@@ -8,7 +8,9 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from lippmann.display import Display
+from lippmann.base.variant import mitsuba
+from lippmann.display.description import Display
+from lippmann.display.subpixels import Layout, layout_of
 from lippmann.engines import trace
 from lippmann.fixed.words import PIXEL_FRACTION
 from lippmann.optics.backend import DrJitBackend
@@ -17,8 +19,6 @@ from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import Engine, Model, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
-from lippmann.subpixels import Layout, layout_of
-from lippmann.variant import mitsuba
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)

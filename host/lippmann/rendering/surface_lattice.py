@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.variant import drjit, mitsuba
+from lippmann.base.variant import drjit, mitsuba
 
 #: Diffuse surfaces, as Mitsuba writes their BSDFs: of one side, or of two alike in kind.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")

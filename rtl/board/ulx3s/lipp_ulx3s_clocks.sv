@@ -6,7 +6,7 @@
 ///   VCO = 25 MHz / InputDiv * BackDiv
 ///
 /// Each output is VCO by its divider; the one of BackDiv is fed back. A pixel takes a system clock.
-/// `lippmann.dev.pll` finds the dividers.
+/// `tools.pll` finds the dividers.
 ///
 /// lost_o rises when the PLL was locked for 256 clocks and no longer is, two or three clocks of clk_i
 /// later, and stays high until the FPGA is configured again. It needs clk_i: of an oscillator that

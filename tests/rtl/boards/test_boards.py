@@ -6,11 +6,11 @@ import pytest
 from click.testing import CliRunner
 from lippmann.board.bitfile import read_bitfile
 from lippmann.board.fpga_boards import fpga_board, fpga_boards
-from lippmann.dev import bitstream, netlist
-from lippmann.dev.flow import run_tool
-from lippmann.dev.lint import elaborated, lint_board
-from lippmann.display import load_display
-from lippmann.sim.tools import repository
+from lippmann.display.description import load_display
+from lippmann.simulation.toolchain import repository
+from tools import bitstream, netlist
+from tools.flow import run_tool
+from tools.lint import elaborated, lint_board
 
 TOP = repository()
 BOARDS = sorted(fpga_boards())
@@ -33,7 +33,7 @@ def test_a_top_has_no_warning(name):
 
 
 def test_the_simulated_pins_take_what_they_are_given(tmp_path, monkeypatch):
-    """Files and parameters with which `python -m lippmann.dev.netlist` compiles them; one too many is an error."""
+    """Files and parameters with which `python -m tools.netlist` compiles them; one too many is an error."""
     given = {}
 
     def compiled(made, module, files, parameters, clocks, roles, flags, options):

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from lippmann.board.fpga_boards import fpga_board
 from lippmann.board.tiles import TileGrid, code_tile
-from lippmann.dev.bitstream import plan
-from lippmann.display import load_display
-from lippmann.sim.compilation import FAST, kept, verilated
-from lippmann.sim.tools import needed, rtl_sources
-from lippmann.sim.virtual_board import step_of
+from lippmann.display.description import load_display
+from lippmann.simulation.compilation import FAST, kept, verilated
+from lippmann.simulation.toolchain import needed, rtl_sources
+from lippmann.simulation.virtual_board import step_of
 from packets import frame, with_crc
 from runner import BUILD, OPTIONS, TOP, seed
 from tmds import decoded
+from tools.bitstream import plan
 
 HERE = Path(__file__).parent
 WIDTH, HEIGHT = 64, 32

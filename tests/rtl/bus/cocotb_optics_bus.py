@@ -11,13 +11,13 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, with_timeout
 from cocotb_axis import stream
 from cocotbext.axi import AxiLiteBus, AxiLiteMaster, AxiStreamFrame, AxiStreamSink, AxiStreamSource
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, write
-from lippmann.registers import OPTICS_REGISTERS
+from lippmann.fixed.register_map import OPTICS_REGISTERS
 
 F = int(os.environ["BUS_F"])
 DISPLAY = load_display(os.environ["BUS_DISPLAY"])

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
-from lippmann.sim.harness import parameters
-from lippmann.sim.tools import repository
+from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.toolchain import repository
 from runner import compiled, seed, simulate
 
 HERE = Path(__file__).parent

@@ -10,7 +10,7 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.sim.compilation import kept
+from lippmann.simulation.compilation import kept
 from runner import BUILD, TOP, compiled, seed
 from tmds import CONTROLS, by_the_flow_chart
 

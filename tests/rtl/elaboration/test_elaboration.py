@@ -5,9 +5,9 @@ import subprocess
 
 import pytest
 from click.testing import CliRunner
-from lippmann.dev.lint import elaborated, folder_of_modules, lint, main
-from lippmann.sim.tools import PREFIX, needed, rtl_sources
+from lippmann.simulation.toolchain import PREFIX, needed, rtl_sources
 from runner import TOP
+from tools.lint import elaborated, folder_of_modules, lint, main
 
 SOURCES = rtl_sources(TOP)
 FOLDER_OF = folder_of_modules()
@@ -530,16 +530,16 @@ def test_bad_parameters_stop_a_boards_elaboration(tmp_path):
 
 
 def test_the_command_tells_of_each_module_that_is_not_clean(monkeypatch):
-    """`python -m lippmann.dev.lint`, which `make lint` runs; all modules themselves are seen to above."""
+    """`python -m tools.lint`, which `make lint` runs; all modules themselves are seen to above."""
 
     def found(module):
         said = f"%Warning-WIDTH: {module}.sv" if module in ("aim", "ring") else ""
         return subprocess.CompletedProcess([], 1 if module == "ring" else 0, "", said)
 
-    monkeypatch.setattr("lippmann.dev.lint.lint", found)
+    monkeypatch.setattr("tools.lint.lint", found)
     result = CliRunner().invoke(main)
     assert result.exit_code == 1
     assert result.stderr.splitlines() == [
         "%Warning-WIDTH: aim.sv", "%Warning-WIDTH: ring.sv", "aim, ring: mend the warnings above",
     ]  # fmt: skip
-    assert "-m lippmann.dev.lint\n" in (TOP / "Makefile").read_text()
+    assert "-m tools.lint\n" in (TOP / "Makefile").read_text()

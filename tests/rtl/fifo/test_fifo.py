@@ -3,9 +3,9 @@
 import re
 
 import pytest
-from lippmann.dev.lint import folder_of_modules
-from lippmann.sim.tools import PREFIX
+from lippmann.simulation.toolchain import PREFIX
 from runner import CHECKS, compiled, seed, simulate
+from tools.lint import folder_of_modules
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
-from lippmann.registers import OPTICS_REGISTERS
+from lippmann.fixed.register_map import OPTICS_REGISTERS
 from pins import Pins
 from rtl_coverage import Coverage
 

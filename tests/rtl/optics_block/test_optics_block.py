@@ -1,10 +1,10 @@
 """optics_block, from a display file to exit rays, as software drives it."""
 
 import pytest
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
-from lippmann.sim.harness import parameters
-from lippmann.sim.tools import repository
+from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.toolchain import repository
 from runner import compiled, seed, simulate
 
 DISPLAYS = repository() / "scenes" / "displays"

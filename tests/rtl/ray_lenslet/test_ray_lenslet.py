@@ -9,7 +9,7 @@ import pytest
 from bench import pack
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.sim.harness import packed, parameters
+from lippmann.simulation.ray_harness import packed, parameters
 from optics import random_configuration, ray_words, within
 from runner import compiled, seed, simulate
 

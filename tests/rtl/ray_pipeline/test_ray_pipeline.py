@@ -6,7 +6,7 @@ from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.optics.rays import Status
-from lippmann.sim.harness import packed, parameters
+from lippmann.simulation.ray_harness import packed, parameters
 from optics import random_configuration, ray_words
 from rtl_coverage import Coverage
 from runner import seed

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from lippmann.fixed.rsqrt import rsqrt
 from lippmann.fixed.sqrt import sqrt
-from lippmann.sim.compilation import kept, verilated
-from lippmann.sim.tools import needed, optics_sources
+from lippmann.simulation.compilation import kept, verilated
+from lippmann.simulation.toolchain import needed, optics_sources
 from runner import BUILD, TOP
 
 CHUNK = 1 << 22

@@ -7,19 +7,19 @@ import dataclasses
 import numpy as np
 import pytest
 from layer_cases import random_stack
-from lippmann.display import load_display
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.drawing import sample_words
+from lippmann.fixed.drawn_frame import sample_words
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.scene import scene
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_words import LayerWords, SceneWords
-from lippmann.sim.compilation import FAST, SHORT
-from lippmann.sim.scene_harness import SceneHarness, rtl_scene
-from lippmann.sim.tools import repository
+from lippmann.simulation.compilation import FAST, SHORT
+from lippmann.simulation.scene_harness import SceneHarness, rtl_scene
+from lippmann.simulation.toolchain import repository
 from random_cases import configured_display
 from rtl_coverage import Coverage
 from runner import seed

@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from lippmann.sim.compilation import kept
+from lippmann.simulation.compilation import kept
 from runner import BUILD, TOP
 
 MAIN = Path(__file__).with_name("main.cpp")

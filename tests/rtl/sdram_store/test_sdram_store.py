@@ -7,8 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from lippmann.sim.compilation import FAST, kept, verilated
-from lippmann.sim.tools import needed, rtl_sources
+from lippmann.simulation.compilation import FAST, kept, verilated
+from lippmann.simulation.toolchain import needed, rtl_sources
 from runner import BUILD, CHECKS, OPTIONS, TOP, seed
 
 MAIN = Path(__file__).with_name("main.cpp")

@@ -1,9 +1,9 @@
 """sdram_store as yosys reads it, and its clocks after place-and-route alone, between registers (sim/synth)."""
 
 import pytest
-from lippmann.dev.flow import Source, elaborate, route, synthesise
-from lippmann.dev.synthesis import DEVICE, WANTED_MHZ, sources
 from runner import BUILD, TOP
+from tools.flow import Source, elaborate, route, synthesise
+from tools.synthesis import DEVICE, WANTED_MHZ, sources
 
 PROBE = Source("probe_sdram", {}, sources(TOP, "probe_sdram"))
 

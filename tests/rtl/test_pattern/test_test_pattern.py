@@ -9,7 +9,7 @@ from lippmann.fixed.extent import extent
 from lippmann.fixed.panel_pattern import centres, located, views
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
-from lippmann.sim.harness import packed
+from lippmann.simulation.ray_harness import packed
 from optics import display, random_configuration
 from rtl_coverage import Coverage
 from runner import seed

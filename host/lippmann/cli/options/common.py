@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import click
 
 from lippmann.cli.frame import Choice, option
+from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
@@ -86,3 +88,10 @@ class Slot(click.ParamType[tuple[int, int]]):
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
         """Return the form for help texts."""
         return "WIDTHxHEIGHT"
+
+
+def shipped_scenes(path: str) -> Path:
+    """Return the project's folder of scenes; refuse another folder."""
+    if not (Path(path) / "displays/paper-square.toml").is_file():
+        raise InputError(f"{path}: the project's scenes are not there; run in the project's top folder")
+    return Path(path)

@@ -12,7 +12,7 @@ from lippmann.board.board import Board
 from lippmann.board.discovery import find_board
 from lippmann.board.fpga_boards import usual_baud
 from lippmann.cli.frame import option
-from lippmann.display import Display
+from lippmann.display.description import Display
 from lippmann.errors import input_error
 
 PORT = option(

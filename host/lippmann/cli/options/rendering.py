@@ -10,12 +10,12 @@ from lippmann.cli.frame import option
 from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
 from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
+from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine
 from lippmann.rendering.integral import ModelOption, RenderOptions
-from lippmann.rendering.placement import Arrange, Placement, placement_beside, usual_arrange
 from lippmann.rendering.renderer import Settings, Shading
 from lippmann.rendering.sources import Aperture
-from lippmann.select.model import TOLERANCE
+from lippmann.scenes.placement import Arrange, Placement, placement_beside, usual_arrange
 
 SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)
 INTEGRATOR = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights")

@@ -1,0 +1,95 @@
+"""Animations and contact sheets of views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from lippmann.base.files import replacing
+from lippmann.base.images import Radiance, check_output, encoded_values
+
+if TYPE_CHECKING:
+    import PIL.Image
+
+ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
+#: Duration of a frame, ms.
+FRAME_MS = 80
+#: Bytes of each pixel of each frame, in Pillow's copies of the frames (measured).
+FRAME_BYTES = 13
+
+
+def write_animation(
+    path: str | Path, views: Iterable[Radiance], there_and_back: bool = True, frame_ms: float = FRAME_MS
+) -> None:
+    """Write views, (height, width, 3) linear radiance each, as an endless GIF or animated PNG, to and fro or onwards.
+
+    They are taken one at a time, and kept in 8 bits (`animation_mb`).
+
+    Raises InputError when the file cannot be written.
+    """
+    path = check_output(path, ANIMATION_SUFFIXES)
+    kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
+    with replacing(path) as partial, partial.open("wb") as stream:
+        _write(stream, views, kind, there_and_back, frame_ms)
+
+
+def animation_png(stream: BinaryIO, views: Iterable[Radiance]) -> None:
+    """Write an endless animated PNG of views to and fro into a stream."""
+    _write(stream, views, "PNG", True, FRAME_MS)
+
+
+def _write(stream: BinaryIO, views: Iterable[Radiance], kind: str, there_and_back: bool, frame_ms: float) -> None:
+    from PIL import Image
+
+    frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
+    if kind == "GIF":
+        # One palette and no dither: parts at rest take no space and do not flicker.
+        palette = _common_palette(frames)
+        frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    if there_and_back:
+        frames += frames[-2:0:-1]
+    frames[0].save(
+        stream, format=kind, save_all=True, append_images=frames[1:], duration=frame_ms, loop=0, optimize=True
+    )
+
+
+def animation_mb(frames: int, width_px: int, height_px: int) -> float:
+    """Return the memory of the frames of an animation while `write_animation` runs, MB."""
+    return frames * width_px * height_px * FRAME_BYTES / 1e6
+
+
+def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
+    """Return an image with a palette of 256 colours for all frames, from a small copy of each."""
+    from PIL import Image
+
+    side = 96
+    strip = Image.new("RGB", (side * len(frames), side))
+    for k, frame in enumerate(frames):
+        strip.paste(frame.resize((side, side), Image.Resampling.NEAREST), (k * side, 0))
+    return strip.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
+
+
+def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
+    """Write views in rows, each with a caption below it.
+
+    Raises InputError when the file cannot be written.
+    """
+    from PIL import Image, ImageDraw
+
+    path = check_output(path, (".png",))
+    height, width = views[0].shape[:2]
+    columns = min(columns, len(views))
+    rows = -(-len(views) // columns)
+    margin, line = 8, 20
+    sheet = Image.new(
+        "RGB", (columns * (width + margin) + margin, rows * (height + line + margin) + margin), (24, 24, 24)
+    )
+    draw = ImageDraw.Draw(sheet)
+    for k, (view, caption) in enumerate(zip(views, captions, strict=True)):
+        x = margin + (k % columns) * (width + margin)
+        y = margin + (k // columns) * (height + line + margin)
+        sheet.paste(Image.fromarray(encoded_values(view, "srgb", 8)), (x, y))
+        draw.text((x, y + height + 4), caption, fill=(230, 230, 230))
+    with replacing(path) as partial:
+        sheet.save(partial, format="PNG")

@@ -1,0 +1,329 @@
+"""Files and folders that appear whole or not at all, after a signal, a full disk and a power cut too.
+
+They are written under a temporary name in the same folder, synced, and renamed. The temporary name says which process
+owns it, so that the next command removes what a killed one left.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import functools
+import hashlib
+import os
+import re
+import shutil
+import stat
+import tempfile
+import time
+import weakref
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from lippmann.base import interrupts
+from lippmann.errors import LippmannError, NoSpaceError, input_error
+
+#: Folders that `make_folder` made.
+made: list[Path] = []
+
+#: What the system says when a disk, or the user's share of it, is full, or a file as large as the user may have.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+#: A disk that refuses so many bytes more is full.
+PROBE_BYTES = 1 << 20
+#: A partial file of another machine, or of a container that is gone, is removed when it has not changed for so long, s.
+FOREIGN_S = 86_400.0
+#: Most bytes of a name that a partial file keeps.
+KEPT_BYTES = 180
+#: A partial file's name: its file's stem, the machine, the process and its life, the file's suffix.
+PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
+
+
+def owner() -> str:
+    """Return this process in a partial file's name: its machine, its number, and its start."""
+    return f"{_machine()}-{os.getpid()}-{_life(os.getpid())}"
+
+
+@functools.cache
+def _machine() -> str:
+    """Return the processes that this one can see: the machine, and the container on it."""
+    return _short(os.uname().nodename.encode() + str(os.stat("/proc/self/ns/pid").st_ino).encode())
+
+
+def _life(pid: int) -> str:
+    """Return what tells a process from a later one of the same number; nothing when there is no such process."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
+        boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
+    except OSError:
+        return ""
+    return _short(boot + fields[19])  # its start, in ticks since the machine's
+
+
+def _short(text: bytes) -> str:
+    return hashlib.sha256(text).hexdigest()[:8]
+
+
+def partial_name(name: str) -> str:
+    """Return the temporary name of a file or folder of this process; it ends in the same suffix."""
+    stem, suffix = os.path.splitext(name)
+    kept = stem.encode(errors="surrogateescape")[:KEPT_BYTES].decode(errors="ignore")
+    return f".{kept}.{owner()}.partial{suffix}"
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove the partial files and folders of processes that have ended; those of others stay."""
+    with contextlib.suppress(OSError):
+        for entry in list(os.scandir(folder)):
+            found = PARTIAL.fullmatch(entry.name)
+            if found is not None and _is_stale(entry, *found.groups()[:3]):
+                _remove(Path(entry.path))
+
+
+@functools.cache
+def _remove_stale_once(folder: Path) -> None:
+    remove_stale(folder)
+
+
+def clean_before_writing(folder: Path) -> None:
+    """Remove what killed processes left in a folder; done once in each process."""
+    _remove_stale_once(folder.absolute())
+
+
+def _is_stale(entry: os.DirEntry[str], machine: str, pid: str, life: str) -> bool:
+    if machine != _machine():
+        return time.time() - entry.stat(follow_symlinks=False).st_mtime > FOREIGN_S
+    return _life(int(pid)) != life
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it, if it is there."""
+    # A second signal waits: an exception would leave the rest.
+    with interrupts.held():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        elif os.path.lexists(path):  # a file system that is read-only refuses to remove even nothing
+            path.unlink(missing_ok=True)
+
+
+def is_full(error: BaseException) -> bool:
+    """Tell whether a full disk is behind an error."""
+    if isinstance(error, RuntimeError):  # Mitsuba's
+        return any(os.strerror(number) in str(error) for number in FULL)
+    return isinstance(error, OSError) and error.errno in FULL
+
+
+def no_space(where: str, why: str | None = None) -> NoSpaceError:
+    """Return the error of a full disk."""
+    what = f"cannot be written ({why or 'no space left on the device'})"
+    return NoSpaceError.at(where, what, "free space or choose another place")
+
+
+def on_full_disk(path: Path) -> str | None:
+    """Return what the system says where a file's disk, or a quota, is full: `PROBE_BYTES` more are written there."""
+    try:
+        with path.open("ab") as stream:
+            stream.write(bytes(PROBE_BYTES))
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        return error.strerror if is_full(error) else None
+    return None
+
+
+def not_written(path: Path, why: str = "", tried: Path | None = None) -> LippmannError:
+    """Return the error of a library that did not write a file, and does not say why in numbers: full, or refused.
+
+    `tried` is the file that it was writing: a little more is written there to tell.
+    """
+    if (full := on_full_disk(tried or path)) is not None:
+        return no_space(str(path), full)
+    return input_error(str(path), f"cannot be written ({why})", "free space or choose another place")
+
+
+def refused(path: Path, error: OSError, tried: Path | None = None) -> LippmannError:
+    """Return the error of a system that refuses to write a file or folder; `tried` as for `not_written`."""
+    if is_full(error):
+        return no_space(str(path), error.strerror)
+    if error.errno is None and tried is not None:  # numpy's
+        return not_written(path, str(error), tried)
+    return input_error(str(path), f"cannot be written ({error.strerror})", "free space or choose another place")
+
+
+def sync(path: Path) -> None:
+    """Return when the content of a file, or the names in a folder, are on the disk."""
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        # Some file systems sync no folders: there the rename is all that can be done.
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
+            raise
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
+
+    The file is on the disk before it gets its name, and the name before this returns: a power cut leaves the old file
+    or the new one.
+
+    NoSpaceError when the disk is full; InputError when the file system refuses otherwise (no permission).
+    """
+    clean_before_writing(path.parent)
+    partial = path.with_name(partial_name(path.name))
+    try:
+        new_file(partial).close()
+        yield partial
+        if not partial.stat().st_size:
+            raise OSError(errno.EIO, "nothing was written")
+        sync(partial)
+        os.replace(partial, path)
+        sync(path.parent)
+    except OSError as error:
+        raise refused(path, error, partial) from None
+    finally:
+        _remove(partial)
+
+
+def new_file(path: Path) -> BinaryIO:
+    """Make an empty file in the place of what has its name, open for writing.
+
+    What another user put there, such as a link to one of this user's files, is removed or refused, never followed.
+    """
+    _remove(path)
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666), "wb")
+
+
+def own_text(path: Path) -> str:
+    """Return the text of a plain file of this user; OSError for a link, a pipe, or a file of another user."""
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid():
+            raise PermissionError(errno.EPERM, "another user's, or no plain file", str(path))
+        return stream.read()
+
+
+@contextlib.contextmanager
+def partial_folder(target: Path) -> Iterator[Path]:
+    """Provide an empty folder beside a target, for its parts; it is removed at the end.
+
+    OSError when it cannot be made. Use `moved` to give what is in it its final name.
+    """
+    clean_before_writing(target.parent)
+    folder = target.with_name(partial_name(target.name))
+    _remove(folder)
+    try:
+        folder.mkdir()
+        yield folder
+    finally:
+        _remove(folder)
+
+
+def moved(made: Path, target: Path) -> None:
+    """Give a finished file or folder its final name, all that is in it on the disk first."""
+    for below in sorted(made.rglob("*")) if made.is_dir() else ():
+        if not below.is_symlink():
+            sync(below)
+    sync(made)
+    os.replace(made, target)
+    sync(target.parent)
+
+
+def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
+    """Make a folder and those above it, unless they are there; NoSpaceError or InputError when that fails.
+
+    `remove_empty` removes those that a failed command left empty.
+    """
+    made.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        if is_full(error):
+            raise no_space(str(folder), error.strerror) from None
+        raise input_error(str(folder), f"cannot be made ({error.strerror})", remedy) from None
+
+
+class FolderLock:
+    """A folder, made when it is not there, that no other command has until this is closed, or its process ends.
+
+    File systems without locks have none.
+    """
+
+    def __init__(self, folder: Path, remedy: str) -> None:
+        """Raise errors as `make_folder` does, and InputError when another command has the folder."""
+        handle = None
+        while handle is None:
+            make_folder(folder, remedy)
+            handle = _locked(folder, remedy)
+        #: Lets another one have it.
+        self.close = weakref.finalize(self, os.close, handle)
+
+
+def _locked(folder: Path, remedy: str) -> int | None:
+    """Return the handle of a folder that is locked; None when who had it has removed it meanwhile."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        what = "belongs to another command that is at work"
+        raise input_error(str(folder), what, f"wait until it has ended, or {remedy}") from None
+    except OSError:  # there are no locks
+        return handle
+    with contextlib.suppress(FileNotFoundError):
+        if os.path.samestat(os.fstat(handle), folder.stat()):
+            return handle
+    os.close(handle)
+    return None
+
+
+def remove_empty() -> None:
+    """Remove the folders of `make_folder` that are empty."""
+    while made:
+        with contextlib.suppress(OSError):
+            made.pop().rmdir()
+
+
+def private_path() -> Path:
+    """Return where this user's own folder is; see `private_folder`."""
+    return Path(tempfile.gettempdir()) / f"lippmann-{os.getuid()}"
+
+
+def private_folder() -> Path:
+    """Return this user's own folder for sockets and scratch files, which no other user may enter; made when missing.
+
+    InputError when another user was there first.
+    """
+    folder = private_path()
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise input_error(str(folder), "is not a folder of yours alone", "remove it, or set TMPDIR to your own folder")
+    return folder
+
+
+def listening() -> set[str]:
+    """Return the paths of the Unix sockets on which a program listens."""
+    rows = Path("/proc/net/unix").read_text(errors="replace").splitlines()
+    return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
+
+
+@contextlib.contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Provide an empty folder for this process's own use, removed at the end; its name is short and without spaces."""
+    place = private_folder()
+    clean_before_writing(place)
+    folder = Path(tempfile.mkdtemp(prefix=".", suffix=f".{owner()}.partial", dir=place))
+    try:
+        yield folder
+    finally:
+        _remove(folder)

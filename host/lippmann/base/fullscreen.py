@@ -1,0 +1,154 @@
+"""Images on the host's screens (SDL): unscaled on the whole of a panel, or in a window on the desktop."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.stderr import silent_stderr
+from lippmann.errors import DeviceError, InputError
+
+Pixels = npt.NDArray[np.uint8]
+
+#: SDL drivers without a visible screen, which SDL chooses on a machine without a desktop.
+BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
+#: Pause between two queries of the keyboard, s.
+LOOK_S = 0.05
+#: Largest window, as a share of the desktop.
+WINDOW_SHARE = 0.9
+
+
+def monitors() -> list[tuple[int, int]]:
+    """Return the width and height of each monitor, px; raise DeviceError when there is no desktop."""
+    with desktop("its sizes") as pygame:
+        return sizes_of(pygame)
+
+
+def sizes_of(pygame: Any) -> list[tuple[int, int]]:
+    """Return the width and height of each monitor of a desktop, px."""
+    return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
+
+
+def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
+    """Show an image until Escape or q is pressed, or for some seconds; return the pixels of the screen.
+
+    The image is (height, width, 3) uint8, of the monitor's size; monitors count from 0.
+
+    Raises InputError for a missing monitor, or one of another size: scaled pixels would not match the lenslets;
+    DeviceError when there is no desktop, or it does not allow the whole monitor.
+    """
+    height, width = image.shape[:2]
+    with full_screen((width, height), monitor) as put:
+        return put(image, seconds)
+
+
+def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
+    """Refuse a monitor that is missing, or has not just the size of a picture, which would be scaled."""
+    if not 0 <= monitor < len(sizes):
+        listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
+        raise InputError(f"no monitor {monitor}; choose from {listed}")
+    if sizes[monitor] != size:
+        raise InputError(
+            f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {size[0]} x {size[1]}; "
+            "set the monitor to its panel's own resolution, without scaling"
+        )
+
+
+def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, int]:
+    """Return the size of a window for a picture: the picture's, or less on a smaller desktop, in its shape."""
+    scale = min(1.0, *(WINDOW_SHARE * full / side for full, side in zip(desktop, size, strict=True)))
+    width, height = (max(1, round(scale * side)) for side in size)
+    return width, height
+
+
+@contextmanager
+def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
+    """Give a function that puts an image onto the whole of a monitor: one picture after the other, as `show` does.
+
+    The function returns the screen's pixels, after `seconds` (default: at once). Raises as `show` does.
+    """
+    check_monitor(monitors(), monitor, size)
+    width, height = size
+    with desktop("a full screen") as pygame:
+        screen = pygame.display.set_mode((width, height), pygame.FULLSCREEN | pygame.NOFRAME, display=monitor)
+        if screen.get_size() != (width, height):
+            raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
+        pygame.mouse.set_visible(False)
+
+        def put(image: Pixels, seconds: float | None = 0.0) -> Pixels:
+            _put_up(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
+            pygame.event.pump()
+            return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
+
+        yield put
+
+
+def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:
+    """Show an image (height, width, 3) uint8 in a window until it is closed (Escape, q), or for some seconds.
+
+    An image larger than the desktop is scaled down. DeviceError when there is no desktop.
+    """
+    show_frames([image], title, LOOK_S, seconds)
+
+
+def show_frames(frames: Sequence[Pixels], title: str, frame_s: float, seconds: float | None = None) -> None:
+    """Show frames of one size one after the other, over and over, as `show_window` shows an image."""
+    height, width = frames[0].shape[:2]
+    size = window_size((width, height), monitors()[0])
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    with desktop("a window") as pygame:
+        screen = pygame.display.set_mode(size)
+        pygame.display.set_caption(title)
+        pictures = [pygame.surfarray.make_surface(frame.swapaxes(0, 1)) for frame in frames]
+        shown = [one if one.get_size() == size else pygame.transform.smoothscale(one, size) for one in pictures]
+        for picture in itertools.cycle(shown):
+            if _put_up(pygame, screen, picture, frame_s) or time.monotonic() >= until:
+                return
+
+
+def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> bool:
+    """Draw a picture; wait for Escape, q or the close button, or some seconds; tell whether the user ended it."""
+    screen.blit(picture, (0, 0))
+    pygame.display.flip()
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    while time.monotonic() < until:
+        for event in pygame.event.get():
+            if event.type == pygame.QUIT or (
+                event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q)
+            ):
+                return True
+        time.sleep(LOOK_S)
+    return False
+
+
+@contextmanager
+def desktop(wanted: str) -> Iterator[Any]:
+    """Give pygame with its display initialised; an error of SDL becomes that of a desktop that refuses `wanted`."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    # Keep the window when another one gets the keyboard.
+    os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
+    import pygame
+
+    remedy = "run it in a graphical session, such as with DISPLAY=:0"
+    try:
+        with silent_stderr():
+            pygame.display.init()
+    except pygame.error as error:
+        raise DeviceError(f"no desktop ({error}); {remedy}") from None
+    try:
+        driver = pygame.display.get_driver()
+        if driver in BLIND_DRIVERS and driver not in os.environ.get("SDL_VIDEODRIVER", "").split(","):
+            raise DeviceError(f"no desktop (SDL found only its driver '{driver}', which shows nothing); {remedy}")
+        yield pygame
+    except pygame.error as error:
+        raise DeviceError(f"the desktop refuses {wanted} ({error}); run it in a graphical session") from None
+    finally:
+        pygame.display.quit()

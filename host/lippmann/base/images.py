@@ -1,0 +1,415 @@
+"""Image files: linear radiance in EXR and TIFF, panel values in PNG, with metadata.
+
+OpenImageIO reads and writes them. A file appears whole or not at all: it is written under a temporary name in the same
+folder and renamed at the end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base import interrupts
+from lippmann.base.files import clean_before_writing, not_written, refused, replacing
+from lippmann.base.limits import check_expanded, png_chunks
+from lippmann.base.stderr import silent_stderr
+from lippmann.base.tones import Transfer, curve_of, transfer_text
+from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, not_there, path_of, to_install
+
+#: Formats with linear radiance, and with panel values.
+LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
+ENCODED_SUFFIXES = (".png",)
+SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
+#: Longest file name, bytes: file systems allow 255, and the temporary name is longer.
+MAX_NAME_BYTES = 220
+#: Largest half float.
+HALF_MAX = 65504.0
+#: Most channels of an image: colours and alpha.
+MAX_CHANNELS = 4
+#: Most bytes of compressed texts in a PNG: each may expand a thousandfold, and all are read at once.
+MAX_TEXT_BYTES = 1 << 18
+#: Rows that are encoded, written and compared at once: a multiple of EXR's 16, so that no block is split.
+BAND_ROWS = 64
+#: Names by which OpenImageIO writes a PNG's gamma chunk for each transfer curve: 1/2.2 for sRGB too, beside its own.
+COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
+#: Neighbouring pixels of an integral image belong to distant views: without row filters its files are as small, and
+#: are written in a third of the time.
+PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
+#: Prefix of our metadata keys in a file.
+PREFIX = "lippmann:"
+
+#: Linear radiance, (height, width, 3).
+Radiance = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image file's linear radiance (height, width, 3) float32 and its metadata (keys without prefix)."""
+
+    radiance: Radiance
+    metadata: dict[str, str]
+
+
+def encode(linear: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+    """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
+    light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
+    if (measured := curve_of(transfer)) is not None:
+        return np.interp(light, measured[:, 1], measured[:, 0]).astype(np.float32)
+    if transfer == "linear":
+        return light
+    if transfer == "gamma2.2":
+        return np.asarray(light ** (1.0 / 2.2), np.float32)
+    if transfer == "srgb":
+        curve = 1.055 * light ** (1.0 / 2.4) - 0.055
+        return np.asarray(np.where(light <= 0.0031308, 12.92 * light, curve), np.float32)
+    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+
+
+def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
+    """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
+
+    Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
+    """
+    levels = (1 << bits) - 1
+    kind = np.uint8 if bits <= 8 else np.uint16
+    values = np.empty(radiance.shape, kind)
+    for first in range(0, len(values), BAND_ROWS):
+        rows = slice(first, first + BAND_ROWS)
+        level = np.rint(encode(radiance[rows], transfer) * levels)
+        # In double: float32 would round the spread levels of 9 to 15 bits twice.
+        values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
+    return values
+
+
+def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
+    """Return linear radiance (height, width, 3) as a PNG file for screens: sRGB, 8 bits."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(encoded_values(radiance, "srgb", 8)).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_] | None = None) -> float:
+    """Return the peak signal-to-noise ratio, dB, of two linear images, compared as sRGB values."""
+    difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
+    mean = difference.mean() if mask is None else difference[mask].mean()
+    return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))
+
+
+def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+    """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
+    v = np.asarray(values, np.float32)
+    if (measured := curve_of(transfer)) is not None:
+        return np.interp(v, measured[:, 0], measured[:, 1]).astype(np.float32)
+    if transfer == "linear":
+        return v
+    if transfer == "gamma2.2":
+        return np.asarray(v**2.2, np.float32)
+    if transfer == "srgb":
+        curve = ((v + 0.055) / 1.055) ** 2.4
+        return np.asarray(np.where(v <= 0.04045, v / 12.92, curve), np.float32)
+    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+
+
+def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
+    """Check before a long computation that a file can be written; return its path.
+
+    InputError for an unknown extension, a missing or read-only folder, and a path that is a folder; NoSpaceError.
+    """
+    path = path_of(path, "an image file")
+    if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
+        raise input_error(path.name[:40] + "...", "the file name is too long", f"keep it under {MAX_NAME_BYTES} bytes")
+    if path.suffix.lower() not in suffixes:
+        known = ", ".join(suffixes)
+        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {known}")
+    if path.suffix.lower() in SUFFIXES:
+        # Raises now, not after the render, when the library is missing.
+        openimageio()
+    if path.is_dir():
+        raise input_error(str(path), "is a folder", "give a file name")
+    folder = path.parent
+    if not folder.is_dir():
+        raise input_error(str(path), f"the folder {folder} does not exist", "make it first")
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise input_error(str(path), "cannot be written", "choose another place or change permissions")
+    try:
+        with tempfile.TemporaryFile(dir=folder):  # not by its permissions alone: /proc says that it may be written
+            pass
+    except OSError as error:
+        raise refused(path, error) from None
+    clean_before_writing(folder)
+    return path
+
+
+def check_input(path: str | Path) -> Path:
+    """Return an image's path; InputError when there is no such file."""
+    path = path_of(path, "an image file")
+    if not path.is_file():
+        missing = likely_file(path, SUFFIXES) or "render it first: lippmann render"
+        raise input_error(str(path), not_there(path, "image"), "give an image" if path.exists() else missing)
+    return path
+
+
+class Rows(Protocol):
+    """Linear radiance (height, width, 3) that gives some rows at a time: an array, or one that is on disk."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Height, width and 3."""
+
+    def __getitem__(self, rows: slice, /) -> npt.NDArray[Any]:
+        """Return some rows, `BAND_ROWS` at most, from a multiple of it on."""
+
+
+def write_picture(
+    path: str | Path,
+    radiance: Rows,
+    metadata: Mapping[str, str],
+    transfer: Transfer = "srgb",
+    bits: int = 8,
+) -> None:
+    """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
+
+    .exr (half float) and .tif (float) keep it linear. .png has panel values, by the panel's transfer curve and bits
+    (see `encoded_values`); its metadata name the curve.
+
+    Raises InputError when the file cannot be written.
+    """
+    oiio = openimageio()
+    path = check_output(path)
+    suffix = path.suffix.lower()
+    height, width = radiance.shape[:2]
+    for first in range(0, height, BAND_ROWS):
+        rows = np.asarray(radiance[first : first + BAND_ROWS])
+        # Other formats write infinite light as their largest value.
+        if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
+            raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
+    entries, kind = dict(metadata), oiio.FLOAT
+    # Of level 1: a picture is written in three quarters of the time, and is 2 % larger.
+    settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
+    if suffix == ".png":
+        entries["transfer"] = transfer_text(transfer)
+        kind = oiio.UINT8 if bits <= 8 else oiio.UINT16
+        settings = {"oiio:ColorSpace": COLOUR_SPACES.get(transfer_text(transfer), ""), **PNG_SETTINGS}
+    elif suffix == ".exr":
+        kind = oiio.HALF
+    spec = oiio.ImageSpec(width, height, 3, kind)
+    for key, setting in settings.items():
+        spec.attribute(key, setting)
+    if suffix in (".tif", ".tiff"):
+        # TIFF has no free keys: all entries go into the description.
+        spec.attribute("ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items()))
+    else:
+        for key, value in entries.items():
+            spec.attribute(PREFIX + key, value)
+
+    def band(first: int) -> npt.NDArray[Any]:
+        """Return the file's values of the band from this row on: no copy of the whole image is made."""
+        rows: npt.NDArray[Any] = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
+        if suffix == ".png":
+            rows = encoded_values(rows, transfer, bits)
+        elif suffix == ".exr":
+            rows = np.clip(rows, np.float32(-HALF_MAX), np.float32(HALF_MAX))
+        return np.ascontiguousarray(rows)
+
+    sums: list[int] = []
+
+    def write_bands(out: Any) -> bool:
+        """Write all bands and keep their sums; the next band is encoded while one is compressed."""
+        with ThreadPoolExecutor(1) as other:
+            ahead = other.submit(band, 0)
+            for first in range(0, height, BAND_ROWS):
+                rows = ahead.result()
+                ahead = other.submit(band, first + BAND_ROWS)
+                sums.append(zlib.crc32(rows.data) if suffix in ENCODED_SUFFIXES else 0)
+                if not out.write_scanlines(first, first + len(rows), 0, rows):
+                    return False
+        return True
+
+    with replacing(path) as partial:
+        out = oiio.ImageOutput.create(str(partial))
+        if out is None:
+            raise input_error(str(path), oiio.geterror(), "choose another extension")
+        with silent_stderr():
+            good = out.open(str(partial), spec) and write_bands(out)
+            trouble = _first_line(out.geterror(), partial)
+            good = out.close() and good
+        # OpenImageIO does not notice when a full disk truncates a PNG.
+        if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, sums, kind):
+            good, trouble = False, "the disk holds only part of it"
+        if not good:
+            raise not_written(path, trouble, partial)
+
+
+def _holds(oiio: Any, path: Path, sums: Sequence[int], kind: Any) -> bool:
+    """Tell whether the bands of a file have these CRC-32 sums."""
+    with silent_stderr():
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            oiio.geterror()  # otherwise printed at exit
+            return False
+        try:
+            height = source.spec().height
+            firsts = range(0, height, BAND_ROWS)
+            bands = (source.read_scanlines(0, 0, y, min(y + BAND_ROWS, height), 0, 0, 3, kind) for y in firsts)
+            same = [0 if rows is None else zlib.crc32(rows) for rows in bands] == sums
+            source.geterror()
+            return same
+        finally:
+            source.close()
+
+
+def read_picture(
+    path: str | Path,
+    limit: tuple[int, int] | None = None,
+    accept: Callable[[Mapping[str, str]], None] | None = None,
+    allow: Callable[[int], None] | None = None,
+) -> Picture:
+    """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
+
+    Before its pixels are read, its size is compared with `limit`, (width, height); `accept` is called with its
+    metadata, and `allow` with the number of its pixels, which raise to refuse the image.
+
+    Raises InputError when the file is missing, broken, of another size, or not a flat image.
+    """
+    oiio = openimageio()
+    path = check_input(path)
+    try:
+        with silent_stderr():
+            return _read(oiio, path, limit, accept, allow)
+    except UnicodeDecodeError:  # OpenImageIO quotes a broken header
+        raise input_error(str(path), "is broken", "render it again") from None
+
+
+def _read(
+    oiio: Any,
+    path: Path,
+    limit: tuple[int, int] | None,
+    accept: Callable[[Mapping[str, str]], None] | None,
+    allow: Callable[[int], None] | None,
+) -> Picture:
+    """Read a file that is there; the rest of `read_picture`."""
+    with opened(oiio, path, limit, accept) as (source, metadata):
+        spec = source.spec()
+        what = f"{spec.width} x {spec.height} pixels"
+        if allow is not None:
+            allow(spec.width * spec.height)
+        check_expanded(str(path), what, spec.width * spec.height * (spec.nchannels + 3) * 4, "take a smaller image")
+        pixels = source.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise broken(path, source)
+        values = three_colours(pixels)
+    for first in range(0, len(values), BAND_ROWS):
+        decode_rows(path, values[first : first + BAND_ROWS], metadata)
+    return Picture(values, metadata)
+
+
+@contextlib.contextmanager
+def opened(
+    oiio: Any, path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
+) -> Iterator[tuple[Any, dict[str, str]]]:
+    """Open an image file that is there; yield OpenImageIO's input and our metadata. See `read_picture`."""
+    _check_texts(path)
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        trouble = oiio.geterror()
+        # OpenImageIO refuses large images before it gives their size.
+        if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
+            _check_size(path, (int(claim[1]), int(claim[2])), limit)
+        raise input_error(str(path), f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
+    try:
+        spec = source.spec()
+        if limit is not None:
+            _check_size(path, (spec.width, spec.height), limit)
+        if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
+            raise input_error(str(path), f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
+        metadata = _metadata_of(spec)
+        if accept is not None:
+            accept(metadata)
+        yield source, metadata
+    finally:
+        source.close()
+
+
+def broken(path: Path, source: Any) -> InputError:
+    """Return the error of a file whose rows OpenImageIO cannot read."""
+    trouble = _first_line(source.geterror(), path)
+    return input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
+
+
+def three_colours(pixels: npt.NDArray[Any]) -> Radiance:
+    """Return (height, width, 3) of values (height, width, 1 to 4)."""
+    values = np.asarray(pixels, np.float32)
+    if values.shape[2] < 3:
+        values = np.repeat(values[:, :, :1], 3, axis=2)
+    return np.ascontiguousarray(values[:, :, :3])
+
+
+def decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
+    """Make a file's values linear, in place; refuse those that are not finite."""
+    if not np.isfinite(rows).all():
+        raise input_error(str(path), "contains pixels that are not finite", "render it again")
+    # The transfer curve in a linear file's metadata is the panel's.
+    linear = path.suffix.lower() in LINEAR_SUFFIXES
+    try:
+        rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
+    """Refuse an image that has not the panel's size."""
+    if size != limit:
+        what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
+        raise input_error(str(path), what, "render it for this display")
+
+
+def _check_texts(path: Path) -> None:
+    """Refuse a PNG with so many compressed texts that opening it would take too much time and memory."""
+    texts = 0
+    for kind, size, _ in png_chunks(path):
+        texts += size * (kind in (b"zTXt", b"iTXt"))
+        if texts > MAX_TEXT_BYTES:
+            raise input_error(str(path), f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
+
+
+def _first_line(trouble: str, path: Path) -> str:
+    """Return the first line of a library's error message, without the file's name."""
+    return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "no reason given")
+
+
+def _metadata_of(spec: Any) -> dict[str, str]:
+    """Return our keys from a file's header."""
+    found: dict[str, str] = {}
+    for attribute in spec.extra_attribs:
+        if attribute.name.startswith(PREFIX):
+            found[attribute.name.removeprefix(PREFIX)] = str(attribute.value)
+        elif attribute.name == "ImageDescription":
+            for line in str(attribute.value).splitlines():
+                if line.startswith(PREFIX) and "=" in line:
+                    key, value = line.removeprefix(PREFIX).split("=", 1)
+                    found[key] = value
+    return found
+
+
+def openimageio() -> Any:
+    """Return the library; MissingLibraryError without it."""
+    try:
+        with interrupts.held():  # an exception while its types load aborts the process
+            import OpenImageIO
+    except ImportError as error:
+        raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); {to_install()}") from None
+    return OpenImageIO

@@ -1,0 +1,83 @@
+"""Other programs that a command runs and waits for: they end with it, and print any bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from lippmann.base import interrupts
+
+#: Pause between two looks whether a signal came, s.
+LOOK_S = 0.1
+#: Time in which an ended program removes its own files, before it is killed, s.
+GRACE_S = 5.0
+
+
+@contextlib.contextmanager
+def starting_python() -> Iterator[None]:
+    """Have the processes that multiprocessing starts meanwhile import nothing from the current folder.
+
+    Nor do they warn of semaphores that are left when a signal ends them all.
+    """
+    quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
+    before = dict(os.environ)
+    os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
+    try:
+        yield
+    finally:
+        for name in ("PYTHONSAFEPATH", "PYTHONWARNINGS"):
+            os.environ.pop(name)
+            os.environ |= {name: before[name]} if name in before else {}
+
+
+def run_program(
+    command: Sequence[str],
+    *,
+    folder: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+    timeout_s: float | None = None,
+) -> subprocess.CompletedProcess[str]:
+    """Run a program without input until it ends; return its exit code and what it printed, undecodable bytes marked.
+
+    A signal that ends this command ends the program first, with all programs that it started: they are a process group
+    of their own. Raises OSError when it cannot be run, subprocess.TimeoutExpired when it takes longer than `timeout_s`.
+    """
+    until = None if timeout_s is None else time.monotonic() + timeout_s
+    with interrupts.held() as came:
+        process = subprocess.Popen(
+            command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, errors="replace", process_group=0,
+        )  # fmt: skip
+        try:
+            while True:
+                try:
+                    out, err = process.communicate(timeout=LOOK_S)
+                    break
+                except subprocess.TimeoutExpired:
+                    late = until is not None and time.monotonic() > until
+                    # Other threads hold no signals; they see those of the main thread.
+                    if came or interrupts.received or late:
+                        out, err = _end(process)
+                        if late and timeout_s is not None:
+                            raise subprocess.TimeoutExpired(command, timeout_s) from None
+                        break
+        except BaseException:
+            _end(process)
+            raise
+    interrupts.check()
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
+    """End a program and all that it started; return what it printed."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return process.communicate(timeout=GRACE_S)
+    return "", ""

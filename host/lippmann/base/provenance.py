@@ -1,0 +1,66 @@
+"""Provenance of a measurement: machine, date, command and versions."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import hashlib
+import importlib.metadata
+import os
+import platform
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+from lippmann import __version__
+from lippmann.base.processor import processor_name
+
+
+def machine_name() -> str:
+    """Return processor and cores, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    cores = len(os.sched_getaffinity(0))
+    return f"{processor_name()}, {cores} cores, {platform.system()} {platform.machine()}"
+
+
+def gpu_name() -> str:
+    """Return the names of the GPUs that the driver tells; "" without its program."""
+    program = shutil.which("nvidia-smi")
+    if program is None:
+        return ""
+    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
+    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
+    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
+
+
+def pixel_versions() -> dict[str, str]:
+    """Return the versions of the packages that a picture's pixels depend on; Lippmann's tells its code's digest."""
+    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
+    return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
+
+
+@functools.cache
+def code_digest(folder: Path) -> str:
+    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files as they are when it is first asked for.
+
+    Between releases a version has many codes. "" without such files, as where only their compiled forms are installed.
+    """
+    found = hashlib.sha256()
+    paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
+    for path in paths:
+        code = path.read_bytes()
+        found.update(f"{path.relative_to(folder)} {len(code)}\n".encode() + code)
+    return f"+{found.hexdigest()[:8]}" if paths else ""
+
+
+def provenance(
+    command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"), programs: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Return the provenance of a report: machine, date, command, versions of Lippmann, of programs, some packages."""
+    versions = {**(programs or {}), **{name: importlib.metadata.version(name) for name in packages}}
+    return {
+        "machine": machine_name(),
+        "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "command": command,
+        "versions": ", ".join([f"lippmann {__version__}", *(f"{k} {v}" for k, v in versions.items())]),
+    }

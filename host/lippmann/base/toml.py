@@ -1,0 +1,373 @@
+"""TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
+
+From the declaration follow the reader with its error messages (`read`), the JSON Schema for editors (`schema`), and the
+key tables of the reference pages (`tools.generate_tables`). msgspec converts and checks the values.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import inspect
+import math
+import os
+import re
+import reprlib
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import msgspec
+
+from lippmann.base.limits import MAX_TOML_BYTES, read_limited
+from lippmann.errors import InputError, input_error, likely_file, reason
+
+#: Most parts of a dotted key: Python's parser takes the square of their number in time.
+MAX_KEY_PARTS = 32
+#: Most bytes of a part of a path, and characters of a path.
+MAX_NAME_BYTES, MAX_PATH = 255, 4000
+DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
+
+Form = TypeVar("Form")
+Schema = dict[str, Any]
+#: Keys at the top of a file that only one kind of file has.
+KINDS = {
+    "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
+    "scene": "film", "world": "film", "layers": "layer film", "panel": "display", "gap_mm": "display",
+    "picture": "pictures", "depth_picture": "depth picture",
+}  # fmt: skip
+#: Unit at the end of a key's name.
+UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
+#: Beginnings of names that people give to keys of other names.
+SYNONYMS = {
+    "skew": ("shear",), "slant": ("shear",), "angle": ("rotation_deg",), "tilt": ("rotation_deg",),
+    "turn": ("rotation_deg",), "layout": ("grid", "subpixels"), "stripes": ("subpixels",),
+    "eye": ("viewing_distance_mm",),
+}  # fmt: skip
+#: Remedy for text that is not TOML.
+ENDLESS = "a number of thousands of digits"
+MEND = "mend the syntax there (write numbers with a point, text in quotes)"
+
+
+def key(
+    meaning: str,
+    *,
+    above: float | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    default: str = "",
+    instead_of: str = "",
+    shape: str = "",
+    lengths: tuple[int | None, int | None] = (None, None),
+) -> msgspec.Meta:
+    """Describe a key: `name: Annotated[type, key(...)]`.
+
+    Parameters
+    ----------
+    meaning
+        For the reference page and for editors. A key's name ends with its unit.
+    above, low, high
+        Open lower bound, closed lower bound and closed upper bound of a number.
+    default
+        What holds without the key, in words, where the declaration's default does not say it.
+    instead_of
+        The key that this one replaces. A file gives exactly one of them; at most one where that key has a `default`.
+    shape
+        What a list is, in words: "a list of ...".
+    lengths
+        Least and most entries of a list.
+    """
+    known = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
+    extra = {name: words for name, words in known if words}
+    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high, "min_length": lengths[0], "max_length": lengths[1]}
+    return msgspec.Meta(description=meaning, extra_json_schema=extra, **bounds)
+
+
+def documented(form: type[Form]) -> type[Form]:
+    """Append the meanings of a dataclass's keys to its docstring. Dataclasses that no file declares may use it too."""
+    lines = [inspect.cleandoc(form.__doc__ or ""), "", "Attributes", "----------"]
+    for name, hint in get_type_hints(form, include_extras=True).items():
+        described = [note.description for part in (hint, *get_args(hint)) for note in getattr(part, "__metadata__", ())]
+        lines += [name, *(f"    {meaning}" for meaning in [text for text in described if text][-1:])]
+    form.__doc__ = "\n".join(lines)
+    return form
+
+
+def variant(form: type, optional: tuple[str, ...], **changes: Any) -> Any:
+    """Return the dataclass `form` as a file writes it: keys added, of another type, or optional (None without them)."""
+    hints = {**get_type_hints(form, include_extras=True), **changes}
+    defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
+    missing = dataclasses.MISSING
+    fields = []
+    for name, kind in hints.items():
+        default = defaults.get(name, missing)
+        given = dataclasses.field() if default is missing else dataclasses.field(default=default)
+        fields.append((name, kind | None if name in optional else kind, given))
+    return dataclasses.make_dataclass(form.__name__, fields, frozen=True, kw_only=True)
+
+
+def values(keys: Any) -> dict[str, Any]:
+    """Return the keys of a table that was read, with defaults."""
+    return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
+
+
+@cache
+def schema(form: Any) -> Schema:
+    """Return the JSON Schema of a declared file, without references.
+
+    Keys that are not declared are refused, save at the top of a class with `other_tables = True`.
+    """
+    whole = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
+
+    def plain(node: Any) -> Any:
+        if isinstance(node, list):
+            return [plain(item) for item in node]
+        if not isinstance(node, dict):
+            return node
+        # TOML has no null: a key that may be None is left out.
+        options = [option for option in node.get("anyOf", ()) if option != {"type": "null"}]
+        if options:
+            only = options[0] if len(options) == 1 else {"anyOf": options}
+            node = {**only, **node, "anyOf": only.get("anyOf")}
+        if "enum" in node:
+            node["enum"] = [option for option in node["enum"] if option is not None]
+        if node.get("$ref"):  # what the docstring of a class says is for programmers
+            table = whole["$defs"][node["$ref"].rpartition("/")[2]]
+            node = {**table, "title": None, "description": None, **node, "$ref": None}
+        node = {name: plain(value) for name, value in node.items() if value is not None}
+        if node.get("type") == "object":
+            node["additionalProperties"] = False
+            choices = []
+            for group, needed in rivals(node):
+                given = [{"required": [name]} for name in group]
+                choices.append({"oneOf": given if needed else [*given, {"not": {"anyOf": given}}]})
+            if choices:
+                node["allOf"] = choices
+        return node
+
+    return {**plain({"$ref": whole["$ref"]}), "additionalProperties": getattr(form, "other_tables", False)}
+
+
+def rivals(table: Schema) -> list[tuple[list[str], bool]]:
+    """Return the groups of keys of which a table holds one at most, and whether it must hold one."""
+    groups: dict[str, list[str]] = {}
+    for name, node in table["properties"].items():
+        if "x-instead-of" in node:
+            groups.setdefault(node["x-instead-of"], [node["x-instead-of"]]).append(name)
+    return [(group, "x-default" not in table["properties"][first]) for first, group in groups.items()]
+
+
+def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
+    """Yield the table and those inside it, each with its name ("" for the top)."""
+    for option in node.get("anyOf", [node]):
+        if "properties" in option:
+            yield name, option
+            for inner, value in option["properties"].items():
+                yield from tables(value, f"{name}.{inner}" if name else inner)
+        elif isinstance(option.get("items"), dict):
+            yield from tables(option["items"], name)
+
+
+def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
+    """Return the tables of TOML text; `source` names it in errors, `remedy` is for text that is not TOML."""
+    if (deep := DEEP_KEY.search(text)) is not None:
+        place = text.count("\n", 0, deep.start()) + 1
+        raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
+        line = re.search(r"(?:twice|overwrite).*line (\d+)", str(error))
+        if line:
+            name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
+            raise input_error(
+                source, f"{name} is given a second time in line {line[1]}", "leave one of the two"
+            ) from None
+        why = ENDLESS if "int_max_str_digits" in str(error) else error
+        raise input_error(source, f"not TOML ({why})", remedy) from None
+
+
+def load(path: Path, what: str) -> dict[str, Any]:
+    """Return the tables of a TOML file; `what` names its kind in errors."""
+    try:
+        text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
+    except FileNotFoundError:
+        remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
+        raise input_error(str(path), "no such file", remedy) from None
+    except (OSError, ValueError) as error:  # bytes that are not UTF-8, a name that no file can have
+        raise input_error(str(path), f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
+    return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
+
+
+def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form:
+    """Return the declared table that the parsed TOML holds.
+
+    Raises InputError (file, key, fault, remedy) for unknown keys first, then for the first other fault.
+    """
+    top = schema(form)
+    nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
+    for name, (value, node) in nodes.items():
+        keys = value if isinstance(value, dict) and "properties" in node else ()
+        for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):  # first what tells another kind
+            if unknown not in node["properties"] and not node["additionalProperties"]:
+                hint = _hint(top, node, value, unknown)
+                if not name and unknown in KINDS and not hint.startswith("it belongs"):
+                    kinds = (
+                        KINDS[unknown],
+                        re.sub(r"(?<=[a-z])[A-Z]", r" \g<0>", form.__name__.removesuffix("File")).lower(),
+                    )
+                    named = [kind.replace("setup", "set-up").replace("layer film", "film-of-layers") for kind in kinds]
+                    hint = f"this is a {named[0]} file, give a {named[1]} file"
+                raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", hint)
+    for name, (value, node) in nodes.items():
+        for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():
+            given = [rival for rival in group if rival in value]
+            if len(given) > 1 or (needed and not given):
+                state = "several are given" if given else "none is given"
+                raise input_error(f"{source}: {_join(name, ' or '.join(group))}", state, "give exactly one of them")
+        numbers = value if isinstance(value, list) else [value]
+        if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+            raise _wrong(source, name, value, node)
+    try:
+        read: Form = msgspec.convert(raw, form, dec_hook=_path)
+        return read
+    except InputError as error:  # of a __post_init__
+        raise InputError(f"{source}: {error}") from None
+    except msgspec.ValidationError as error:
+        # msgspec ends its messages with the place, such as "at `$.object[0].keys[1].frame`".
+        found = re.search(r" - at `\$\.?(.*)`$", str(error))
+        name = found[1] if found else ""
+        missing = re.match(r"Object missing required field `(.*?)`", str(error))
+        if missing:
+            raise input_error(f"{source}: {_join(name, missing[1])}", "the key is missing", "add it") from None
+        while name not in nodes:  # a number of a vector, or of a list of them
+            name = name.rpartition("[")[0]
+        raise _wrong(source, name, *nodes[name]) from None
+
+
+def _path(kind: Callable[[str], Any], text: str) -> Any:
+    """Return the path that a file names; ValueError for a name that no file can have."""
+    parts = [os.fsencode(part) for part in Path(text).parts]
+    if b"\0" in b"".join(parts) or max(map(len, parts), default=0) > MAX_NAME_BYTES or len(text) > MAX_PATH:
+        raise ValueError(text)
+    return kind(text)
+
+
+def _join(table: str, name: str) -> str:
+    return f"{table}.{name}" if table else name
+
+
+def _walk(value: Any, node: Schema, name: str) -> Iterator[tuple[str, Any, Schema]]:
+    """Yield name, value and schema of everything that the declaration knows, in the order of the file."""
+    if isinstance(value, dict):  # a key that takes text or a table
+        node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
+    yield name, value, node
+    if isinstance(value, dict) and "properties" in node:
+        for inner, item in value.items():
+            if inner in node["properties"]:
+                yield from _walk(item, node["properties"][inner], _join(name, inner))
+    elif isinstance(value, list):
+        # Entries that are lists have a shape, and a place for each of their parts.
+        node = next((option for option in node.get("anyOf", ()) if "a list of [" in option.get("x-shape", "")), node)
+        shape = node.get("x-shape", "").partition("a list of ")[2]
+        inner = {**(node.get("items") or {}), **({"x-shape": shape} if shape else {})}
+        parts = node.get("prefixItems", ()) if "x-shape" in node else ()
+        for place, item in enumerate(value if inner else value[: len(parts)]):
+            if isinstance(item, list) or not shape:
+                yield from _walk(item, inner or parts[place], f"{name}[{place}]")
+
+
+def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> str:
+    """Say which key an unknown one may stand for."""
+    missing = {*here.get("required", ())}.difference(given)
+    for group, needed in rivals(here):
+        if needed and not set(group) & set(given):
+            missing.update(group)
+
+    def likeness(name: str) -> float:
+        alike = difflib.SequenceMatcher(None, unknown.lower(), name).ratio()
+        part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
+        node = here["properties"][name]
+        options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
+        # The key's value in place of its name; a letter is in too many.
+        value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
+        return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
+
+    similar = [name for name in sorted(here["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]
+    homes = [table for table, node in tables(top) if unknown in node["properties"]]
+    places = [f"in [{home}]" if home else "at the top of the file, before the first [table]" for home in homes]
+    hints = [f"it belongs {' or '.join(places)}"] if places else []
+    everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
+    last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
+    synonyms = [key for word, keys in SYNONYMS.items() if unknown.lower().startswith(word) for key in keys]
+    # Of the same table rather than of another one.
+    known = [key for key in synonyms if key in here["properties"]] + [last[key] for key in synonyms if key in last]
+    if known and not places:
+        similar = known[:1]
+    if not places and not similar:
+        similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
+        similar = similar or (list(missing) if len(missing) == 1 else [])
+    if similar:
+        meant, unit = here["properties"].get(similar[0], {}), re.search(UNITS, unknown)
+        meaning = meant.get("description", "")
+        takes = f" ({meaning})" if unit and meaning and not similar[0].endswith(unit[0]) else ""
+        hints.append(f"did you mean {similar[0]}{takes}?")
+    return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
+
+
+def _shown(value: Any) -> str:
+    """Return a value for an error's line."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    try:
+        return reprlib.repr(value).replace("'", '"')
+    except ValueError:  # Python writes no such number
+        return ENDLESS
+
+
+def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
+    least, most = node.get("minItems", 0), node.get("maxItems", math.inf)
+    if isinstance(value, list) and "x-shape" not in node and "prefixItems" not in node:  # tables
+        if len(value) > most:
+            return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {most}")
+        if len(value) < least:
+            how = remedy(node, re.sub(r"\[\d+\]", "", name))
+            return input_error(f"{source}: {name}", "is empty", f"give at least {least}: {how}")
+    shown = _shown(value)
+    if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # of `_path`
+        return input_error(f"{source}: {name}", f"{shown} is no file's name", "give the name of a file")
+    words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
+    meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]
+    guess = f'did you mean "{meant[0]}"? ' if len(meant) == 1 else ""
+    return input_error(f"{source}: {name}", f"{shown} is not valid", guess + remedy(node, re.sub(r"\[\d+\]", "", name)))
+
+
+def remedy(node: Schema, name: str) -> str:
+    """Say what a key takes."""
+    if "anyOf" in node:
+        return " or ".join(remedy(option, name) for option in node["anyOf"])
+    if "enum" in node:
+        return "choose from " + ", ".join(f'"{option}"' for option in node["enum"])
+    if "x-shape" in node:
+        return f"give {node['x-shape']}"
+    if "prefixItems" in node:
+        return f"give [{', '.join('xyz'[: len(node['prefixItems'])])}], finite numbers"
+    bounds = bounds_text(node)
+    return {
+        "string": "put it in quotes",
+        "boolean": "give true or false",
+        "integer": f"give a whole number {bounds}",
+        "number": f"give a finite number{bounds and ', '}{bounds}",
+        "array": f"write each of them as [[{name}]] or {{ ... }}",
+        "object": f"write it as [{name}]",
+    }[node["type"]]
+
+
+def bounds_text(node: Schema) -> str:
+    """Return the bounds of a number in words."""
+    low, high = node.get("minimum"), node.get("maximum")
+    if low is not None and high is not None:
+        return f"from {low:g} to {high:g}"
+    words = {"exclusiveMinimum": "more than", "minimum": "at least", "maximum": "at most"}
+    return ", ".join(f"{word} {node[bound]:g}" for bound, word in words.items() if node.get(bound) is not None)

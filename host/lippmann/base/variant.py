@@ -1,0 +1,126 @@
+"""Starts Mitsuba on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from lippmann.base import interrupts
+from lippmann.errors import InputError, MissingLibraryError, to_install
+
+VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
+
+
+def start_mitsuba(device: str = "auto") -> str:
+    """Set Mitsuba's variant for a device, "llvm", "cuda" or "auto", and return the device: "llvm" or "cuda".
+
+    "auto" takes the GPU when there is one. Scenes and pictures belong to the variant that was set when they were made.
+
+    Raises InputError for an unknown device; MissingLibraryError when Mitsuba, or the libLLVM or CUDA driver that it
+    needs, cannot be loaded.
+    """
+    if device not in ("auto", *VARIANTS):
+        raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
+    mi = _loaded()
+    import drjit as dr
+
+    if device == "auto":
+        device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
+    cuda = device == "cuda"
+    if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
+        needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
+        raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
+    with late_syntax(dr):
+        mi.set_variant(VARIANTS[device])
+    mi.set_log_level(mi.LogLevel.Error)
+    return device
+
+
+@contextlib.contextmanager
+def own_variant(device: str = "auto") -> Iterator[str]:
+    """Run a block with our variant for a device, and set the variant and log level from before again after it.
+
+    Errors as for `start_mitsuba`.
+    """
+    mi = _loaded()
+    variant = mi.variant()
+    level = mi.log_level() if variant else None
+    chosen = start_mitsuba(device)
+    try:
+        yield chosen
+    finally:
+        if variant:
+            mi.set_variant(variant)
+            mi.set_log_level(level)
+
+
+def mitsuba() -> Any:
+    """Return the module `mitsuba` with one of our variants set; `start_mitsuba("auto")` when none is set yet.
+
+    Raises InputError when another variant is set; MissingLibraryError as `start_mitsuba`.
+    """
+    mi = _loaded()
+    variant = mi.variant()
+    if variant is None:
+        start_mitsuba()
+    elif variant not in VARIANTS.values():
+        raise InputError(
+            f"Mitsuba's variant is {variant}; call mitsuba.set_variant with {' or '.join(VARIANTS.values())}, or "
+            "lippmann.render, which sets its own"
+        )
+    return mi
+
+
+def drjit() -> Any:
+    """Return the module `drjit`, whose functions a type checker cannot follow."""
+    import drjit
+
+    return drjit
+
+
+def _loaded() -> Any:
+    """Import Mitsuba."""
+    if "mitsuba" in sys.modules:
+        return sys.modules["mitsuba"]
+    try:
+        with interrupts.held():
+            import mitsuba as mi
+    except ImportError as error:
+        raise MissingLibraryError(f"mitsuba cannot be imported ({error}); {to_install()}") from None
+    return mi
+
+
+def current_device() -> str:
+    """Return "llvm" or "cuda", the device of the variant that is set."""
+    variant: str = mitsuba().variant()
+    return variant.split("_", maxsplit=1)[0]
+
+
+@contextlib.contextmanager
+def late_syntax(dr: Any) -> Iterator[None]:
+    """Inside the block, let `@drjit.syntax` rewrite a function when it is first called, not when it is defined.
+
+    Mitsuba defines all its differentiable integrators whenever a variant is set. To rewrite them takes most of that
+    time, and hardly any is ever called.
+    """
+    at_once = dr.syntax
+
+    def late(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+        if function is None:  # called with options alone, which returns a decorator
+            return functools.partial(late, **options)
+        rewritten = functools.cache(lambda: at_once(function, **options))
+
+        @functools.wraps(function)
+        def call(*values: Any, **named: Any) -> Any:
+            return rewritten()(*values, **named)
+
+        return call
+
+    dr.syntax = late
+    try:
+        yield
+    finally:
+        dr.syntax = at_once

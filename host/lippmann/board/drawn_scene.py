@@ -1,0 +1,349 @@
+"""A scene on a board that draws: textures into slots, registers that move layers, and what the panel shows."""
+
+from __future__ import annotations
+
+import struct
+import time
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.toml import documented, key
+from lippmann.board.board import END_SCENE, QUERY_S, SCENE_BASE, UPDATE, Board
+from lippmann.board.packets import SCENE_VERSION, Kind, ReplyStatus
+from lippmann.board.request_window import Flight, Window
+from lippmann.board.streaming import Progress
+from lippmann.display.description import Display
+from lippmann.errors import DeviceError, InputError
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.register_file import optics_writes, write
+from lippmann.fixed.register_map import SCENE_REGISTERS
+from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
+from lippmann.fixed.scene_configuration import curve_table, layer_words, scene_words, slot_bytes
+from lippmann.fixed.scene_words import LayerWords, SceneWords
+from lippmann.layers.folder import check_depth, check_for_display
+from lippmann.layers.stack import Layer, LayerStack
+
+#: Most bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.
+BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
+#: Most rounds of a load, before it fails.
+MAX_ROUNDS = 8
+#: Longest wait for a frame of the panel, s: a simulated panel is slow.
+FRAME_SECONDS = 120.0
+#: Words of a layer, and those that move it.
+LAYER_WORDS, MOVE_WORDS = 8, 7
+
+BLOCK_REQUEST = struct.Struct("<BB")
+BLOCKS_REQUEST = struct.Struct("<BBB")
+
+Bytes = npt.NDArray[np.uint8]
+
+
+@documented
+@dataclass
+class Loaded:
+    """Blocks and bytes of a load."""
+
+    blocks: Annotated[int, key("blocks of the contents")] = 0
+    skipped: Annotated[int, key("blocks that the board held already")] = 0
+    sends: Annotated[int, key("BLOCK packets sent")] = 0
+    wire_bytes: Annotated[int, key("bytes written to the line")] = 0
+    seconds: Annotated[float, key("from the first request until the board held all blocks")] = 0.0
+
+
+@dataclass(frozen=True)
+class SceneStatus:
+    """What a scene's board says of itself.
+
+    `shown`: the panel shows the scene; `waits`: written registers are not shown yet; `slots`: those that cannot be
+    written now; `frames` drawn and `underflows`, pixels that came too late, since the reset.
+    """
+
+    shown: bool
+    waits: bool
+    slots: frozenset[int]
+    frames: int
+    underflows: int
+
+
+#: Address of the words of lattice and background.
+_COMMON = SCENE_BASE + SCENE_REGISTERS["lattice_xi"].address
+
+
+def _common_words(words: SceneWords) -> list[int]:
+    lattice = (words.lattice_xi, words.lattice_xj, words.lattice_yj)
+    return [*(word & 0xFFFFFFFF for word in lattice), *words.background]
+
+
+class SceneBoard:
+    """The scene of an open board.
+
+    Raises DeviceError for a board that does not draw.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self.board = board
+        if board.info.version < SCENE_VERSION:
+            what = f"the board speaks version {board.info.version} of the protocol and draws no scenes"
+            remedy = "take a board that draws: lippmann board start --layers 4, or stream a rendered image"
+            raise DeviceError.at(board.line.url, what, remedy)
+        identity, version, word = board.read(SCENE_BASE, 3)
+        letters = SCENE_REGISTERS["identity"].fields["letters"].reset
+        known = SCENE_REGISTERS["version"].fields["major"]
+        if identity != letters or known.value(version) != known.reset:
+            what = f"its scene's registers are 0x{identity:08X}, version {known.value(version)}, unknown to this host"
+            raise DeviceError.at(board.line.url, what, UPDATE)
+        #: What the board's scene can do.
+        self.build = SceneBuild.of_word(word)
+        self._held: list[int] | None = None  # the layers' words on the board
+
+    # ---- slots ----
+
+    def crcs(self, slot: int) -> list[int]:
+        """Return the CRC-32 of each block of a slot; 0 for one that is not whole."""
+        count = 8 if slot == CURVE_SLOT else self.build.blocks
+        crcs: list[int] = []
+        for first in range(0, count, 255):
+            some = min(255, count - first)
+            body = self.board.ask(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, first, some), 2 + 4 * some)
+            crcs += struct.unpack(f"<{some}I", body[2:])
+        return crcs
+
+    def load(
+        self,
+        contents: Mapping[int, bytes],
+        progress: Progress | None = None,
+        window_bytes: int = BLOCKS_WINDOW_BYTES,
+        loaded: Loaded | None = None,
+    ) -> Loaded:
+        """Load slots; blocks that the board holds are not sent, so that a load that was cut goes on where it was.
+
+        Parameters
+        ----------
+        contents
+            By slot its bytes: texels row by row, then the palette (`slot_bytes`); of slot 15 the panel's curve.
+        progress
+            Called with (blocks done, blocks of the contents).
+        window_bytes
+            Most bytes that are sent and not yet acknowledged.
+        loaded
+            The counts of the same load before a lost connection, to which this call adds.
+
+        Raises
+        ------
+        InputError
+            For contents that do not fit the board's slots.
+        DeviceError
+            When a slot is shown, or the board does not answer.
+        """
+        blocks = {}
+        for slot, content in contents.items():
+            size = 8 * BLOCK_BYTES if slot == CURVE_SLOT else self.build.slot_bytes
+            if not (0 <= slot < self.build.slots_built or slot == CURVE_SLOT):
+                what = f"the board has no slot {slot}"
+                raise InputError(f"{what}; give 0 to {self.build.slots_built - 1}, or {CURVE_SLOT} for the curve")
+            if len(content) != size:
+                raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; fit the texture to the build")
+            for block in range(size // BLOCK_BYTES):
+                blocks[slot << 8 | block] = content[block * BLOCK_BYTES : (block + 1) * BLOCK_BYTES]
+        loaded = Loaded() if loaded is None else loaded
+        loaded.blocks = len(blocks)
+        begun, written = time.monotonic(), self.board.line.written
+        try:
+            for turn in range(MAX_ROUNDS):
+                held = {slot << 8 | n: crc for slot in contents for n, crc in enumerate(self.crcs(slot))}
+                missing = [item for item, data in blocks.items() if held[item] != zlib.crc32(data) or not held[item]]
+                missing = missing if turn == 0 else [item for item in missing if zlib.crc32(blocks[item])]
+                if turn == 0:
+                    loaded.skipped = len(blocks) - len(missing)
+                if not missing:
+                    return loaded
+                done = len(blocks) - len(missing)
+
+                def arrived(count: int, done: int = done) -> None:
+                    if progress:
+                        progress(done + count, len(blocks))
+
+                _Loader(self.board, blocks, loaded, window_bytes).run(missing, arrived)
+        finally:
+            loaded.wire_bytes += self.board.line.written - written
+            loaded.seconds += time.monotonic() - begun
+        what = f"the textures were sent {MAX_ROUNDS} times and are still not whole on the board"
+        raise DeviceError.at(self.board.line.url, what, "check its power, and that no other program uses it")
+
+    def holds(self, slot: int, content: bytes) -> bool:
+        """Return whether a slot holds a content, block for block."""
+        blocks = [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
+        return self.crcs(slot) == blocks
+
+    def load_curve(self, display: Display) -> Loaded:
+        """Load the table of the panel's curve of a display, unless the board holds it. No scene may be shown."""
+        return self.load({CURVE_SLOT: curve_table(display).tobytes()})
+
+    def load_stack(
+        self,
+        stack: LayerStack,
+        slots: Sequence[int] | None = None,
+        progress: Progress | None = None,
+        loaded: Loaded | None = None,
+    ) -> Loaded:
+        """Load the textures of a stack's layers; layer k goes into slot k, or `slots[k]`."""
+        slots = self._slots(stack, slots)
+        contents = {
+            slot: slot_bytes(layer, self.build).tobytes() for slot, layer in zip(slots, stack.layers, strict=True)
+        }
+        return self.load(contents, progress, loaded=loaded)
+
+    def free_slots(self, contents: Sequence[bytes]) -> list[int]:
+        """Return a slot for each content: one that holds it already, or one that can be written.
+
+        Raises DeviceError when too few slots can be written while the scene is shown.
+        """
+        busy = self.status().slots
+        crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
+        wanted = [
+            [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
+            for content in contents
+        ]
+        # Shown slots first, which only their own content can use; then the most alike: a cut load goes on.
+        found: dict[int, int] = {}
+        alike = sorted(
+            (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
+            for slot in crcs
+            for k, one in enumerate(wanted)
+            if slot not in busy or crcs[slot] == one
+        )
+        for _, _, slot, k in alike:
+            if k not in found and slot not in found.values():
+                found[k] = slot
+        if len(found) < len(contents):
+            what = f"{len(contents)} textures need slots, and the board shows {len(busy - {CURVE_SLOT})} of its "
+            what += f"{self.build.slots_built}"
+            raise DeviceError.at(self.board.line.url, what, END_SCENE)
+        return [found[k] for k in range(len(contents))]
+
+    # ---- registers ----
+
+    def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
+        """Write the layers' registers that have changed, in one request; return the number of its words.
+
+        The panel changes from one frame to the next, as a whole. Layers of the build behind the stack's are hidden.
+        Lattice and background are those of `prepare`. Raises InputError for layers at or behind the eyes, and for what
+        the registers cannot hold.
+        """
+        check_for_display(stack, display)
+        return self.set_words(scene_words(display, stack, self.build, tuple(self._slots(stack, slots))))
+
+    def set_words(self, words: SceneWords) -> int:
+        """Write the registers of all layers that have changed, in one request; return the number of its words."""
+        hidden = [LayerWords()] * (self.build.layers - len(words.layers))
+        every = [word for layer in (*words.layers, *hidden) for word in layer.words]
+        held = self._held or [-1] * len(every)
+        changed = [k for k, (old, new) in enumerate(zip(held, every, strict=True)) if old != new]
+        if not changed:
+            return 0
+        first, last = changed[0], changed[-1]
+        # Not known while the request is under way: it may have been executed, or not.
+        self._held = None
+        self.board.write(self._address(0) + 4 * first, every[first : last + 1])
+        self._held = every
+        return last + 1 - first
+
+    def set_layer(self, display: Display, layer: Layer, number: int, slot: int | None = None) -> None:
+        """Write the eight registers of a layer in one request: its place and its look; raises as `set_stack`."""
+        check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
+        words = layer_words(display, layer, self._number(number), number if slot is None else slot)
+        self._held = None
+        self.board.write(self._address(number), words.words)
+
+    def move_layer(self, display: Display, layer: Layer, number: int) -> None:
+        """Write the seven registers of a layer's place; slot, brightness, visibility stay. Raises as `set_stack`."""
+        check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
+        words = layer_words(display, layer, self._number(number), 0)
+        self._held = None
+        self.board.write(self._address(number), words.words[:MOVE_WORDS])
+
+    def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
+        """Write a display's optics and lattice, the background and all layers, while no scene is shown.
+
+        Raises as `set_stack`.
+        """
+        check_for_display(stack, display)
+        build = self.board.optics_build()
+        config = configuration(display, build, build.model)
+        self.board.write_all([*optics_writes(config), write("control", apply=1)])
+        words = scene_words(display, stack, self.build, tuple(self._slots(stack, slots)))
+        self.board.write(_COMMON, _common_words(words))
+        self._held = None
+        self.set_words(words)
+
+    def holds_common(self, display: Display, stack: LayerStack) -> bool:
+        """Return whether the board has a display's lattice and the stack's background."""
+        words = _common_words(scene_words(display, stack, self.build))
+        return self.board.read(_COMMON, len(words)) == words
+
+    def draw(self, scene: bool) -> None:
+        """Show the scene from the next frame on, or the stored frame again; return when the panel does."""
+        self.board.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [int(scene)])
+        self.wait(scene)
+
+    def wait(self, shown: bool | None = None) -> None:
+        """Wait until the panel shows the scene, or the stored frame (None: any), and all registers that were written.
+
+        Raises DeviceError when it does not within `FRAME_SECONDS`.
+        """
+        until = time.monotonic() + FRAME_SECONDS
+        while (status := self.status()).waits or shown not in (None, status.shown):
+            if time.monotonic() > until:
+                what = "the panel does not change to the " + ("stored frame" if shown is False else "scene")
+                raise DeviceError.at(self.board.line.url, what, "check the board's clock and its cable")
+            time.sleep(QUERY_S)
+
+    def status(self) -> SceneStatus:
+        """Return what the panel shows, and the counts of frames and underflows."""
+        register = SCENE_REGISTERS["status"]
+        word, frames, underflows = self.board.read(SCENE_BASE + register.address, 3)
+        value = {name: field.value(word) for name, field in register.fields.items()}
+        slots = frozenset(slot for slot in range(16) if value["slots"] >> slot & 1)
+        return SceneStatus(bool(value["shown"]), bool(value["waits"]), slots, frames, underflows)
+
+    def _slots(self, stack: LayerStack, slots: Sequence[int] | None) -> Sequence[int]:
+        if len(stack.layers) > self.build.layers:
+            what = f"{len(stack.layers)} layers do not fit the board, which draws {self.build.layers}"
+            raise InputError(f"{what}; cut the scene again with --count {self.build.layers}")
+        slots = range(len(stack.layers)) if slots is None else slots
+        if len(slots) != len(stack.layers):
+            raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one")
+        return slots
+
+    def _number(self, number: int) -> int:
+        if not 0 <= number < self.build.layers:
+            raise InputError(f"the board has no layer {number}; give 0 to {self.build.layers - 1}")
+        return number
+
+    @staticmethod
+    def _address(number: int) -> int:
+        return SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address + 4 * LAYER_WORDS * number
+
+
+class _Loader(Window[None]):
+    """Sends blocks; an item is 256 times its slot, plus its number."""
+
+    def __init__(self, board: Board, blocks: Mapping[int, bytes], loaded: Loaded, window_bytes: int) -> None:
+        super().__init__(board, Kind.BLOCK, window_bytes)
+        self.blocks, self.loaded = blocks, loaded
+
+    def request(self, item: int) -> tuple[bytes, None]:
+        """Return the request of a block."""
+        self.loaded.sends += 1
+        return BLOCK_REQUEST.pack(*divmod(item, 256)) + self.blocks[item], None
+
+    def answered(self, flight: Flight[None], status: ReplyStatus, body: bytes) -> bool:
+        """Return whether the block is stored; raise where the board refuses it."""
+        if status != ReplyStatus.OK or body != BLOCK_REQUEST.pack(*divmod(flight.item, 256)):
+            raise self.board.refusal(Kind.BLOCK, status, body)
+        return True

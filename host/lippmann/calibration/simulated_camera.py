@@ -1,0 +1,168 @@
+"""An ordinary camera in front of a display: pose, lens with radial distortion, pupil, focus and vignetting.
+
+A direction's normalised coordinates x, y are its slopes to the optical axis, to the right and down in the picture. With
+r^2 = x^2 + y^2 the lens shows it at the pixel
+
+    u = cx + f x (1 + k1 r^2 + k2 r^4),   v = cy + f y (1 + k1 r^2 + k2 r^4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display.description import Display
+from lippmann.errors import InputError
+from lippmann.optics.rays import Floats
+
+Point = tuple[float, float, float]
+#: Most of Newton's steps that invert the distortion, and the slope below which the last one settles it.
+NEWTON_STEPS, SETTLED = 12, 1e-14
+#: Share of the picture's width or height that `framed` fills with the panel.
+FILL = 0.9
+#: Exponent of the cosine by which a simple lens darkens to the edge.
+COSINES = 4
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera: mm in the display's frame, pixels in the photograph; the middle of pixel (0, 0) is (0.5, 0.5).
+
+    `principal_px` None is the middle of the picture. `pupil_mm` is the entrance pupil's diameter, `focus_mm` the
+    distance in focus along the optical axis; None: the point looked at. `blur_px` is the deviation of the lens's
+    Gaussian point spread, pixels. `vignetting` is the share of the light that the corners lose beside the fourth power
+    of the cosine.
+    """
+
+    position_mm: Point
+    look_at_mm: Point = (0.0, 0.0, 0.0)
+    roll_deg: float = 0.0
+    width_px: int = 1280
+    height_px: int = 960
+    focal_px: float = 1500.0
+    principal_px: tuple[float, float] | None = None
+    k1: float = 0.0
+    k2: float = 0.0
+    pupil_mm: float = 0.0
+    focus_mm: float | None = None
+    blur_px: float = 0.0
+    vignetting: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a camera that is not in front of the display, or whose distortion folds the picture."""
+        if not self.position_mm[2] > 0.0:
+            raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
+        if not self.focal_px > 0.0:
+            raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
+        # Where the lens cannot show a point of the border, the iteration does not come back to it.
+        border = self._border()
+        u, v = self.pixel(*self.slopes(*border))
+        if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
+            raise InputError(f"camera: distortion {self.k1:g}, {self.k2:g} folds the picture's edge; make it smaller")
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """The principal point."""
+        return self.principal_px or (0.5 * self.width_px, 0.5 * self.height_px)
+
+    @property
+    def axes(self) -> Floats:
+        """Unit vectors to the right, down and forward in the picture, rows of (3, 3)."""
+        forward = np.subtract(self.look_at_mm, self.position_mm)
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, (0.0, 1.0, 0.0))
+        right /= np.linalg.norm(right)
+        down = np.cross(forward, right)
+        turn = math.radians(self.roll_deg)
+        c, s = math.cos(turn), math.sin(turn)
+        return np.stack([c * right + s * down, c * down - s * right, forward])
+
+    @property
+    def focus_distance_mm(self) -> float:
+        """Distance in focus, along the optical axis."""
+        return self.focus_mm or float(np.linalg.norm(np.subtract(self.look_at_mm, self.position_mm)))
+
+    def pixel(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Return the pixel coordinates of normalised coordinates."""
+        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        square = x * x + y * y
+        gain = self.focal_px * (1.0 + square * (self.k1 + square * self.k2))
+        return self.centre_px[0] + gain * x, self.centre_px[1] + gain * y
+
+    def slopes(self, u: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Return the normalised coordinates that the lens shows at pixel coordinates."""
+        x = (np.asarray(u, np.float64) - self.centre_px[0]) / self.focal_px
+        y = (np.asarray(v, np.float64) - self.centre_px[1]) / self.focal_px
+        if self.k1 == self.k2 == 0.0:
+            return x, y
+        shown = np.hypot(x, y)
+        r = shown.copy()
+        for _ in range(NEWTON_STEPS):
+            square = r * r
+            slope = 1.0 + square * (3.0 * self.k1 + 5.0 * self.k2 * square)
+            slope = np.where(np.abs(slope) > 1e-3, slope, 1e-3)
+            step = (r * (1.0 + square * (self.k1 + self.k2 * square)) - shown) / slope
+            r -= step
+            if np.abs(step).max(initial=0.0) < SETTLED:
+                break
+        scale = np.divide(r, shown, out=np.ones_like(r), where=shown > 0.0)
+        return x * scale, y * scale
+
+    def project(self, points_mm: npt.ArrayLike) -> Floats:
+        """Return the pixel coordinates (N, 2) of points (N, 3) in front of the camera."""
+        right, down, forward = (np.subtract(points_mm, self.position_mm) @ self.axes.T).T
+        return np.stack(self.pixel(right / forward, down / forward), axis=1)
+
+    def rays(
+        self, u: npt.ArrayLike, v: npt.ArrayLike, pupil: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0)
+    ) -> tuple[Floats, Floats]:
+        """Return origins (N, 3), mm, and unit directions (N, 3) of pixel coordinates; `pupil` in the unit disc."""
+        x, y = self.slopes(u, v)
+        axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
+        px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)
+        # Column by column: a product of matrices this narrow takes a library many times as long.
+        origin, towards = np.empty((len(x), 3)), np.empty((len(x), 3))
+        ax, ay = focus * x - px, focus * y - py
+        for k in range(3):
+            origin[:, k] = self.position_mm[k] + px * axes[0, k] + py * axes[1, k]
+            towards[:, k] = ax * axes[0, k] + ay * axes[1, k] + focus * axes[2, k]
+        towards /= np.sqrt(ax * ax + ay * ay + focus * focus)[:, None]
+        return origin, towards
+
+    def brightness(self) -> Floats:
+        """Return what the lens leaves of an even light, (height, width): 1 on the optical axis."""
+        u, v = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
+        x, y = self.slopes(u, v)
+        square = x * x + y * y
+        corner = max(a * a + b * b for a, b in zip(*self.slopes(*self._border()), strict=True))
+        return np.asarray((1.0 + square) ** (-0.5 * COSINES) * (1.0 - self.vignetting * square / corner))
+
+    def field(self) -> tuple[float, float, float, float]:
+        """Return the least and greatest normalised x, then y, of the picture."""
+        x, y = self.slopes(*self._border())
+        return float(x.min()), float(x.max()), float(y.min()), float(y.max())
+
+    def _border(self) -> tuple[Floats, Floats]:
+        """Return pixel coordinates along the picture's edges; the corners are among them."""
+        s = np.linspace(0.0, 1.0, 33)
+        edges = [(s, 0.0 * s), (s, 0.0 * s + 1.0), (0.0 * s, s), (0.0 * s + 1.0, s)]
+        u, v = (np.concatenate([edge[k] for edge in edges]) for k in (0, 1))
+        return u * self.width_px, v * self.height_px
+
+
+def corners_mm(display: Display) -> Floats:
+    """Return the corners of the panel's outline in the lenslets' plane, (4, 3)."""
+    x, y = 0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm
+    return np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)])
+
+
+def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
+    """Return the camera with the focal length at which the panel fills this share of the picture."""
+    ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
+    reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
+    return replace(
+        camera, focal_px=fill * float(min(np.array([0.5 * camera.width_px, 0.5 * camera.height_px]) / reach))
+    )

@@ -1,0 +1,198 @@
+"""What a camera sees of a display of glass solids before a lit picture, traced by POV-Ray: independent of our tracer.
+
+The panel is a picture whose colours are the numbers of its pixels, so that one trace says what each ray sees, and the
+photographs of all patterns follow. POV-Ray's camera is a pinhole. For a pupil, the pinhole stands at points of it, one
+for each sample of a pixel, and looks at the same window in the plane in focus.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import OpenImageIO as oiio
+
+from lippmann.base import interrupts
+from lippmann.calibration.simulated_camera import Camera
+from lippmann.calibration.simulated_photographs import Look
+from lippmann.calibration.simulated_projection import Sight, gathered
+from lippmann.capturing.povray_optics import ARRAY_FACES, array_solids
+from lippmann.capturing.povray_program import run_povray
+from lippmann.capturing.povray_text import block, vector
+from lippmann.display.description import Display, Panel
+from lippmann.errors import InputError
+from lippmann.optics.rays import Floats
+
+Words = npt.NDArray[np.uint16]
+#: Largest value of a 16-bit picture.
+TOP = 65535
+#: Least distance from the panel to the array, mm: POV-Ray sees no gap between surfaces that touch.
+LEAST_GAP_MM = 1e-3
+#: Angle between neighbours of a spiral that fills a disc evenly, radians.
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+#: Greatest turn of a grid of rays, radians.
+TURN = 0.1
+HEADER = "#version 3.7;\nglobal_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}\n"
+INI = """Input_File_Name={name}.pov
+Output_File_Name={name}.png
+Output_File_Type=N
+Bits_Per_Color=16
+File_Gamma=1.0
+Width={width}
+Height={height}
+Antialias=off
+Display=off
+Pause_When_Done=off
+"""
+
+
+@dataclass(frozen=True)
+class Rays:
+    """A regular grid of rays, as fine as a camera's pixels: where in a pixel they are, 0 to 1, and how it is turned.
+
+    `pupil` is the point of the pupil, in the unit disc, that they come from, `turn` is in radians.
+    """
+
+    shift: tuple[float, float] = (0.5, 0.5)
+    turn: float = 0.0
+    pupil: tuple[float, float] = (0.0, 0.0)
+
+
+def look_at_solids(samples: int = 3, seed: int = 0) -> Look:
+    """Return the function that has POV-Ray trace what a camera sees, `samples` rays across a pixel and down.
+
+    Give the camera a `blur_px` of 0.4 or more: the rays are regular grids, and in a perfectly sharp picture edges of
+    lenslets would be sampled alike over long stretches.
+
+    It raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
+    """
+    rng = np.random.default_rng((seed, 0x907))
+
+    def look(display: Display, camera: Camera) -> Sight:
+        pixels, places, sees = [], [], []
+        with tempfile.TemporaryDirectory() as folder:
+            write_model(display, Path(folder))
+            write_picture(Path(folder) / "panel.png", numbered(display.panel))
+            for grid in _spread(samples, rng):
+                interrupts.check()
+                seen, u, v = render(Path(folder), camera, grid)
+                place, lit = numbers(seen, display.panel)
+                u, v = (axis + camera.blur_px * rng.standard_normal(len(axis)) for axis in (u, v))
+                within = (u >= 0.0) & (u < camera.width_px) & (v >= 0.0) & (v < camera.height_px)
+                column, row = np.floor(u[within]).astype(np.int64), np.floor(v[within]).astype(np.int64)
+                pixels.append(row * camera.width_px + column)
+                places.append(place[within])
+                sees.append(lit[within])
+        whole = 0, camera.width_px * camera.height_px
+        band = *whole, np.concatenate(pixels), np.concatenate(places), np.concatenate(sees)
+        return gathered(display, camera, iter([band]))
+
+    return look
+
+
+def write_model(display: Display, folder: Path) -> None:
+    """Write `model.inc`: the lenslets as solids, and the panel that shows `panel.png`."""
+    array, panel = display.array, display.panel
+    if panel.subpixels != "none":
+        raise InputError(
+            f"display '{display.name}' has colour sub-pixels; POV-Ray's panel has none: give subpixels none"
+        )
+    plano_to_panel = array.plano_side == "panel"
+    depth = max(display.gap_mm, LEAST_GAP_MM) + (array.thickness_mm if plano_to_panel else 0.0)
+    picture = block(
+        "polygon",
+        "5, <0, 0>, <1, 0>, <1, 1>, <0, 1>, <0, 0>",
+        'texture { pigment { image_map { png "panel.png" gamma 1.0 once } }',
+        "finish { ambient 0 diffuse 0 emission 1 } }",
+        f"scale {vector((panel.width_mm, panel.height_mm, 1.0))}",
+        f"translate {vector((-0.5 * panel.width_mm, -0.5 * panel.height_mm, -depth))}",
+    )
+    solids = array_solids(display, 0.0, -1.0 if plano_to_panel else 1.0)
+    (folder / "model.inc").write_text(f"{solids}\n{picture}\n")
+
+
+def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Floats, Floats]:
+    """Render a folder's model once; return the picture's values (N, 3) and where the camera shows them, pixels."""
+    left, right, top, bottom = camera.field()
+    c, s = math.cos(grid.turn), math.sin(grid.turn)
+    # The field's corners along the axes of the turned grid.
+    x, y = np.array([left, right, left, right]), np.array([top, top, bottom, bottom])
+    along, across = c * x + s * y, c * y - s * x
+    step = 1.0 / camera.focal_px
+    width, height = (int(np.ceil(np.ptp(side) / step)) + 1 for side in (along, across))
+    first = along.min() - grid.shift[0] * step, across.min() - grid.shift[1] * step
+    middle = first[0] + 0.5 * width * step, first[1] + 0.5 * height * step
+    axes, focus = camera.axes, camera.focus_distance_mm
+    to_right, down = c * axes[0] + s * axes[1], c * axes[1] - s * axes[0]
+    place = np.asarray(camera.position_mm) + 0.5 * camera.pupil_mm * (grid.pupil[0] * axes[0] + grid.pupil[1] * axes[1])
+    centre = np.asarray(camera.position_mm) + focus * (axes[2] + middle[0] * to_right + middle[1] * down)
+    lens = block(
+        "camera",
+        f"perspective location {vector(place)} direction {vector(centre - place)}",
+        f"right {vector(width * step * focus * to_right)} up {vector(-height * step * focus * down)}",
+    )
+    text = HEADER.format(levels=2 + ARRAY_FACES) + '#include "model.inc"\n' + lens + "\n"
+    (folder / "view.pov").write_text(text)
+    (folder / "view.ini").write_text(INI.format(name="view", width=width, height=height))
+    run_povray(folder / "view.ini")
+    along, across = first[0] + (np.arange(width) + 0.5) * step, first[1] + (np.arange(height) + 0.5) * step
+    a, b = (axis.ravel() for axis in np.meshgrid(along, across))
+    u, v = camera.pixel(c * a - s * b, s * a + c * b)
+    return read_picture(folder / "view.png").reshape(-1, 3), u, v
+
+
+def numbered(panel: Panel) -> Words:
+    """Return the picture, 16 bits, whose red and green are a panel's columns and rows, and whose blue is full."""
+    picture = np.full((panel.height_px, panel.width_px, 3), TOP, np.uint16)
+    picture[..., 0] = _steps(panel.width_px) * np.arange(1, panel.width_px + 1)
+    picture[..., 1] = (_steps(panel.height_px) * np.arange(1, panel.height_px + 1))[:, None]
+    return picture
+
+
+def numbers(values: Words, panel: Panel) -> tuple[Floats, Any]:
+    """Return the middles of the pixels (N, 2) that values (N, 3) of `numbered` come from, and which come from one."""
+    steps = np.array([_steps(panel.width_px), _steps(panel.height_px)])
+    # Half a pixel back: the first one's number is 1.
+    return np.rint(values[:, :2] / steps) - 0.5, values[:, 2] > TOP // 2
+
+
+def _steps(count: int) -> int:
+    """Return the distance of two numbers' values, so large that no rounding mixes them up."""
+    return TOP // (count + 1)
+
+
+def write_picture(path: Path, values: Words) -> None:
+    """Write 16-bit values (height, width, 3) as a PNG file without a colour space."""
+    out = oiio.ImageOutput.create(str(path))
+    assert out is not None
+    out.open(str(path), oiio.ImageSpec(values.shape[1], values.shape[0], 3, oiio.UINT16))
+    out.write_image(values)
+    out.close()
+
+
+def read_picture(path: Path) -> Words:
+    """Return the 16-bit values (height, width, 3) of a PNG file."""
+    picture = oiio.ImageBuf(str(path))
+    return np.asarray(picture.get_pixels(oiio.UINT16), np.uint16)[..., :3]
+
+
+def _spread(samples: int, rng: np.random.Generator) -> Iterator[Rays]:
+    """Yield samples x samples grids of rays.
+
+    Each has its own part of the pixel, and a turn of its own, so that no edge is sampled alike all over the picture. In
+    the pupil they are a spiral (H. Vogel, 1979) about its middle: the camera is not aside of where it stands.
+    """
+    count = samples * samples
+    row, column = np.divmod(np.arange(count), samples)
+    shift = np.stack([column + rng.random(count), row + rng.random(count)], axis=1) / samples
+    order, turn = rng.permutation(count), rng.uniform(-TURN, TURN, count)
+    disc = np.sqrt((order + 0.5) / count) * np.exp(1j * (GOLDEN_ANGLE * order + 2.0 * np.pi * rng.random()))
+    disc -= disc.mean()
+    for k in range(count):
+        yield Rays((float(shift[k, 0]), float(shift[k, 1])), float(turn[k]), (float(disc[k].real), float(disc[k].imag)))

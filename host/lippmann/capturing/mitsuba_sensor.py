@@ -1,0 +1,143 @@
+"""Mitsuba's sensor plugin `integral`: plain Mitsuba, and its XML files, render a display's integral image.
+
+Import this module after `mitsuba.set_variant`; it registers the plugin for the current variant, which must be a
+vectorised RGB variant (`llvm_ad_rgb`, `cuda_ad_rgb`). Call `register` again after a change of variant.
+Parameters: docs/reference/mitsuba-sensor.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.variant import VARIANTS, current_device
+from lippmann.display.description import load_display
+from lippmann.display.subpixels import layout_of
+from lippmann.errors import InputError
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.rays import MODELS, Model
+from lippmann.optics.sampling import square_to_cell
+from lippmann.rendering.sources import APERTURES, lines_from_pixels
+
+#: Relative difference of singular values of `to_world` that counts as none: chains of float32 transforms.
+SAME_SCALE = 1e-4
+
+
+def register() -> None:
+    """Register the sensor `integral` for Mitsuba's current variant.
+
+    Raises
+    ------
+    InputError
+        When the variant is not a vectorised RGB variant, or none is set.
+    """
+    import mitsuba as mi
+
+    if mi.variant() not in VARIANTS.values():
+        raise InputError(
+            f"sensor 'integral': variant {mi.variant()} is not a vectorised RGB variant; "
+            "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first"
+        )
+    mi.register_sensor("integral", _sensor_class(mi))
+
+
+def _sensor_class(mi: Any) -> Any:
+    import drjit as dr
+
+    class IntegralSensor(mi.Sensor):  # type: ignore[misc]
+        """See docs/reference/mitsuba-sensor.md."""
+
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            path = props.get("display", "")
+            if not path:
+                raise InputError("sensor 'integral': no display; give the path of a display file (.toml)")
+            self.display = load_display(str(mi.file_resolver().resolve(path)))
+            layout = layout_of(self.display.panel.subpixels)
+            if layout is not None and layout.borrows:
+                raise InputError(
+                    "sensor 'integral': pixels of this panel lack a colour, and a film's pixel has its own rays only; "
+                    "take lippmann render, or a display with other subpixels"
+                )
+            self.model = cast(Model, _choice(props, "model", "exact", MODELS))
+            self.full = _choice(props, "aperture", "chief", APERTURES) == "full"
+            self.near_mm = float(props.get("near_mm", 0.0))
+            if not math.isfinite(self.near_mm):
+                raise InputError(f"sensor 'integral': near_mm {self.near_mm} is not a depth; give mm")
+            _check_pose(np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, np.float64))
+            self.m_needs_sample_2 = True
+            self.m_needs_sample_3 = self.full
+
+        def sample_ray(
+            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
+        ) -> tuple[Any, Any]:
+            """Return rays through points of the film (sample2, 0 to 1 from the top left) and their weights."""
+            b = DrJitBackend(current_device())
+            panel = self.display.panel
+            u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
+            weight = mi.Color3f(1.0)
+            layout = layout_of(panel.subpixels)
+            if layout is not None:
+                # A point of a pixel lies in one sub-pixel and has its one colour, so much brighter.
+                weights = [mi.Float(0.0)] * 3
+                for k, gain, inside in layout.emitters(b, u, v):
+                    if k < 3:
+                        weights[k] = weights[k] + dr.select(inside, mi.Float(gain), 0.0)
+                weight = mi.Color3f(weights)
+            aperture = square_to_cell(b, sample3.x, sample3.y, Lattice.of(self.display.array)) if self.full else None
+            point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
+            # Towards the display, from in front of the scene, as the viewer looks.
+            t = (self.near_mm - point[2]) / direction[2]
+            start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))
+            to_scene = self.world_transform()
+            ray = mi.Ray3f(to_scene @ start, dr.normalize(to_scene @ mi.Vector3f(*(-c for c in direction))), time, [])
+            return ray, mi.Spectrum(dr.select(through & active, weight, 0.0))
+
+        def sample_ray_differential(
+            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
+        ) -> tuple[Any, Any]:
+            """Return the rays of `sample_ray`, without differentials: neighbours may leave through other lenslets."""
+            ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
+            return mi.RayDifferential3f(ray), weight
+
+        def bbox(self) -> Any:
+            """Return an empty box."""
+            return mi.ScalarBoundingBox3f()
+
+        def to_string(self) -> str:
+            """Name the display."""
+            return f"IntegralSensor[display={self.display.name}, model={self.model}]"
+
+    return IntegralSensor
+
+
+def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
+    """Refuse a pose that distorts or mirrors the display."""
+    turn = to_world[:3, :3]
+    if not np.isfinite(to_world).all():
+        raise InputError(
+            "sensor 'integral': to_world contains numbers that are not finite; give a rotation, translation and scale"
+        )
+    size = np.linalg.svd(turn, compute_uv=False)
+    if not size[0] - size[2] <= SAME_SCALE * size[0] or not size[2] > 0.0:
+        raise InputError(
+            "sensor 'integral': to_world does not scale equally in all directions, or scales by 0; give one scale"
+        )
+    if np.linalg.det(turn) < 0.0:
+        raise InputError("sensor 'integral': to_world mirrors the display; rotate it instead")
+
+
+def _choice(props: Any, name: str, default: str, options: tuple[str, ...]) -> str:
+    value = str(props.get(name, default))
+    if value not in options:
+        raise InputError(f"sensor 'integral': {name} '{value}' is not known; choose from {', '.join(options)}")
+    return value
+
+
+__all__ = ["register"]
+
+register()

@@ -1,0 +1,177 @@
+"""Writes a folder that POV-Ray 3.7 renders: the scene, the optics, the camera, and an .ini file that names them.
+
+The images are linear (`assumed_gamma 1.0`, OpenEXR), as Lippmann's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base import interrupts
+from lippmann.base.files import moved, partial_folder, refused, replacing
+from lippmann.base.images import read_picture
+from lippmann.capturing.povray_camera import SPARE_ROWS, pinhole, write_rays
+from lippmann.capturing.povray_program import Run, run_povray
+from lippmann.capturing.povray_scene import write_scene
+from lippmann.capturing.povray_text import plain
+from lippmann.display.description import Display
+from lippmann.engines import trace
+from lippmann.errors import InputError, input_error
+from lippmann.optics.rays import Floats, Model, gets_through
+from lippmann.rendering.sources import Window
+from lippmann.scenes.placement import Triple
+from lippmann.scenes.scene import Scene
+
+#: Most pixels that a camera of single rays may have: each is a triangle in a text file.
+MAX_RAYS = 1 << 20
+#: Surfaces that a ray may meet in the scene, as `lippmann render` counts them by default.
+MAX_DEPTH = 4
+
+HEADER = """#version 3.7;
+// Written by lippmann export povray. Render it with: povray {name}.ini
+global_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}
+"""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """An exported folder: the .ini file that POV-Ray renders, in that folder, and the names of all files.
+
+    `spare_rows` is the number of surplus rows at the top of POV-Ray's image.
+    """
+
+    ini: Path
+    files: tuple[str, ...]
+    spare_rows: int = 0
+
+    def render(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
+        """Render the folder; return linear radiance (height, width, 3) and the run's cost (see `run_povray`)."""
+        run = run_povray(self.ini, *options)
+        return read_picture(self.ini.with_suffix(".exr")).radiance[self.spare_rows :], run
+
+    def render_once(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
+        """Render the folder, or return the result that it keeps for the same files and options."""
+        content = hashlib.sha256(" ".join(options).encode())
+        for name in self.files:
+            content.update((self.ini.parent / name).read_bytes())
+        kept = self.ini.parent / f"kept-{content.hexdigest()[:16]}"
+        if not kept.with_suffix(".json").is_file():
+            _, run = self.render(*options)
+            os.replace(self.ini.with_suffix(".exr"), kept.with_suffix(".exr"))
+            with replacing(kept.with_suffix(".json")) as partial:
+                partial.write_text(json.dumps(dataclasses.asdict(run)))
+        run = Run(**json.loads(kept.with_suffix(".json").read_text()))
+        return read_picture(kept.with_suffix(".exr")).radiance[self.spare_rows :], run
+
+
+@dataclass(frozen=True)
+class View:
+    """Camera and optics that POV-Ray renders a scene through, as text, and the size of the image.
+
+    `faces` is the number of the optics' refracting faces that a ray may meet. `rays` are the origins (mm) and unit
+    directions of a camera of single rays, (N, 3) each.
+    """
+
+    camera: str
+    width_px: int
+    height_px: int
+    optics: str = ""
+    faces: int = 0
+    rays: tuple[Floats, Floats] | None = None
+
+
+def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
+    """Write all files; they appear in `folder`, which is made when missing, all at once.
+
+    Raises InputError when POV-Ray cannot express a part of the scene, or the folder cannot be written.
+    """
+    check_folder(folder)
+    name = plain(scene.path.stem)
+    spare_rows = 0 if view.rays is None else SPARE_ROWS
+    try:
+        with partial_folder(folder) as partial:
+            write_scene(scene.path, scene.placement, partial)
+            (partial / "camera.inc").write_text(view.camera + "\n")
+            if view.rays is not None:
+                write_rays(partial / "rays.inc", *view.rays)
+            includes = ["camera.inc", "scene.inc"]
+            if view.optics:
+                (partial / "optics.inc").write_text(view.optics + "\n")
+                includes.insert(1, "optics.inc")
+            head = HEADER.format(name=name, levels=MAX_DEPTH + view.faces)
+            (partial / f"{name}.pov").write_text(head + "".join(f'#include "{file}"\n' for file in includes))
+            (partial / f"{name}.ini").write_text(
+                f"Input_File_Name={name}.pov\nOutput_File_Name={name}.exr\nOutput_File_Type=E\n"
+                f"Width={view.width_px}\nHeight={view.height_px + spare_rows}\n"
+                "Antialias=off\nDisplay=off\nPause_When_Done=off\n"
+            )
+            files = sorted(file.name for file in partial.iterdir())
+            for file in files:
+                if (folder / file).is_dir():
+                    raise input_error(str(folder / file), "is a folder", "choose another place for the export")
+            folder.mkdir(exist_ok=True)
+            with interrupts.held():
+                for file in files:
+                    moved(partial / file, folder / file)
+    except OSError as error:
+        raise refused(folder, error) from None
+    return Exported(folder / f"{name}.ini", tuple(files), spare_rows)
+
+
+def check_folder(folder: Path) -> Path:
+    """Check that a folder can be written to."""
+    if folder.exists() and not folder.is_dir():
+        raise input_error(str(folder), "is not a folder", "give the name of a folder")
+    if not folder.parent.is_dir():
+        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
+    if not os.access(folder if folder.exists() else folder.parent, os.W_OK):
+        raise input_error(str(folder), "cannot be written", "choose another place or change permissions")
+    return folder
+
+
+def export_view(scene: Scene, eye_mm: Triple, window: Window, folder: Path) -> Exported:
+    """Write the scene as an eye sees it through a window in z = 0, without a display."""
+    x, y, z = eye_mm
+    camera = pinhole(eye_mm, (-x, -y, -z), window.width_mm, window.height_mm)
+    return write_folder(scene, View(camera, window.width_px, window.height_px), folder)
+
+
+def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
+    """Write the scene with a display's lines of sight, as `lippmann render` traces them with one sample.
+
+    The lenslets are not in POV-Ray's scene: each pixel's line of sight is traced from in front of the scene towards the
+    display, which no camera behind lenslets can do. The golden engine computes the rays, one for each pixel.
+
+    Raises InputError when the panel has sub-pixels or too many pixels, or POV-Ray cannot express a part of the
+    scene.
+    """
+    panel = display.panel
+    if panel.subpixels != "none":
+        raise InputError(
+            f"display '{display.name}' has colour sub-pixels, POV-Ray one ray a pixel; take subpixels none"
+        )
+    if panel.width_px * panel.height_px > MAX_RAYS:
+        raise InputError(
+            f"display '{display.name}' has {panel.width_px} x {panel.height_px} pixels, each a triangle in POV-Ray's "
+            f"file; take a panel of at most {MAX_RAYS} pixels"
+        )
+    row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
+    rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, model)
+    near = scene.placement.near_mm
+    assert near is not None
+    t = (near - rays.origin_mm[:, 2]) / rays.direction[:, 2]
+    origin = rays.origin_mm + t[:, None] * rays.direction
+    active = gets_through(rays.status)
+    # A ray that the lenslets block shall see nothing: it looks away from the scene.
+    direction = np.where(active[:, None], -rays.direction, [0.0, 0.0, 1.0])
+    origin[~active] = (0.0, 0.0, near)
+    view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))
+    return write_folder(scene, view, folder)

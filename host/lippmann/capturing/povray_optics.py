@@ -1,0 +1,177 @@
+"""The capture's optics as POV-Ray's constructive solid geometry, as in the founding paper.
+
+A lenslet is a sphere intersected with a square or hexagonal prism; its flat face is at least so deep that the dome
+spans its cell's corners (paper, equations 2 to 4: `Array.flat_distance_mm`). Each half of the imaging lens is a
+cylinder with black walls intersected with a sphere, and has a stop around it. The optics cast no shadows.
+
+All z are in the object's frame: +z is towards the lens, the array and the camera.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens
+from lippmann.capturing.povray_camera import pinhole
+from lippmann.capturing.povray_export import View
+from lippmann.capturing.povray_text import block, matrix, number, vector
+from lippmann.capturing.setup import Pickup, Setup
+from lippmann.display.description import Array, Display
+from lippmann.errors import InputError
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.panel import PanelFrame
+
+#: Lenslets beyond the panel on each side, which oblique rays may reach.
+SPARE_LENSLETS = 2
+#: Faces that a ray may meet in the array: its own lenslet's, and the walls to a neighbour.
+ARRAY_FACES = 6
+#: Share of a lenslet's width by which neighbours overlap. Solids that only touch are separate glasses to POV-Ray, which
+#: reflects a ray across the substrate at the wall between them. At 2e-5 its single precision loses some of the overlap;
+#: much more makes steps between the domes.
+OVERLAP = 3e-5
+#: Radius of the stops' discs, mm.
+STOP_MM = 1e5
+
+GLASS = "texture { pigment { rgbt 1 } finish { ambient 0 diffuse 0 } }"
+BLACK = "texture { pigment { rgb 0 } finish { ambient 0 diffuse 0 } }"
+
+
+def setup_view(setup: Setup) -> View:
+    """Return a set-up's camera, array and imaging lens for POV-Ray; raise InputError for what has no counterpart."""
+    if isinstance(setup.pickup, Pickup):
+        raise InputError(f"set-up '{setup.name}': POV-Ray has no sensor behind an array; give a [camera]")
+    if isinstance(setup.lens, ThinLens):
+        raise InputError(f"set-up '{setup.name}': POV-Ray has no ideal thin lens; give one of kind \"pair\"")
+    if setup.display.viewing_distance_mm is not None:
+        raise InputError(
+            f"set-up '{setup.name}': its display has a viewing_distance_mm, and POV-Ray's camera takes pictures right "
+            "behind the lenslets only; give a display without one"
+        )
+    panel = setup.display.panel
+    to_plane = setup.camera_distance_mm
+    assert to_plane is not None
+    origin = object_from_lens(setup, 0.0)
+    position = (0.0, 0.0, origin + setup.pickup.distance_mm)
+    camera = pinhole(position, (0.0, 0.0, -to_plane), panel.width_mm, panel.height_mm)
+    parts = [lenslets(setup)]
+    faces = ARRAY_FACES
+    if isinstance(setup.lens, LensPair):
+        parts += [_plano_convex(setup.lens, setup.lens.faces[k : k + 2], origin) for k in (0, 2)]
+        faces += 4
+    return View(camera, panel.width_px, panel.height_px, "\n".join(parts), faces)
+
+
+def object_from_lens(setup: Setup, z_mm: float) -> float:
+    """Return z in the object's frame of a point on the axis, z_mm from the lens (or array) towards the object."""
+    hiatus = 0.0 if setup.lens is None else setup.lens.hiatus_mm
+    return setup.subject.distance_mm + hiatus - z_mm
+
+
+def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
+    """Return one of two lenses; `origin_mm` is z of the pair's origin in the object's frame."""
+    radius = 0.5 * pair.aperture_mm
+    curved, flat = sorted(faces, key=lambda face: face.curvature == 0.0)
+    # The sphere's centre is 1 / c behind its vertex along the lens's z, which is opposite to the object's.
+    centre = origin_mm - (curved.z_mm + 1.0 / curved.curvature)
+    ends = [origin_mm - face.z_mm for face in (curved, flat)]
+    outward = math.copysign(1.0, ends[1] - ends[0])
+    solid = block(
+        "intersection",
+        f"cylinder {{ {vector((0, 0, ends[0]))}, {vector((0, 0, ends[1]))}, {number(radius)} open {BLACK} }}",
+        f"sphere {{ {vector((0, 0, centre))}, {number(1.0 / abs(curved.curvature))} {GLASS} }}",
+        f"plane {{ {vector((0, 0, outward))}, {number(ends[1] * outward)} {GLASS} }}",
+        f"interior {{ ior {number(pair.index)} }} no_shadow",
+    )
+    hole = f"{vector((0, 0, ends[1]))}, z, {number(STOP_MM)}, {number(radius)}"
+    # Reflections in the scene must not show the stop, which covers half of all directions.
+    stop = f"disc {{ {hole} {BLACK} no_shadow no_reflection }}"
+    return f"{solid}\n{stop}"
+
+
+def lenslets(setup: Setup) -> str:
+    """Return the lenslets that the camera of a set-up sees."""
+    vertex = object_from_lens(setup, -setup.array_distance_mm if setup.lens is not None else 0.0)
+    # +1 where the glass lies beyond the vertices' plane, seen from the object.
+    side = 1.0 if setup.plano_to_camera else -1.0
+    return array_solids(setup.captured, vertex, side, setup.concave)
+
+
+def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
+    """Return the lenslets before a display's panel: one lenslet, and a loop that repeats it.
+
+    Their vertices are in the plane z = `vertex_mm`, the glass towards +z for `side` +1, towards -z for -1.
+    """
+    array = display.array
+    depth = array.thickness_mm
+    centre = -array.radius_mm if concave else array.radius_mm
+    # The rims of a concave lenslet protrude beyond its centre.
+    front = -array.sag_mm if concave else 0.0
+    cell = _prism(array, side * front, side * depth)
+    sphere = f"sphere {{ {vector((0, 0, side * centre))}, {number(array.radius_mm)} }}"
+    if depth > array.radius_mm and not concave:
+        # The sphere's far side would cut the substrate, so the prism is solid beyond the centre.
+        beyond = f"plane {{ {vector((0, 0, -side))}, {number(-array.radius_mm)} }}"
+        sphere = f"merge {{ {sphere} {beyond} }}"
+    body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"
+    lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
+    rows, lattice = lattice_rows(display), Lattice.of(array)
+    (p, _), (step_x, step_y) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
+    shown, mount = "L_lenslet", ""
+    if lattice.half_steps is not None:
+        mount = f"#declare L_mount = object {{ {cell} {BLACK} no_shadow no_reflection }}\n"
+        along = f"abs(2 * Column + {'(Row + ' + str(rows[0][0]) + ')' if array.grid == 'hex' else '0'})"
+        inside = f"{along} <= {lattice.half_steps[0]} & abs(2 * (Row + {rows[0][0]})) <= {lattice.half_steps[1]}"
+        shown = f"#if ({inside}) L_lenslet #else L_mount #end"
+    frame = PanelFrame.of(display)
+    place = np.eye(4)
+    place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
+    place[:3, 3] = *frame.offset_mm, vertex_mm
+    starts, ends = (", ".join(str(row[k]) for row in rows) for k in (1, 2))
+    row = f"(Row + {rows[0][0]})"
+    at = f"Column * {number(p)} + {row} * {number(step_x)}, {row} * {number(step_y)}, 0"
+    return f"""{lenslet}
+{mount}#declare L_first = array[{len(rows)}] {{ {starts} }}
+#declare L_last = array[{len(rows)}] {{ {ends} }}
+#for (Row, 0, {len(rows) - 1})
+  #for (Column, L_first[Row], L_last[Row])
+    object {{ {shown} translate <{at}> {matrix(place)} }}
+  #end
+#end"""
+
+
+def _prism(array: Array, near: float, far: float) -> str:
+    low, high = min(near, far), max(near, far)
+    half = 0.5 * array.pitches_mm[0] * (1.0 + OVERLAP)
+    if array.grid == "square" and array.regular:
+        return f"box {{ {vector((-half, -half, low))}, {vector((half, half, high))} }}"
+    turns = np.pi / 6.0 + np.pi / 3.0 * np.arange(7)
+    radius = 2.0 * half / math.sqrt(3.0)
+    corners = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+    if not array.regular:
+        own = [(x * (1.0 + OVERLAP), y * (1.0 + OVERLAP)) for x, y in Lattice.of(array).corners]
+        corners = [*own, own[0]]
+    # POV-Ray's prisms are along y; the matrix rotates it to z.
+    points = ", ".join(f"<{number(x)}, {number(y)}>" for x, y in corners)
+    sweep = f"linear_sweep linear_spline {number(low)}, {number(high)}, {len(corners)}, {points}"
+    return f"prism {{ {sweep} matrix <1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0> }}"
+
+
+def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
+    """Return (row j, first i, last i) of the lenslets that cover the panel and `SPARE_LENSLETS` more on each side."""
+    panel, array = display.panel, display.array
+    frame = PanelFrame.of(display)
+    spare = (SPARE_LENSLETS + 0.5) * array.coarsest_mm
+    lattice = Lattice.of(array)
+    # The panel's diagonal bounds it for every rotation.
+    reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
+    count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
+    found = []
+    for j in range(-count, count + 1):
+        i = np.arange(-3 * count, 3 * count + 1)
+        x, y = frame.panel_from_array(*lattice.centre(i.astype(float), np.full(len(i), float(j))))
+        seen = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
+        if seen.any():
+            found.append((j, int(i[seen].min()), int(i[seen].max())))
+    return found

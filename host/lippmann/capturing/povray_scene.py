@@ -1,0 +1,205 @@
+"""Converts a Mitsuba scene for POV-Ray: spheres, meshes and rectangles, their materials, point lights.
+
+The result is in the display's frame, in mm: points and matrices include the placement.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.variant import mitsuba
+from lippmann.capturing.povray_materials import Material, Materials
+from lippmann.capturing.povray_source import Item, Tree
+from lippmann.capturing.povray_text import block, identifier, matrix, number, plain, rows, vector
+from lippmann.scenes.placement import ORIGIN, Placement
+
+Array = npt.NDArray[Any]
+
+#: Objects of a scene file that are no part of the scene.
+ELSEWHERE = ("Integrator", "Sensor", "Film", "Sampler")
+SHAPES = ("sphere", "rectangle", "ply", "obj")
+#: Fade distance of point lights, mm.
+FADE_MM = 1e-3
+#: Vertices of a mesh closer than this share of its size count as one vertex.
+GRAIN = 1e-6
+
+
+def write_scene(path: Path, placement: Placement, folder: Path) -> None:
+    """Write `scene.inc`, a file for each mesh, and the image textures of a scene file to an existing folder.
+
+    InputError names the first part of the scene that POV-Ray cannot express.
+    """
+    materials = Materials(folder)
+    textures: dict[str, str] = {}
+    objects: list[str] = []
+    lights: list[str] = []
+    for item in Item(Tree(path), 0).children():
+        if item.kind == "Shape":
+            objects += _shape(item, materials, textures, placement, folder, len(objects))
+        elif item.kind == "Emitter":
+            lights.append(_light(item, placement))
+        elif item.kind not in (*ELSEWHERE, "BSDF", "Texture"):
+            raise item.refusal("has no counterpart in POV-Ray", "leave it out")
+    title = f"// {plain(path.stem)} in the display's frame, mm: x right, y up, +z to the viewer; radiance is linear."
+    declared = [f"#declare {name} = {text}" for name, text in textures.items()]
+    (folder / "scene.inc").write_text("\n".join([title, *declared, *lights, *objects]) + "\n")
+
+
+def _light(item: Item, placement: Placement) -> str:
+    if item.plugin != "point":
+        raise item.refusal("has no counterpart in POV-Ray", "use point lights")
+    *position, _ = placement.display_from_scene @ item.matrix() @ np.array([*item.triple("position", ORIGIN), 1.0])
+    # The irradiance I / d^2 is per square scene unit; in mm, I and d^2 grow by the square of the scale.
+    intensity = placement.scale**2 * np.array(item.triple("intensity", (1.0, 1.0, 1.0)))
+    item.refuse_leftovers()
+    fade = f"fade_distance {number(FADE_MM)} fade_power 2"
+    colour = intensity / (2.0 * math.pi * FADE_MM**2)
+    return block("light_source", f"{vector(position)} rgb {vector(colour)}", fade)
+
+
+def _shape(
+    item: Item, materials: Materials, textures: dict[str, str], placement: Placement, folder: Path, place: int
+) -> list[str]:
+    """Return the objects of a shape, and add its textures to those declared; `place` makes its names unique."""
+    if item.plugin not in SHAPES:
+        raise item.refusal("has no counterpart in POV-Ray", f"use {', '.join(SHAPES)}")
+    material = None
+    for child in item.children():
+        if child.kind != "BSDF":
+            raise child.refusal("on a shape has no counterpart in POV-Ray", "use point lights and plain materials")
+        material = materials.read(child)
+    if material is None:
+        raise item.refusal("has no material", "give it one")
+    if material.clear and item.plugin == "rectangle":
+        raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
+    spherical = item.plugin == "sphere"
+    # `@` stands for texture and interior.
+    geometry = _sphere(item, placement) if spherical else _mesh(item, material, placement, folder, place)
+    item.refuse_leftovers()
+    declared = material.declarations(spherical)
+    textures.update(declared)
+    front, back = next(iter(declared)), list(declared)[-1]
+    look = f"texture {{ {front} }} interior_texture {{ {back} }}"
+    if material.index is not None:
+        look += f" interior {{ ior {material.index:.9g} }}"
+    if not material.clear:
+        return [geometry.replace("@", look)]
+    # Glass blocks Mitsuba's point lights but not POV-Ray's, so a separate object casts its shadow.
+    shadow = geometry.replace("@", block("pigment", "rgb 0") + " no_image no_reflection").split("\n")[-1]
+    return [geometry.replace("@", f"{look} no_shadow"), shadow]
+
+
+def _sphere(item: Item, placement: Placement) -> str:
+    """Return the unit sphere with its transform, which applies to its image texture too."""
+    to_world = item.matrix()
+    to_world[:3, 3] += to_world[:3, :3] @ np.array(item.triple("center", ORIGIN))
+    to_world[:3, :3] *= item.value("radius", 1.0)
+    size = np.linalg.svd(to_world[:3, :3], compute_uv=False)
+    if size[0] - size[2] > 1e-3 * size[0]:
+        raise item.refusal("is not a sphere after its transform", "scale it equally in all directions")
+    # Mitsuba inverts a sphere's normals for flip_normals, a negative radius, and a transform that mirrors.
+    if (np.linalg.det(to_world[:3, :3]) < 0.0) != item.value("flip_normals", False):
+        raise item.refusal("has normals that point inwards", "flip them; POV-Ray's spheres face outwards")
+    return f"sphere {{ 0, 1 @ {matrix(placement.display_from_scene @ to_world)} }}"
+
+
+def _mesh(item: Item, material: Material, placement: Placement, folder: Path, place: int) -> str:
+    """Write a mesh's file and return the lines that include it."""
+    mesh, stem = _load(item)
+    points = _column(mesh.vertex_positions_buffer(), 3)
+    faces = np.array(mesh.faces_buffer()).reshape(-1, 3).astype(np.int64)
+    # In POV-Ray's left-handed frame, a face's vertices are clockwise seen from outside.
+    outside = _outside(mesh, points, faces)
+    faces = np.where(outside[:, None], faces[:, ::-1], faces)
+    if material.clear:
+        _check_closed(item, points, faces)
+    points = points @ placement.display_from_scene[:3, :3].T
+    points += placement.display_from_scene[:3, 3]
+    parts = {"vertex_vectors": points}
+    if mesh.has_vertex_normals():
+        normals = _column(mesh.vertex_normals_buffer(), 3) @ placement.display_from_scene[:3, :3].T
+        # flip_normals does not change the file's normals.
+        facing = -1.0 if item.value("flip_normals", False) else 1.0
+        parts["normal_vectors"] = facing * normals / placement.scale
+    if mesh.has_vertex_texcoords():
+        # The first row of a texture is v = 0 in Mitsuba and v = 1 in POV-Ray.
+        parts["uv_vectors"] = _column(mesh.vertex_texcoords_buffer(), 2) * [1.0, -1.0] + [0.0, 1.0]
+    elif material.pictures:
+        raise item.refusal("has an image texture but no uv", "give the mesh uv, or the material a colour")
+    parts["face_indices"] = faces
+    name = f"{stem}-{place}.inc"
+    body = "\n".join(f"{keyword} {{ {rows(values)} }}" for keyword, values in parts.items())
+    declared = identifier("mesh", place, stem)
+    (folder / name).write_text(f"#declare {declared} = mesh2 {{\n{body}\n}}\n")
+    return f'#include "{name}"\nobject {{ {declared} @ }}'
+
+
+def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
+    """Tell which faces' vertices are counter-clockwise seen from the front, where Mitsuba's normal points.
+
+    The normal is Mitsuba's own at each face's centre: it depends on winding, vertex normals, flip_normals and whether
+    the transform mirrors.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
+    centre.t = 1.0
+    centre.prim_index = dr.arange(mi.UInt32, len(faces))
+    centre.prim_uv = mi.Point2f(1.0 / 3.0)
+    centre.shape = mi.ShapePtr(mesh)
+    found = mesh.compute_surface_interaction(dr.zeros(mi.Ray3f, len(faces)), centre, mi.RayFlags.All)
+    normal = np.array(found.sh_frame.n, np.float64).T
+    return np.asarray((_area(points, faces) * normal).sum(axis=1) >= 0.0)
+
+
+def _area(points: Array, faces: Array) -> Array:
+    """Return the faces' normals by the order of their vertices; their lengths are twice the areas."""
+    first, second, third = (points[faces[:, k]] for k in range(3))
+    return np.cross(second - first, third - first)
+
+
+def _check_closed(item: Item, points: Array, faces: Array) -> None:
+    """Refuse a mesh that is not closed (an edge has one face) or that is inside out.
+
+    Vertices at one place count as one: normals and uv split them.
+    """
+    grain = GRAIN * np.ptp(points, axis=0).max()
+    _, corner = np.unique(np.round(points / grain), axis=0, return_inverse=True)
+    edges = np.sort(corner.reshape(-1)[faces[:, [[0, 1], [1, 2], [2, 0]]]].reshape(-1, 2), axis=1)
+    _, faces_there = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+    if (faces_there % 2).any():
+        raise item.refusal("encloses no glass", "use closed shapes for dielectrics")
+    # Six times the signed volume, positive if the faces' fronts (vertices clockwise) face inwards.
+    if ((points[faces[:, 0]] - points[0]) * _area(points, faces)).sum() > 0.0:
+        raise item.refusal("has normals that point inwards", "flip them: glass is behind a surface")
+
+
+def _load(item: Item) -> tuple[Any, str]:
+    """Return Mitsuba's mesh, in scene units, and a name for it."""
+    mi = mitsuba()
+    given: dict[str, Any] = {"type": item.plugin, "to_world": mi.ScalarTransform4f(item.matrix())}
+    stem = item.plugin
+    if item.plugin != "rectangle":
+        path = item.path("filename")
+        given["filename"] = str(path)
+        stem = plain(path.stem)
+        for name in ("face_normals", "flip_tex_coords"):
+            if item.has(name):
+                given[name] = item.value(name, False)
+    if item.value("flip_normals", False):
+        given["flip_normals"] = True
+    try:
+        shape = mi.load_dict(given)
+    except Exception as error:  # Mitsuba's errors have no common base
+        raise item.refusal(f"cannot be read ({' '.join(str(error).split())[:200]})", "mend it") from None
+    return shape, stem
+
+
+def _column(buffer: Any, width: int) -> Array:
+    return np.array(buffer, np.float64).reshape(-1, width)

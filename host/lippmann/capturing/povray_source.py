@@ -1,0 +1,117 @@
+"""A parsed Mitsuba scene file: its objects with their properties, references resolved.
+
+Mitsuba's own parser reads it, including defaults, includes and nested files. The caller reads the properties that it
+supports; the remaining ones are errors that name property, file and line.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from lippmann.base.variant import mitsuba
+from lippmann.errors import InputError, input_error
+from lippmann.scenes.placement import Matrix, Triple
+from lippmann.scenes.scene import parsed
+
+Value = TypeVar("Value", float, str, bool)
+
+
+class Item:
+    """One object of a scene file, such as a shape; each reading method marks its property as read."""
+
+    def __init__(self, tree: Tree, index: int) -> None:
+        node = tree.state.nodes[index]
+        self.index = index
+        self.tree = tree
+        self.plugin: str = node.props.plugin_name()
+        self.kind: str = node.type.name
+        self.id: str = node.props.id()
+        self._properties: dict[str, Any] = dict(node.props.items())
+        self._read: set[str] = set()
+        self._node = node
+
+    def path(self, name: str) -> Path:
+        """Return the path that a property names, relative to the scene or to the included file that names it."""
+        given = self.value(name, "")
+        beside = self.tree.path.parent / given
+        return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
+
+    def refusal(self, what: str, remedy: str) -> InputError:
+        """Return an error that names this object, its place in the file, and the part that POV-Ray cannot express."""
+        named = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
+        where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
+        return input_error(where, f"{named} {what}", remedy)
+
+    def _take(self, name: str) -> Any:
+        self._read.add(name)
+        return self._properties.get(name)
+
+    def has(self, name: str) -> bool:
+        """Tell whether a property is given."""
+        return name in self._properties
+
+    def value(self, name: str, default: Value) -> Value:
+        """Return a number, a text or a Boolean: the type is the default's, which Mitsuba has checked."""
+        value = self._take(name)
+        return default if value is None else type(default)(value)
+
+    def triple(self, name: str, default: Triple) -> Triple:
+        """Return a point or a colour."""
+        value = self._take(name)
+        if value is None:
+            return default
+        if isinstance(value, int | float):
+            return (float(value),) * 3
+        uniform = getattr(value, "is_uniform", None)
+        if uniform is not None and uniform():
+            return (float(value.values[0]),) * 3
+        try:
+            x, y, z = (float(component) for component in value)
+        except (TypeError, ValueError):
+            raise self.refusal(f"has a {name} that is not an RGB colour", f"give {name} as rgb") from None
+        return x, y, z
+
+    def matrix(self, name: str = "to_world") -> Matrix:
+        """Return a transform, (4, 4)."""
+        value = self._take(name)
+        return np.eye(4) if value is None else np.array(value.matrix, np.float64).reshape(4, 4)
+
+    def child(self, name: str) -> Item | None:
+        """Return the object that a property refers to, such as a texture; None for a value."""
+        value = self._properties.get(name)
+        if not isinstance(value, self.tree.reference):
+            return None
+        self._read.add(name)
+        return Item(self.tree, value.index())
+
+    def children(self) -> list[Item]:
+        """Return the nested and referenced objects that are not yet read, in order."""
+        found = {
+            name: Item(self.tree, value.index())
+            for name, value in self._properties.items()
+            if isinstance(value, self.tree.reference) and name not in self._read
+        }
+        self._read.update(found)
+        return list(found.values())
+
+    def refuse_leftovers(self) -> None:
+        """Raise for the first property that has not been read."""
+        for name in self._properties:
+            if name not in self._read:
+                raise self.refusal(f"has a {name}, which has no counterpart", f"leave {name} out")
+
+
+class Tree:
+    """A parsed scene file; its object 0 is the scene."""
+
+    def __init__(self, path: Path) -> None:
+        mi = mitsuba()
+        self.mi = mi
+        self.path = path
+        self.reference = mi.Properties.ResolvedReference
+        with parsed(path) as (configuration, self.state):
+            mi.parser.transform_upgrade(configuration, self.state)
+            mi.parser.transform_resolve(configuration, self.state)

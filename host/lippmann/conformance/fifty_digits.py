@@ -1,0 +1,258 @@
+"""Rays in 50 digits, and the effect of one rounding of each input on a ray.
+
+The optics are written once over arrays of any kind (`lippmann.optics.backend`); here their numbers are mpmath's. The
+distance between golden and these rays is golden's rounding error. This module cannot show that the formulas are right:
+the tests compare the 50 digits with an independent tracer that shares no formula (tests/host/truth.py).
+
+**Condition.** A ray's unit is the distance that it moves, in direction or in exit point, when each of its inputs
+(pixel, aperture point, the display's numbers) moves by one unit of its last place: the sum over the inputs, plus one
+unit of the result itself (for an exit point: of the lenslet's pitch or thickness, which it is computed from). An engine
+that stays within k units has computed, up to k roundings, the exact ray of inputs that are at most k roundings away.
+No engine with the same number format can promise more.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import mpmath
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.conformance.hard_cases import Back, Out
+from lippmann.conformance.ray_search import Bools, Floats
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.convergence import Convergence
+from lippmann.optics.dome import Dome
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.panel import PanelFrame
+from lippmann.optics.pixel_rays import pixels_from_rays, rays_from_pixels
+from lippmann.optics.rays import Hits, Rays
+from lippmann.optics.system import System
+from lippmann.optics.trace import hits_of, rays_of
+
+#: A private context: nobody can lower the precision by touching mpmath.mp.
+mp = mpmath.mp.clone()
+mp.dps = 50
+
+#: Arrays of mpf, or one mpf; mpmath ships no types.
+Digits = Any
+
+#: Relative step of the differences for a ray's condition: far below a float64's last place, far above 50 digits'.
+STEP = mp.mpf(10) ** -24
+
+_convert_number = mp.npconvert
+
+
+def _convert(value: Any) -> Digits:
+    """Return a numpy number as an mpf; refuse an array at once.
+
+    mpmath tries to convert it for every product of an mpf with an array, and writes the whole array into its error.
+    """
+    if isinstance(value, np.ndarray) and value.ndim:
+        raise TypeError("an array is not a number")
+    return _convert_number(value)
+
+
+mp.npconvert = _convert
+_number = np.frompyfunc(mp.convert, 1, 1)
+_root = np.frompyfunc(mp.sqrt, 1, 1)
+
+
+def exact_array(values: npt.ArrayLike) -> Digits:
+    """Return an array of mpf of the exact values of numbers of any kind."""
+    return np.asarray(_number(values), object)
+
+
+class FiftyDigits(NumpyBackend):
+    """Arrays of mpf, 50 digits throughout."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.floor, self.sqrt = np.frompyfunc(mp.floor, 1, 1), _root
+        self.real = self.double = exact_array  # a number of any kind, at its exact value
+
+
+def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
+    """Return the exact values of what rays depend on: the columns of their arrays, (N,), then the display's numbers.
+
+    The columns are `u`, `v` of the pixels and `a`, `b` of the aperture points, if any; of rays from the world `x`, `y`,
+    `z` and `dx`, `dy`, `dz`. The numbers are those that a rounding can move, mm and degrees.
+    """
+    panel, array = rays.display.panel, rays.display.array
+    if isinstance(rays, Out):
+        names: tuple[str, ...] = ("u", "v", "a", "b")
+        columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
+    else:
+        names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
+    numbers = {
+        **_pitches("pixel", panel.pixel_pitch_mm),
+        **_pitches("pitch", array.pitch_mm),
+        **{name: getattr(array, name) for name in ("radius_mm", "index", "thickness_mm", "shear")},
+        "gap_mm": rays.display.gap_mm,
+        "rotation_deg": array.rotation_deg,
+        "offset_x_mm": array.offset_mm[0],
+        "offset_y_mm": array.offset_mm[1],
+    }
+    if rays.display.viewing_distance_mm is not None:
+        axis_x, axis_y = rays.display.viewing_axis_mm
+        numbers |= {"eye_mm": rays.display.viewing_distance_mm, "axis_x_mm": axis_x, "axis_y_mm": axis_y}
+    return dict(zip(names, columns, strict=False)) | {name: mp.mpf(value) for name, value in numbers.items()}
+
+
+def _pitches(name: str, pitch: float | tuple[float, ...]) -> dict[str, float]:
+    """Return two pitches as two numbers; one is one number, whose rounding moves both axes."""
+    if isinstance(pitch, tuple):
+        return {f"{name}_x_mm": pitch[0], f"{name}_y_mm": pitch[1]}
+    return {f"{name}_mm": pitch}
+
+
+def _system(rays: Out | Back, n: SimpleNamespace) -> System:
+    """Return the system in mpf, with the numbers `n` of `exact_inputs`; docs/reference/optics.md has the formulas."""
+    panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
+    # The optics declare float, and compute with any type of number.
+    pitches, pixels = (
+        tuple(getattr(n, f"{name}_{axis}", None) or getattr(n, f"{name}_mm") for axis in ("x_mm", "y_mm"))
+        for name in ("pitch", "pixel")
+    )
+    lattice = Lattice(grid, pitches, mp.sqrt(3) / 2, n.shear, rays.display.array.half_steps)
+    (px, py), shear = pitches, abs(n.shear)
+    # Corners of the cell, to the right above and, of a hexagon, at the top.
+    corners = [(px + shear * py) / 2, py / 2], [0, 0]
+    if grid == "hex":
+        corners = [px / 2 + shear * py / mp.sqrt(12), py / mp.sqrt(12)], [shear * py / mp.sqrt(3), py / mp.sqrt(3)]
+    rho = max(mp.hypot(*corner) for corner in corners)
+    sag = n.radius_mm - mp.sqrt(n.radius_mm**2 - rho**2)
+    offset, turn = (n.offset_x_mm, n.offset_y_mm), n.rotation_deg / 180
+    frame = PanelFrame(pixels, panel.width_px, panel.height_px, offset, mp.cospi(turn), mp.sinpi(turn))
+    distance = n.gap_mm + n.thickness_mm / n.index if to_panel else max(n.gap_mm, sag)
+    convergence = Convergence()
+    if rays.display.viewing_distance_mm is not None:
+        axis = frame.array_from_panel(n.axis_x_mm, n.axis_y_mm)
+        convergence = Convergence(distance / (distance + n.eye_mm), *axis)
+    return System(
+        frame=frame,
+        lattice=lattice,
+        dome=Dome(lattice, n.radius_mm, sag),
+        index=n.index,
+        thickness_mm=n.thickness_mm,
+        gap_mm=n.gap_mm,
+        aperture_distance_mm=distance,
+        focal_length_mm=n.radius_mm / (n.index - 1),
+        plano_to_panel=to_panel,
+        convergence=convergence,
+    )
+
+
+def true_rays(rays: Out, **moved: Digits) -> Rays:
+    """Trace rays from the panel in 50 digits; the points and directions of the result are arrays of mpf.
+
+    `moved` are other values of some of the rays' `exact_inputs`.
+    """
+    n = SimpleNamespace(**exact_inputs(rays) | moved)
+    points = None if rays.aperture is None else (n.a, n.b)
+    out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
+    return rays_of(rays.pixels, out, object)
+
+
+def true_hits(rays: Back, **moved: Digits) -> Hits:
+    """Trace rays from the world in 50 digits, as `true_rays` does.
+
+    Directions are scaled to length 1, which a float64 triple cannot have exactly.
+    """
+    n = SimpleNamespace(**exact_inputs(rays) | moved)
+    length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
+    unit = n.dx / length, n.dy / length, n.dz / length
+    hits = pixels_from_rays(FiftyDigits(), _system(rays, n), (n.x, n.y, n.z), unit, "exact")
+    return hits_of(len(rays.origin_mm), hits, object)
+
+
+def truth(rays: Out | Back, **moved: Digits) -> Rays | Hits:
+    """Trace rays of either way in 50 digits."""
+    return true_rays(rays, **moved) if isinstance(rays, Out) else true_hits(rays, **moved)
+
+
+def _length(vectors: Digits) -> Digits:
+    return _root((vectors * vectors).sum(axis=1))
+
+
+def size(vectors: Digits) -> Floats:
+    """Return the length of each row of an array of mpf, (N,) float64."""
+    return np.asarray(_length(vectors), np.float64)
+
+
+def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
+    """Return how far rays are from true ones, (N,) mpf each: turns in radians, shifts in mm; for hits, pixels twice."""
+    if isinstance(rays, Hits):
+        pixels = _length(rays.pixel - true.pixel)
+        return pixels, pixels
+    assert isinstance(true, Rays)
+    return _length(rays.direction - true.direction), _length(rays.local_mm - true.local_mm)
+
+
+def _other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
+    """Tell which rays have another status or lenslet."""
+    return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
+
+
+def _movable(rays: Out | Back) -> list[tuple[str, Digits, Floats]]:
+    """Return name, value and float64 of the inputs of rays, without the display's numbers that are 0."""
+    inputs = exact_inputs(rays).items()
+    return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
+
+
+def _slopes(rays: Out | Back, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
+    """Return how far rays move (see `apart`) for a unit of an input.
+
+    Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
+    """
+    step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
+    ahead = truth(rays, **{name: value + step})
+    other, slopes = _other_fate(ahead, true), apart(ahead, true)
+    if other.any():
+        back = truth(rays, **{name: value - step})
+        lost = other & _other_fate(back, true)
+        behind = apart(back, true)
+        slopes = tuple(np.where(lost, mp.mpf(0), np.where(other, b, a)) for a, b in zip(slopes, behind, strict=True))
+    return [np.asarray(slope / step, np.float64) for slope in slopes]
+
+
+class Condition(NamedTuple):
+    """How far rays move for one unit in the last place of every input, (N,) float64."""
+
+    #: Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
+    turn: Floats
+    #: Of the exit point, lens-local. For rays from the world: of the point on the panel.
+    shift_mm: Floats
+    #: Radians for one mm at the ray's start and at its aperture point. For rays from the world: 0.
+    start: Floats
+
+
+def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
+    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
+    array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
+    turn = np.full(len(true.status), float(np.spacing(1.0)))
+    shift = np.full(len(turn), float(np.spacing(max(array.coarsest_mm, array.thickness_mm))))
+    start, unit_mm = np.zeros(len(turn)), 1.0
+    if isinstance(true, Hits):
+        shift = pixel_mm * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
+        unit_mm = pixel_mm
+    for name, value, rounded in _movable(rays):
+        unit = np.where(rounded == 0.0, 0.0, np.spacing(np.abs(rounded)))
+        turned, shifted = _slopes(rays, true, name, value)
+        turn += turned * unit
+        shift += shifted * unit_mm * unit
+        start += turned * {"u": 1.0 / pixel_mm, "v": 1.0 / pixel_mm, "a": 1.0, "b": 1.0}.get(name, 0.0)
+    return Condition(shift / array.finest_mm if isinstance(true, Hits) else turn, shift, start)
+
+
+def on_edge(rays: Out | Back, ulps: int) -> Bools:
+    """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
+    true = truth(rays)
+    edge = np.zeros(len(true.status), bool)
+    for name, value, rounded in _movable(rays):
+        step = exact_array(np.spacing(np.abs(rounded))) * ulps
+        for moved in (value + step, value - step):
+            edge |= _other_fate(truth(rays, **{name: moved}), true)
+    return edge

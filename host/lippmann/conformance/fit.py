@@ -1,0 +1,178 @@
+"""`fit`: the cheapest model, number of samples and build of the RTL within a tolerance.
+
+It serves the chief rays of a display over a range of depths. All errors are in pixels of the reconstructed view (see
+`lippmann.optics.model_choice`):
+
+* **model**: the largest distance between its rays and the exact ones;
+* **samples**: the largest distance between the light of a panel pixel and the nearest ray that samples it. Along each
+  axis the light spreads to w = |z| q / D at depth z, in reconstructed pixels w / max(p, w). The error is the `gap` of n
+  samples in a rectangle of these sides, largest at the farthest depth;
+* **build**: the largest distance between its rays, in words of F fraction bits, and the exact ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, get_args
+
+import numpy as np
+
+from lippmann.base.toml import documented, key
+from lippmann.display.description import Display, Pair
+from lippmann.engines import trace, trace_fixed
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build, HardwareModel
+from lippmann.fixed.conversion import pixels_of_words, words_of_pixels
+from lippmann.fixed.words import FRACTIONS
+from lippmann.optics.model_choice import (
+    TOLERANCE,
+    Choice,
+    choose_model,
+    corners_mm,
+    in_cells_mm,
+    located,
+    model_error_px,
+    on_panel,
+    panel_size,
+    pixels_from_cells,
+    probe,
+)
+from lippmann.optics.rays import Floats, Model, Rays
+from lippmann.optics.sampling import R2_STEPS, pixel_steps
+from lippmann.optics.system import System
+
+#: Largest number of samples that a fit tries.
+MOST_SAMPLES = 1024
+#: Numbers that it tries: each is one more than the one before, or up to 5 % more, rounded up; 1024^(1/142) is 1.05.
+TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
+#: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
+INSIDE = 0.97
+#: A build that passes the probe is tested on so many rays all over the panel too, and on as many in corners of cells:
+#: roundings differ from ray to ray. Those of untested rays may be larger by the margin, as a part of the rounding.
+SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
+#: Least distance of those rays in corners from the cell's centre, as a part of INSIDE.
+CORNERS = 0.9
+
+
+@documented
+@dataclass(frozen=True)
+class Fit:
+    """The choice and its errors, in pixels of the reconstructed view."""
+
+    choice: Annotated[Choice, key("lens model")]
+    samples: Annotated[int | None, key("rays for each pixel; None when MOST_SAMPLES are too few")]
+    sample_error_px: Annotated[float, key("their error, or that of MOST_SAMPLES")]
+    build: Annotated[Build | None, key("build of the RTL; None when every build exceeds the tolerance")]
+    build_error_px: Annotated[float, key("its error, or the best build's; infinite when no build traces this display")]
+
+
+def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float = TOLERANCE) -> Fit:
+    """Choose model, samples and build for a display's chief rays (parameters and errors as `choose_model`).
+
+    The tolerance holds for each of the three.
+    """
+    choice = choose_model(display, depth_range_mm, "chief", tolerance)
+    # The spread of a panel pixel along each axis, in reconstructed pixels: at most 1.
+    farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
+    x, y = (farthest * q / max(display.array.finest_mm, farthest * q) for q in display.panel.pitches_mm)
+    samples = choose_samples((x, y), tolerance)
+    build, error = choose_build(display, depth_range_mm, tolerance)
+    return Fit(choice, samples, gap(samples or MOST_SAMPLES, (x, y)), build, error)
+
+
+def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
+    """Return the first of TRIED_SAMPLES whose gap in this spread is within a tolerance; None above the last.
+
+    All are tried: one sample more may leave a larger gap, because all move.
+    """
+    return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
+
+
+@cache
+def gap(samples: int, sides: Pair) -> float:
+    """Return the largest distance from a place in a rectangle to the nearest of the renderer's samples.
+
+    The places of a pixel's samples are mirrored, which changes no distance, and their axes may be exchanged. The
+    farthest place is a corner of the samples' Voronoi cells, clipped to the rectangle: reflecting the samples in its
+    four sides clips them.
+    """
+    if samples == 1:
+        return 0.5 * math.hypot(*sides)
+    from scipy.spatial import KDTree, Voronoi  # at its first use: it takes as long to load as all of render
+
+    steps = np.arange(samples)[:, None]
+    first, step = np.transpose(pixel_steps(samples))
+    places = (first + steps * step) % (1 << 32) * 2.0**-32
+    worst = 0.0
+    for points in (places * sides, places[:, ::-1] * sides):
+        reflected = [np.where(np.arange(2) == axis, 2.0 * at - points, points) for axis, at in _sides(sides)]
+        corners = Voronoi(np.concatenate([points, *reflected])).vertices
+        inside = (np.abs(corners - np.divide(sides, 2)) <= np.divide(sides, 2) * (1 + 1e-9)).all(axis=1)
+        worst = max(worst, float(KDTree(points).query(corners[inside])[0].max()))
+    return worst
+
+
+def _sides(sides: Pair) -> list[tuple[int, float]]:
+    """Return a rectangle's sides, each as the axis that it crosses and the place there."""
+    return [(axis, at) for axis in range(2) for at in (0.0, sides[axis])]
+
+
+def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
+    """Return the cheapest build of the RTL within a tolerance, and its error.
+
+    Cheaper hardware comes first (pinhole, paraxial, exact), and shorter words within each. When all builds exceed the
+    tolerance: None and the least error.
+    """
+    try:
+        # Pixels rounded to words first, so that rounding moves no pixel over a border.
+        probes = {
+            name: away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
+            for name, pixels in (("few", probe(display, "chief", INSIDE)[0]), ("many", _spread(display)))
+        }
+    except InputError:  # the panel is larger than the words can hold
+        return None, float("inf")
+
+    @cache
+    def unrounded(name: str, model: Model) -> Rays:
+        return trace(display, probes[name], None, model)
+
+    def error_px(name: str, model: HardwareModel, bits: int) -> float:
+        try:
+            rays = trace_fixed(display, probes[name], None, model, bits)
+        except InputError:  # the registers cannot hold this display
+            return float("inf")
+        kinds: set[Model] = {model, "exact"}
+        far = {kind: model_error_px(display, unrounded(name, kind), rays, depth_range_mm) for kind in kinds}
+        return far["exact"] + ROUNDING_MARGIN * far[model]
+
+    least = float("inf")
+    for model in get_args(HardwareModel):
+        for bits in FRACTIONS:
+            error = error_px("few", model, bits)
+            if error <= tolerance:
+                error = max(error, error_px("many", model, bits))
+            if error <= tolerance:
+                return Build.of(display, model, bits, aims=False), error
+            least = min(least, error)
+    return None, least
+
+
+def _spread(display: Display) -> Floats:
+    """Return pixel coordinates (N, 2) all over the panel, and in the corners of the cells there."""
+    numbers = np.arange(SPREAD_RAYS)
+    everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
+    corners = INSIDE * corners_mm(display.array)
+    local = corners[numbers % len(corners)] * np.linspace(CORNERS, 1.0, SPREAD_RAYS)[:, None]
+    in_corners = pixels_from_cells(display, located(display, everywhere)[0], local)
+    return np.concatenate([everywhere, on_panel(display, in_corners)])
+
+
+def away_from_borders(display: Display, pixels: Floats) -> Floats:
+    """Return those of the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
+    lattice = System.of(display).lattice
+    axes = np.array(lattice.axes)
+    across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)
+    inside: Floats = pixels[across <= INSIDE * (1.0 + 1e-9) * lattice.half_mm]
+    return inside

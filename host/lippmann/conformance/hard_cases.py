@@ -1,0 +1,555 @@
+"""Hard cases: named sets of rays that are numerically difficult, generated for any display from a seed.
+
+A case takes a display and gives sets of rays, each with its display: the given one, or one with a single property at an
+extreme. All engines are measured on the same sets, and `lippmann vectors` writes them to test other designs. The
+docstring of each function says what its case tests.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import Any
+
+import numpy as np
+
+from lippmann.conformance.ray_search import (
+    Floats,
+    cell_steps,
+    edge_points,
+    onset,
+    pixels_at,
+    random_aims,
+    random_directions,
+    random_pixels,
+    random_sizes,
+)
+from lippmann.display.description import MAX_SIDE_PX, Display
+from lippmann.engines import trace
+from lippmann.errors import InputError
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.model_choice import corners_mm, located
+from lippmann.optics.panel import PanelFrame
+from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
+from lippmann.optics.rays import Engine, Model, Rays, Status
+
+#: Distances of rays around an onset, in units of the last place of the aim.
+ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
+#: A case with more displays than these has fewer rays of each.
+MANY_DISPLAYS = 10
+
+
+@dataclass(frozen=True)
+class Out:
+    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2), mm, None for chief rays."""
+
+    name: str
+    display: Display
+    pixels: Floats
+    aperture: Floats | None
+    model: Model = "exact"
+
+    @property
+    def aims(self) -> Floats:
+        """Aperture points (N, 2), mm; 0 for chief rays."""
+        return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
+
+    def traced(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
+        """Trace the rays with an engine."""
+        return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
+
+    def some(self, chosen: Any) -> Out:
+        """Return some of the rays."""
+        aperture = None if self.aperture is None else self.aperture[chosen]
+        return replace(self, pixels=self.pixels[chosen], aperture=aperture)
+
+    def steps(self) -> dict[str, Floats]:
+        """Return golden's intermediate values, by which a design is compared step by step.
+
+        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet that owns it,
+        whole numbers; `start_mm` (N, 2) the same point from that lenslet's centre, array's axes; `near_mm` (N, 2) the
+        point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same centre.
+        """
+        panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
+        home, start = located(self.display, self.pixels)
+        near = start + self.display.gap_mm / self.display.aperture_distance_mm * (self.aims - start)
+        return {"panel_mm": panel, "home": home, "start_mm": start, "near_mm": near}
+
+
+@dataclass(frozen=True)
+class Back:
+    """Rays from the world: `origin_mm` (N, 3) and unit `direction` (N, 3)."""
+
+    name: str
+    display: Display
+    origin_mm: Floats
+    direction: Floats
+
+    def some(self, chosen: Any) -> Back:
+        """Return some of the rays."""
+        return replace(self, origin_mm=self.origin_mm[chosen], direction=self.direction[chosen])
+
+
+Sets = Iterator[Out | Back]
+Generator = Callable[[Display, np.random.Generator, int], Sets]
+Displays = Callable[[Display], Mapping[str, Display]]
+
+
+#: All cases by name, in the order of this file; the docstring of each says what it tests.
+CASES: dict[str, Generator] = {}
+
+
+def _case(make: Generator) -> Generator:
+    """Add a case with the name of a generator."""
+    CASES[make.__name__.replace("_", "-")] = make
+    return make
+
+
+def _of_displays(displays: Displays) -> Generator:
+    """Add a case with a set for each display: rays from anywhere on the panel to anywhere in their cells."""
+
+    @wraps(displays)
+    def make(display: Display, random: np.random.Generator, count: int) -> Sets:
+        made, case = displays(display), displays.__name__.replace("_", "-")
+        each = count if len(made) <= MANY_DISPLAYS else max(4, count // 3)
+        for variant, other in made.items():
+            pixels = random_pixels(other, random, each)
+            yield Out(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
+
+    return _case(make)
+
+
+def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
+    """Yield the sets of a case, or of "all", for a display and the displays made from it; about `count` rays in each.
+
+    Raises InputError for an unknown name.
+    """
+    if name != "all" and name not in CASES:
+        raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
+    for number, (each, case) in enumerate(CASES.items()):
+        if name in ("all", each):
+            yield from case(display, np.random.default_rng([seed, number]), count)
+
+
+def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
+    """Return a display with other numbers of its array; a named glass becomes a plain index.
+
+    The substrate becomes at least as thick as the dome's sag, and the eye stays outside the lenslets' focal zone.
+    """
+    made = replace(display.array, **{"glass": None, **array})
+    made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
+    display = replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
+    eye_mm = display.viewing_distance_mm
+    return display if eye_mm is None else replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm))
+
+
+def without_eye(display: Display) -> Display:
+    """Return a display whose elemental images lie right behind their lenslets."""
+    return replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+
+
+def steep(display: Display, share: float = 1.02) -> Display:
+    """Return a display of thin, nearly hemispherical domes, a pitch from the panel."""
+    array = display.array
+    return changed(display, radius_mm=share * array.half_diagonal_mm, thickness_mm=0.0, gap_mm=array.coarsest_mm)
+
+
+def _nudged(points: Floats, random: np.random.Generator) -> Floats:
+    """Return points (N, 2) with each coordinate moved by up to 2 units of its last place."""
+    return np.asarray(points + random.integers(-2, 3, points.shape) * np.spacing(points))
+
+
+def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Out:
+    """Return rays to aims (N, 2) and, in units of the last place of both coordinates, `ULPS` beside them."""
+    near = aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :]
+    return Out(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
+
+
+# --- special points on one display ------------------------------------------------------------------------------
+
+
+@_case
+def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays from behind a lenslet's vertex through it, and from a few roundings beside: no refraction."""
+    lenslets = random.integers(-3, 4, (count, 2))
+    at = np.concatenate([pixels_at(display, np.zeros((1, 2)), (int(i), int(j)))[0] for i, j in lenslets])
+    yield Out("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
+
+
+@_case
+def cell_edges(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Pixels and aims on the edges of cells, and a few roundings beside: each ray has exactly one lenslet."""
+    yield from _on_border("cell-edges", display, random, edge_points(display, random, 2 * count), (1, -2))
+
+
+@_case
+def cell_corners(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Pixels and aims on the corners of squares and vertices of hexagons, and a few roundings beside."""
+    corners = corners_mm(display.array)
+    points = corners[random.integers(0, len(corners), 2 * count)]
+    yield from _on_border("cell-corners", display, random, points, (-1, 3))
+
+
+def _on_border(
+    case: str, display: Display, random: np.random.Generator, points: Floats, lenslet: tuple[int, int]
+) -> Sets:
+    """Yield pixels at the first half of points of a cell, and aims at the second half."""
+    count = len(points) // 2
+    pixels, _ = pixels_at(display, points[:count], lenslet)
+    yield Out(f"{case}/pixels", display, _nudged(pixels, random), None)
+    aims = _nudged(points[count:], random)
+    yield Out(f"{case}/aims", display, random_pixels(display, random, count), aims)
+
+
+@_case
+def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Pixels exactly on edges and corners, at coordinates that float64 holds exactly: the tie rule decides."""
+    del random
+    square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
+    plain: dict[str, Any] = {"shear": 0.0, "extent_mm": None, "rotation_deg": 0.0, "offset_mm": (0.0, 0.0)}
+    tied = changed(display, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5, **plain)
+    tied = replace(without_eye(tied), panel=square)
+    steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
+    yield Out("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
+
+
+@_case
+def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays that leave the panel at ever flatter angles, down to parallel within rounding or to the array's end."""
+    pixels = random_pixels(display, random, count)
+    # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
+    farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
+    far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
+    yield Out("grazing-launch", display, pixels, far * random_directions(random, count))
+
+
+def _flips(
+    display: Display, random: np.random.Generator, count: int, status: Status, reach: float = 1.5, centres: bool = False
+) -> tuple[Floats, Floats, Floats]:
+    """Return pixels, the last aims before rays get a status, and aims well before; (M, 2) each, M <= count.
+
+    With `centres` they are whole pixels, which every word holds exactly.
+    """
+
+    def has(aims: Floats) -> Any:
+        return trace(display, pixels, aims).status == int(status)
+
+    many = 400 * count
+    pixels = pixels_at(display, random_aims(display, random, many))[0]
+    if centres:
+        pixels = np.floor(pixels) + 0.5
+    inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
+    mixed = ~has(inner) & has(outer)
+    chosen = np.flatnonzero(mixed)[:count]
+    pixels, inner = pixels[chosen], inner[chosen]
+    return pixels, onset(inner, outer[chosen], has), inner
+
+
+@_case
+def total_reflection(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Steep lenslets of high index: rays within 64 roundings of total internal reflection, on both sides."""
+    dense = changed(steep(display), index=1.9)
+    pixels, aims, _ = _flips(dense, random, max(2, count // 4), Status.INTERNAL_REFLECTION)
+    yield _near_onset("total-reflection", dense, pixels, aims)
+
+
+@_case
+def grazing_exit(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays that leave the last face at ever flatter angles, down to 10^-15 of the distance to total reflection.
+
+    Those of the second set, from whole pixels, are as near to it as words can tell.
+    """
+    dense = changed(steep(display), index=1.9)
+    for name, nearest, farthest, centres in (
+        ("grazing-exit", 1e-15, 0.1, False), ("grazing-exit/words", 3e-8, 3e-6, True),
+    ):  # fmt: skip
+        pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
+        yield Out(name, dense, pixels, last + random_sizes(random, nearest, farthest, len(pixels)) * (inner - last))
+
+
+@_case
+def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Steep domes hit at up to 1.4 pitches from the lenslet: rays that leave through the one behind the neighbour.
+
+    None do where the domes face the viewer: rays reach farther cells there only from farther aims.
+    """
+    pitch = display.array.finest_mm
+    far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
+    many = 400 * count
+    aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * random_directions(random, many)
+    rays = Out("far-cells", far, random_pixels(far, random, many), aims)
+    traced = rays.traced()
+    far_off = cell_steps(far, traced.lenslet - rays.steps()["home"]) >= 2
+    crossed = far_off & (traced.status == int(Status.CROSSTALK))
+    if crossed.any():
+        yield rays.some(np.flatnonzero(crossed)[:count])
+
+
+@_case
+def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays on both sides of the onset of crosstalk, of blocking by a dome, and of a missed array."""
+    array = display.array
+    rho = array.half_diagonal_mm
+    thin = changed(display, radius_mm=1.02 * rho, index=1.25, thickness_mm=0.0, gap_mm=0.0)
+    canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
+    for status, made, reach in (
+        (Status.CROSSTALK, steep(display), 1.5),
+        (Status.BLOCKED, thin, 6.0),
+        (Status.MISSED, canyon, 200.0),
+    ):
+        pixels, aims, _ = _flips(made, random, max(2, count // 8), status, reach)
+        if len(aims):
+            yield _near_onset(f"fates/{status.name.lower()}", made, pixels, aims)
+
+
+@_case
+def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays of every fate, far from its onset: stopped by a dome, at a wall between domes, at the array's end."""
+    array, panel = display.array, display.panel
+    domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
+    walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)
+    # The end lies between lenslets' centres.
+    across, row = array.pitches_mm[0], array.row_pitch_mm
+    end = (
+        (math.floor(0.3 * panel.width_mm / across) + 0.7) * across,
+        (math.floor(0.3 * panel.height_mm / row) + 0.7) * row,
+    )
+    ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=(2.0 * end[0], 2.0 * end[1]))
+    many = 400 * count
+    for name, made, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
+        rays = Out(f"losses/{name}", made, random_pixels(made, random, many), random_aims(made, random, many, reach))
+        status = rays.traced().status
+        if name == "ends":  # from lenslets that are there
+            x, y = Lattice.of(made.array).centre(*rays.steps()["home"].T)
+            status = np.where((np.abs(x) < end[0]) & (np.abs(y) < end[1]), status, len(Status))
+        yield rays.some(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
+
+
+def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+    """Return points (2 count, 3) some roundings off a dome that bulges to +z, and tangent directions, lens-local."""
+    R = display.array.radius_mm
+    foot = random_aims(display, random, 40 * count)
+    slope = np.hypot(*foot.T) / R
+    foot = foot[slope > 0.75][: 2 * count]
+    normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
+    # Downhill, and turned from it to either side.
+    down = np.column_stack([foot, np.zeros(len(foot))])
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    down = down - (down * normal).sum(axis=1)[:, None] * normal
+    down /= np.linalg.norm(down, axis=1)[:, None]
+    turn = random.uniform(-0.6, 0.6, (len(foot), 1))
+    direction = np.cos(turn) * down + np.sin(turn) * np.cross(normal, down)
+    lift = random.choice((0, 1, 2, 4, 16, 64, 1 << 10, 1 << 20, 1 << 30), (len(foot), 1)) * 2.0**-52 * R
+    lift *= random.choice((-1.0, 1.0), (len(foot), 1))
+    point = R * normal - (0.0, 0.0, R) + lift * normal
+    return point, direction
+
+
+@_case
+def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
+    hilly = without_eye(steep(display, 1.001))
+    point, direction = _tangents(hilly, random, count)
+    if display.array.plano_side == "panel":
+        # From the world: the domes face the viewer.
+        frame = PanelFrame.of(hilly)
+        x, y, z = (point - 10.0 ** random.uniform(0.0, 2.0, (len(point), 1)) * direction).T
+        origin = np.column_stack([*frame.panel_from_array(x, y), z])
+        yield Back("tangent", hilly, origin, np.column_stack([*frame.turn(*direction[:, :2].T), direction[:, 2]]))
+        return
+    # From the panel, which is above the mirrored dome.
+    start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction
+    aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
+    pixels, own = pixels_at(hilly, start[:, :2])
+    yield Out("tangent", hilly, pixels, aim[:, :2] - own)
+
+
+# --- displays with a property at an extreme ---------------------------------------------------------------------
+
+
+@_of_displays
+def flat_domes(display: Display) -> dict[str, Display]:
+    """Nearly flat lenslets, R from 10 mm to 10^6 mm: no error may grow with R."""
+    least = 1.1 * display.array.half_diagonal_mm
+    return {f"1e{k}-mm": changed(display, radius_mm=max(10.0**k, least)) for k in range(1, 7)}
+
+
+@_of_displays
+def full_spheres(display: Display) -> dict[str, Display]:
+    """Nearly full hemispheres with upright rims: R exceeds half the cell's diagonal by a tenth down to one rounding."""
+    rho = display.array.half_diagonal_mm
+    radii = {f"1e-{k}": rho * (1.0 + 10.0**-k) for k in (1, 3, 6, 12)} | {"1-ulp": math.nextafter(rho, math.inf)}
+    return {name: changed(display, radius_mm=radius) for name, radius in radii.items()}
+
+
+@_of_displays
+def indices(display: Display) -> dict[str, Display]:
+    """Refractive indices from 1 + 10^-9, almost air, to 2.4, diamond, which reflects most steep rays."""
+    return {f"{n:.10g}": changed(display, index=n) for n in (1.0 + 1e-9, 1.0 + 1e-6, 1.001, 1.16, 2.2, 2.4)}
+
+
+@_of_displays
+def f_numbers(display: Display) -> dict[str, Display]:
+    """Focal lengths of 0.6 to 50 pitches, the panel in focus; the fastest need an index of 2.2 to span the cell."""
+    array, displays = display.array, {}
+    for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
+        focal = number * array.coarsest_mm
+        index = max(array.index, 1.0 + 1.01 * array.half_diagonal_mm / focal)
+        made = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
+        to_panel = focal - made.array.thickness_mm / index if array.plano_side == "panel" else focal
+        displays[f"{number:g}"] = changed(made, gap_mm=max(0.0, to_panel))
+    return displays
+
+
+@_of_displays
+def gaps(display: Display) -> dict[str, Display]:
+    """Panels in contact, within roundings of contact, and within roundings of the focus."""
+    array = display.array
+    focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
+    focus = focus if focus > 0.0 else array.focal_length_mm
+    made = {
+        "0": 0.0,
+        "smallest": 5e-324,
+        "1e-12-mm": 1e-12,
+        "f-less-1e-6": focus * (1.0 - 1e-6),
+        "f-less-1-ulp": math.nextafter(focus, 0.0),
+        "f": focus,
+    }
+    return {name: changed(display, gap_mm=gap) for name, gap in made.items()}
+
+
+@_of_displays
+def rotations(display: Display) -> dict[str, Display]:
+    """Arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
+    turns = {}
+    for angle in (30.0, 45.0, 90.0):
+        turns[f"{angle:g}"] = angle
+        turns[f"{angle:g}+1ulp"] = math.nextafter(angle, 360.0)
+        turns[f"{angle:g}-1ulp"] = math.nextafter(angle, 0.0)
+        turns[f"{angle:g}+1e-9"] = angle + 1e-9
+        turns[f"{angle:g}-1e-4"] = angle - 1e-4
+    return {name: changed(display, rotation_deg=turn) for name, turn in turns.items()}
+
+
+@_of_displays
+def offsets(display: Display) -> dict[str, Display]:
+    """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
+    p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
+    moves = {
+        "half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0), "metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300),
+    }  # fmt: skip
+    # An array that ends would leave no lenslet before the panel.
+    ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
+    return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}
+
+
+@_case
+def huge_panels(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays from the corners of the largest panels that a file may describe, 65,535 x 65,535 pixels.
+
+    Float32 resolves their coordinates to a few micrometres only.
+    """
+    panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
+    pitch = min(panel.coarsest_mm, 0.4)
+    made = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
+    corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
+    pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))
+    yield Out("huge-panels", made, pixels, random_aims(made, random, count))
+
+
+@_case
+def tiny_values(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Coordinates that are zero, minus zero or subnormal, or whose squares underflow."""
+    tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, -1e-310, 1e-160, -1e-160, 1e-20, -1e-20])
+    aims = random.choice(tiny, (count, 2))
+    yield Out("tiny-values/aims", display, random_pixels(display, random, count), aims)
+    yield Out("tiny-values/pixels", display, np.abs(random.choice(tiny, (count, 2))), None)
+    direction = np.column_stack([random.choice(tiny, (count, 2)), -np.ones(count)])
+    origin = np.column_stack([random.choice(tiny, (count, 2)), np.full(count, 100.0)])
+    yield Back("tiny-values/world", display, origin, direction)
+
+
+@_case
+def far_origins(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays from the world that start 1 m and 1 km away, as from an eye or a distant source."""
+    panel = display.panel
+    for name, distance in (("1-m", 1e3), ("1-km", 1e6)):
+        half = 0.45 * np.array([panel.width_mm, panel.height_mm])
+        target = np.column_stack([random.uniform(-half, half, (count, 2)), np.zeros(count)])
+        slope = random.uniform(-0.3, 0.3, (count, 2))
+        direction = np.column_stack([slope, -np.ones(count)])
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        yield Back(f"far-origins/{name}", display, target - distance * direction, direction)
+
+
+@_of_displays
+def register_limits(display: Display) -> dict[str, Display]:
+    """Displays that need the largest or smallest value of each register of the fixed-point pipeline.
+
+    Displays just beyond are refused (tests/host/test_conditioning_fixed.py).
+    """
+    array, p, rho = display.array, display.array.finest_mm, display.array.half_diagonal_mm
+    deepest = 3.999 if array.plano_side == "viewer" else 5.999
+    limits = {
+        "index-low": changed(display, index=1.16),
+        "index-high": changed(display, index=2.2),
+        "cell-half-high": changed(display, radius_mm=1.000001 * rho),
+        "cell-half-low": changed(display, radius_mm=2047.9 * p),
+        "depth-high": changed(display, radius_mm=1.5 * rho, thickness_mm=deepest * 1.5 * rho),
+        "slope-high": changed(display, gap_mm=0.0, radius_mm=3.0 * p, thickness_mm=1.3 * rho * array.index),
+    }
+    # Little more than 4 pixels a lenslet, and as many lenslets as an index of 12 bits can count.
+    widest = 4.001 if array.grid == "square" else 6.0
+    panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
+    limits["x-from-u-high"] = replace(display, panel=panel)
+    limits["x-from-u-low"] = changed(display, rotation_deg=180.0, offset_mm=(40.0 * p, -40.0 * p), extent_mm=None)
+    return limits
+
+
+@_of_displays
+def converged(display: Display) -> dict[str, Display]:
+    """Elemental images that converge on an eye: near, aside, behind steep lenslets, far away, beside the panel."""
+    panel = display.panel
+
+    def seen(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
+        return replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm), viewing_axis_mm=axis_mm)
+
+    return {
+        "near": seen(display, 0.0),
+        "near-corner": seen(display, 0.0, (0.5 * panel.width_mm, -0.5 * panel.height_mm)),
+        "metre-aside": seen(display, 600.0, (-1e3, 1e3)),
+        "steep": seen(steep(display), 0.5 * panel.width_mm),
+        "far": seen(display, 1e12),
+        "beside": seen(display, 2.0 * panel.width_mm, (0.6 * panel.width_mm, 0.0)),
+    }
+
+
+@_of_displays
+def skewed(display: Display) -> dict[str, Display]:
+    """Arrays of two pitches and a shear, up to the most that a file may say, and arrays smaller than the panel."""
+    array, panel = display.array, display.panel
+    px, py = array.pitches_mm
+
+    def made(pitch_mm: tuple[float, float], shear: float, **other: Any) -> Display:
+        domes = replace(array, pitch_mm=pitch_mm, shear=shear)
+        return changed(
+            display,
+            pitch_mm=pitch_mm,
+            shear=shear,
+            radius_mm=max(array.radius_mm, 1.01 * domes.half_diagonal_mm),
+            **other,
+        )
+
+    edges = (0.4 * panel.width_mm, 2.0 * (round(0.2 * panel.height_mm / array.row_pitch_mm) * array.row_pitch_mm))
+    return {
+        "measured": made((1.0004 * px, 0.9991 * py), 0.0012),
+        "shear-1e-12": made((px, py), 1e-12),
+        "shear-1": made((px, py), 1.0),
+        "shear--1": made((px, py), -1.0),
+        "narrow": made((px, 4.0 * px), 0.3),
+        "wide": made((px, 0.25 * px), -0.3),
+        "extent": made((px, py), 0.0, extent_mm=edges),
+    }

@@ -1,0 +1,116 @@
+"""Pages from templates: Markdown for the documentation, and one HTML file that needs no other file.
+
+A template is Markdown with Jinja2. It shows plots, tables and files by the macros of `markdown.jinja` or `html.jinja`.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import jinja2
+from markdown_it import MarkdownIt
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from lippmann.base.files import make_folder, replacing
+from lippmann.conformance.plots import Plot
+from lippmann.conformance.tables import columns, figure, spanned, table, values, where, write_csv
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page; `name` is that of its template and of its file, without extension."""
+
+    name: str
+    #: Machine, date, command and versions of its figures.
+    origin: Mapping[str, str]
+    plots: Sequence[Plot] = ()
+    #: Rows that are kept as CSV, by the name of the file.
+    tables: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    #: Further names that the template uses.
+    context: Mapping[str, Any] = field(default_factory=dict)
+    #: The folder of the template.
+    templates: Path = TEMPLATES
+
+    @cached_property
+    def _environment(self) -> jinja2.Environment:
+        made = jinja2.Environment(
+            loader=jinja2.FileSystemLoader([self.templates, TEMPLATES]),
+            undefined=jinja2.StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        for function in (figure, where, values, columns, spanned):
+            made.filters[function.__name__] = function
+        made.filters["escaped"] = lambda words: html.escape(str(words), quote=False)
+        made.filters |= {"markdown_table": table, "base64": lambda data: base64.b64encode(data).decode()}
+        made.globals |= {"zip": zip}
+        return made
+
+    def text(self, form: Literal["markdown", "html"] = "markdown") -> str:
+        """Return the page in Markdown; as "html" with plots and tables in HTML."""
+        origin = {key: html.escape(str(value), quote=False) for key, value in self.origin.items()}
+        names = {
+            "repeat_origin": False,  # in Markdown, below each plot and table
+            **self.context,
+            "macros": f"{form}.jinja",
+            "plots": {plot.name: plot.png for plot in self.plots},
+            "origin": origin,
+            "said": "; ".join(f"{key}: {value}" for key, value in origin.items()),
+        }
+        text = self._environment.get_template(f"{self.name}.md").render(names)
+        return re.sub(r"\n{3,}", "\n\n", text).strip()
+
+    def html(self) -> str:
+        """Return the page as one HTML file: no script, nothing from the network, plots within."""
+        reader = MarkdownIt("commonmark", {"html": True})
+        tokens = reader.parse(self.text("html"))
+        headings = [(token, tokens[k + 1].content) for k, token in enumerate(tokens) if token.type == "heading_open"]
+        sections = [(token, title) for token, title in headings if token.tag == "h2"]
+        for number, (token, _) in enumerate(sections, 1):
+            token.attrSet("id", f"section-{number}")
+        return self._environment.get_template("page.html").render(
+            title=headings[0][1],
+            style=(TEMPLATES / "page.css").read_text(),
+            sections=[(token.attrs["id"], reader.renderInline(title)) for token, title in sections],
+            body=reader.renderer.render(tokens, reader.options, {}),
+        )
+
+    def write(self, folder: Path, as_html: bool = False) -> list[Path]:
+        """Write the page, its plots and CSV files into a folder, made when missing; return the files.
+
+        Raises InputError when the file system refuses.
+        """
+        make_folder(folder)
+        pages = {folder / f"{self.name}.md": f"{self.text()}\n"}
+        if as_html:
+            pages[folder / f"{self.name}.html"] = self.html()
+        for path, text in pages.items():
+            with replacing(path) as partial:
+                partial.write_text(text, encoding="utf-8")
+        for name, rows in self.tables.items():
+            write_csv(folder / f"{name}.csv", self.origin, rows)
+        for plot in self.plots:
+            with replacing(folder / f"{plot.name}.png") as partial:
+                partial.write_bytes(stamped(plot.png, self.origin))
+        return [*pages, *(folder / f"{n}.csv" for n in self.tables), *(folder / f"{p.name}.png" for p in self.plots)]
+
+
+def stamped(png: bytes, origin: Mapping[str, str]) -> bytes:
+    """Return a PNG that carries the origin of its figures as texts."""
+    texts, out = PngInfo(), io.BytesIO()
+    for key, value in origin.items():
+        texts.add_text(f"lippmann:{key}", value)
+    with Image.open(io.BytesIO(png)) as picture:
+        picture.save(out, "png", pnginfo=texts, optimize=True)
+    return out.getvalue()

@@ -1,0 +1,342 @@
+"""The renderer: time and noise, its growth with what is rendered, and its rate against Mitsuba's own camera.
+
+Times that are compared are measured in turn, in one process, and leave out compilation.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from lippmann.base.images import Radiance, psnr_db
+from lippmann.base.variant import current_device, mitsuba
+from lippmann.conformance.figures import Figures, Measured, groups, in_turn
+from lippmann.conformance.report_plan import Plan
+from lippmann.conformance.test_pictures import middle, noise_levels
+from lippmann.display.description import Array, Display, display_text, load_display
+from lippmann.errors import LippmannError
+from lippmann.rendering.renderer import Settings, make_integrator, render_integral
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, load_scene
+
+#: Returns the seconds that it took.
+Work = Callable[[], float]
+
+INTEGRATORS = ("lights", "direct", "path")
+#: The integrator of the reference picture.
+REFERENCE = "path"
+#: Triangles of the scenes with a growing number of lights, and lights of those with a growing number of triangles.
+TRIANGLES, LIGHTS = 20_000, 2
+#: Repeats of `tools.bench render`, and where its perspective camera stands: its field is the display's window.
+ROUNDS, CAMERA_MM = 3, 600.0
+#: Renders that `tools.bench render` times in a process of their own: display and samples a pixel.
+SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
+
+
+def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radiance] | None = None) -> Work:
+    """Return a function that renders with the next seed at each call, and returns the seconds; `kept` gets pictures."""
+    seeds = itertools.count(settings.seed)
+
+    def render() -> float:
+        rendered = render_integral(scene, display, "exact", replace(settings, seed=next(seeds) % 2**32))
+        if kept is not None:
+            kept.append(rendered.radiance)
+        return rendered.seconds
+
+    return render
+
+
+# ---- noise ----
+
+
+def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+    """Render the plan's scene with each integrator and number of samples, with another seed in each round."""
+    log("renderer: noise ...")
+    scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
+    display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
+    settings = Settings(samples=plan.reference_samples, integrator=REFERENCE, seed=seed)
+    reference = render_integral(scene, display, "exact", settings).radiance
+    runs = list(itertools.product(INTEGRATORS, plan.noise_samples))
+    pictures: dict[tuple[str, int], list[Radiance]] = {run: [] for run in runs}
+    works = {
+        (name, samples): timed(
+            scene, display, Settings(samples, integrator=name, seed=seed + 1), pictures[name, samples]
+        )
+        for name, samples in runs
+    }
+    times = in_turn(works, plan.rounds)
+    rows = [
+        {
+            "integrator": name,
+            "samples": samples,
+            "seconds": Measured.of(times[name, samples]),
+            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(pictures[name, samples])),
+            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in pictures[name, samples]),
+        }
+        for name, samples in runs
+    ]
+    return Figures("report-renderer", ("integrator", "samples"), rows)
+
+
+# ---- growth ----
+
+
+def resized(display: Display, across: int) -> Display:
+    """Return the display with so many pixels across the same window."""
+    return replace(display, panel=display.panel.with_columns(across))
+
+
+def with_pitch(array: Array, pitch_mm: float) -> Array:
+    """Return an array of lenslets of the same shape with another pitch."""
+    factor = pitch_mm / array.pitches_mm[0]
+    return replace(
+        array,
+        pitch_mm=array.pitch_of(pitch_mm),
+        radius_mm=array.radius_mm * factor,
+        thickness_mm=array.thickness_mm * factor,
+    )
+
+
+def with_lenslets_across(display: Display, across: int) -> Display:
+    """Return the display with so many lenslets of the same shape, larger or smaller, across the same window."""
+    array = with_pitch(display.array, display.panel.width_mm / (across - 0.4))
+    return replace(display, array=array, gap_mm=display.gap_mm * array.pitches_mm[0] / display.array.pitches_mm[0])
+
+
+def waves(triangles: int, lights: int) -> Scene:
+    """Return a scene: a wavy sheet of about so many triangles behind the display, under some point lights.
+
+    The sheet, 160 mm wide, fills the field of every eye. The lights stand on a circle; their total power is constant.
+    """
+    mi = mitsuba()
+    side = max(1, round(np.sqrt(triangles / 2)))
+    steps = np.linspace(-80.0, 80.0, side + 1)
+    x, y = (g.ravel() for g in np.meshgrid(steps, steps))
+    z = -30.0 + 8.0 * np.sin(0.3 * x) * np.cos(0.2 * y)
+    corner = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    right, up = corner + 1, corner + side + 1
+    faces = np.concatenate([np.stack([corner, right, up], axis=1), np.stack([right, up + 1, up], axis=1)])
+    mesh = mi.Mesh("waves", vertex_count=len(x), face_count=len(faces))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = mi.Float(np.stack([x, y, z], axis=1).astype(np.float32).ravel())
+    parameters["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
+    parameters.update()
+    lamps = {
+        f"light{k}": {
+            "type": "point",
+            "position": [200.0 * np.cos(angle), 200.0 * np.sin(angle), 300.0],
+            "intensity": {"type": "rgb", "value": 1e5 / lights},
+        }
+        for k, angle in enumerate(2.0 * np.pi * np.arange(lights) / lights)
+    }
+    scene = mi.load_dict({"type": "scene", "mesh": mesh, **lamps})
+    return Scene(Path("waves"), scene, Placement(near_mm=0.0, far_mm=-50.0))
+
+
+def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+    """Time renders of growing size. The sizes of each row are measured in turn."""
+    path = scenes / f"{plan.scene}/{plan.scene}.xml"
+    scene, display = load_scene(path), load_display(scenes / "displays/paper-square.toml")
+    small = resized(display, plan.growth_px)
+    device = current_device()
+
+    def lenslets(across: int) -> int:
+        array = with_lenslets_across(small, across).array
+        return round(small.panel.width_mm * small.panel.height_mm / (array.pitches_mm[0] * array.row_pitch_mm))
+
+    panels = [resized(display, across) for across in plan.pixels_across]
+    one = Settings(seed=seed, shading="each")
+    works: dict[str, dict[int, Work]] = {
+        "pixels": {_pixels(panel): timed(scene, panel, one) for panel in panels},
+        "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n), one) for n in plan.lenslets_across},
+        "triangles": {n: timed(waves(n, LIGHTS), small, one) for n in plan.triangles},
+        "lights": {n: timed(waves(TRIANGLES, n), small, one) for n in plan.lights},
+        "threads": {n: _with_threads(n, timed(scene, small, replace(one, samples=4))) for n in _threads(device)},
+        "samples": {n: timed(scene, small, replace(one, samples=n)) for n in plan.samples},
+    }
+    rows = []
+    for name, sizes in works.items():
+        log(f"growth: {name} ...")
+        times = in_turn(sizes, plan.rounds)
+        memory = _memory(device, path, panels, plan.memory_rounds) if name == "pixels" else {}
+        first = next(iter(times.values()), [])
+        rows += [
+            {
+                "with": name,
+                "size": size,
+                "seconds": Measured.of(seconds),
+                "relative": Measured.of(a / b for a, b in zip(seconds, first, strict=True)),
+                "memory_mb": memory.get(size),
+            }
+            for size, seconds in times.items()
+        ]
+    return Figures("report-growth", ("with", "size"), rows)
+
+
+def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
+    """Return the power of the size with which values grow: the slope of the line through their logarithms.
+
+    None when there are fewer than two sizes.
+    """
+    return float(np.polyfit(np.log(sizes), np.log(values), 1)[0]) if len(sizes) > 1 else None
+
+
+def powers_of(growth: Figures) -> dict[str, float]:
+    """Return the power of each kind of size with which the render time grows."""
+    found = {
+        rows[0]["with"]: exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
+        for rows in groups(growth.rows, "with")
+    }
+    return {name: power for name, power in found.items() if power is not None}
+
+
+def _pixels(display: Display) -> int:
+    return display.panel.width_px * display.panel.height_px
+
+
+def _threads(device: str) -> Sequence[int]:
+    """Return the numbers of threads to try, 1 to those of the machine in doublings; none on a GPU."""
+    cores = len(os.sched_getaffinity(0))
+    return sorted({min(2**k, cores) for k in range(cores.bit_length() + 1)}) if device == "llvm" else []
+
+
+def _with_threads(count: int, work: Work) -> Work:
+    """Return the work, done by so many threads."""
+    import drjit as dr
+
+    def limited() -> float:
+        before = dr.thread_count()
+        dr.set_thread_count(count)
+        try:
+            return work()
+        finally:
+            dr.set_thread_count(before)
+
+    return limited
+
+
+def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) -> dict[int, Measured]:
+    """Return the peak memory (MB) of renders by number of pixels, each in a process of its own, two at a time."""
+
+    def peak(display: Display) -> float:
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "display.toml"
+            file.write_text(display_text(display))
+            return float(separately(device, scene, file, 1)["peak_memory_mb"])
+
+    with ThreadPoolExecutor(2) as pool:
+        peaks = {display: [pool.submit(peak, display) for _ in range(rounds)] for display in displays}
+    return {_pixels(display): Measured.of(one.result() for one in found) for display, found in peaks.items()}
+
+
+#: What `separately` returns.
+RENDER_KEYS = ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")
+
+
+def separately(
+    device: str, scene: Path, display: Path, samples: int, keys: Sequence[str] = RENDER_KEYS
+) -> dict[str, Any]:
+    """Render with the exact model by the command line, in a process of its own, and return some of what it tells.
+
+    Raises LippmannError when the process fails, with its message.
+    """
+    with TemporaryDirectory() as folder:
+        command = [
+            *(
+                sys.executable,
+                "-P",
+                "-m",
+                "lippmann",
+                "render",
+                str(scene),
+                "--display",
+                str(display),
+                "--model",
+                "exact",
+            ),
+            *("--samples", str(samples), "--device", device, "-o", f"{folder}/out.exr", "--json"),
+        ]
+        done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        message = done.stderr.strip().splitlines()[-1:]
+        raise LippmannError(f"{scene} for {display}: rendering in a process of its own failed: {message}")
+    result: dict[str, Any] = json.loads(done.stdout)
+    return {key: result[key] for key in keys}
+
+
+# ---- python -m tools.bench render ----
+
+
+def compared(**works: Work) -> tuple[dict[str, float], list[float]]:
+    """Time two works in turn; return the median of each, and the ratio of the first to the second in each round."""
+    times = in_turn(works, ROUNDS)
+    ratios = [a / b for a, b in zip(*times.values(), strict=True)]
+    return {name: float(np.median(seconds)) for name, seconds in times.items()}, ratios
+
+
+def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
+    """Time the same window behind the display's own lenslets (102 x 102 on paper-square) and behind 11 x 11."""
+    seconds, ratios = compared(
+        seconds_10404_lenslets=timed(scene, display, settings),
+        seconds_121_lenslets=timed(scene, with_lenslets_across(display, 11), settings),
+    )
+    return {**seconds, "ratio": float(np.median(ratios)), "ratio_least": min(ratios), "ratio_most": max(ratios)}
+
+
+def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
+    """Time an integral render against Mitsuba's perspective sensor: same scene, integrator, samples and pixels."""
+    mi = mitsuba()
+    import drjit as dr
+
+    panel = display.panel
+    size = {"width": panel.width_px, "height": panel.height_px}
+    sensor = mi.load_dict(
+        {
+            "type": "perspective",
+            "fov": float(2.0 * np.degrees(np.arctan2(0.5 * panel.width_mm, CAMERA_MM))),
+            "to_world": mi.ScalarTransform4f().look_at([0, 0, CAMERA_MM], [0, 0, 0], [0, 1, 0]),
+            "film": {"type": "hdrfilm", **size, "rfilter": {"type": "box"}},
+            "sampler": {"type": "independent"},
+        }
+    )
+    own, seeds = make_integrator(scene, settings), itertools.count(settings.seed)
+
+    def plain() -> float:
+        started = time.perf_counter()
+        dr.eval(mi.render(scene.mitsuba, sensor=sensor, integrator=own, spp=settings.samples, seed=next(seeds)))
+        dr.sync_thread()
+        return time.perf_counter() - started
+
+    plain()  # compiles
+    seconds, ratios = compared(perspective_seconds=plain, integral_seconds=timed(scene, display, settings))
+    return {**seconds, "rate_ratio": float(np.median(ratios))}
+
+
+def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `tools.bench render`: `what`, and its figures. Each round has its own seed."""
+    device, fish = current_device(), scenes / "fish/fish.xml"
+    for name, samples in SEPARATE:
+        what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
+        yield {"what": what, **separately(device, fish, scenes / f"displays/{name}.toml", samples)}
+    scene, display = load_scene(fish), load_display(scenes / "displays/paper-square.toml")
+    settings = {name: Settings(samples=4, integrator=name, seed=seed, shading="each") for name in INTEGRATORS[::-1]}
+    for name in ("fish", "chart", "knot"):
+        scene = load_scene(scenes / f"{name}/{name}.xml")
+        for integrator in ("depth", "path", "lights"):
+            row = lenslet_growth(scene, display, replace(settings["path"], integrator=integrator))
+            yield {"what": f"10,404 lenslets against 121, {name}, {integrator}, 4 samples", **row}
+        for integrator, chosen in settings.items():
+            row = against_perspective(scene, display, chosen)
+            yield {"what": f"against Mitsuba's perspective, {name}, {integrator}, 4 samples", **row}

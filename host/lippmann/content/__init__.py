@@ -1,1 +1,0 @@
-"""Pictures in the forms of other tools: views from many eyes, quilts, depth."""

@@ -1,1 +1,0 @@
-"""Compares foreign rays with the truth and names the fault that explains the difference."""

@@ -1,0 +1,1 @@
+"""What a display file describes: panel, lens array, sub-pixels and glass."""

@@ -1,0 +1,505 @@
+"""The display: a panel behind a microlens array, described once in a TOML file.
+
+The keys are documented in docs/reference/display-file.md, the optics in docs/reference/optics.md.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from lippmann.base import toml
+from lippmann.base.toml import documented, key, variant
+from lippmann.base.tones import MAX_PAIRS, Curve, curve_of
+from lippmann.display.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
+from lippmann.display.subpixels import Subpixel, layout_of
+from lippmann.errors import InputError, input_error, path_of
+
+Grid = Literal["square", "hex"]
+PlanoSide = Literal["panel", "viewer"]
+SubpixelsName = Literal["none", "rgb", "bgr", "rgbw", "pentile"]
+TransferName = Literal["srgb", "linear", "gamma2.2"]
+
+Pair = tuple[float, float]
+
+MM_PER_INCH = 25.4
+#: Least viewing distance, in focal lengths of the lenslets or in distances D to the panel, whichever is longer.
+NEAREST_EYE = 4.0
+#: Largest ratio of an array's pitches: beyond it cells are slits, not lenslets.
+MAX_PITCH_RATIO = 4.0
+#: Largest extent of an array, in diagonals of the panel.
+MAX_EXTENT = 100.0
+#: Keys of a panel that affect no ray.
+TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
+#: Largest side of a panel, px: the largest that picture files and 16-bit indices can hold.
+MAX_SIDE_PX = 65535
+#: Largest length in a file, mm: far more than can be built, yet squares and quotients do not overflow.
+MAX_LENGTH_MM = 1e12
+Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
+Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
+#: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
+LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
+Shear = Annotated[float, key("shift of the rows along x, as a share of their height", low=-1.0, high=1.0)]
+_EXTENT = "width along the rows and height across them of the area with lenslets, about `offset_mm`"
+Extent = Annotated[LengthPair | None, key(_EXTENT, default="none: lenslets everywhere")]
+Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
+ViewingDistance = Length | None
+_CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
+MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
+Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
+Luminance = Annotated[float, key("", above=0.0, high=MAX_LENGTH_MM)] | None
+Darkness = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)] | None
+#: From just above air up to the densest optical materials.
+Index = Annotated[float, key("refractive index, the same for all colours", above=1.0, high=4.0)]
+Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}", instead_of="index")]
+
+
+@documented
+@dataclass(frozen=True)
+class Panel:
+    """The panel that emits the light."""
+
+    width_px: Side
+    height_px: Side
+    pixel_pitch_mm: Annotated[Length | LengthPair, key("pixel pitch; [x, y] where the pixels are not square")]
+    subpixels: Annotated[
+        SubpixelsName | Subpixels, key("where in a pixel each colour is: stripes from left to right, or a layout")
+    ] = "none"
+    bits: Annotated[int, key("bits of each colour, for PNG files and boards", low=1, high=16)] = 8
+    transfer: Annotated[
+        TransferName | MeasuredCurve, key("curve between panel value and light, for PNG files and boards")
+    ] = "srgb"
+
+    white_cd_m2: Annotated[Luminance, key("luminance of white", default="unknown")] = None
+    black_cd_m2: Annotated[Darkness, key("luminance of a black pixel", default="0")] = None
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys and their values, without those that were left out and have no default."""
+        return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
+
+    @property
+    def black(self) -> float:
+        """Light of a black pixel, as a share of white's."""
+        return (self.black_cd_m2 or 0.0) / (self.white_cd_m2 or 1.0)
+
+    @property
+    def pitches_mm(self) -> Pair:
+        """Pixel pitches in x and y, mm."""
+        pitch = self.pixel_pitch_mm
+        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+
+    @property
+    def coarsest_mm(self) -> float:
+        """The larger one of the pixel pitches, mm, which limits depth range and resolution."""
+        return max(self.pitches_mm)
+
+    @property
+    def width_mm(self) -> float:
+        """Width of the emitting area, mm."""
+        return self.width_px * self.pitches_mm[0]
+
+    @property
+    def height_mm(self) -> float:
+        """Height of the emitting area, mm."""
+        return self.height_px * self.pitches_mm[1]
+
+    def with_columns(self, width_px: int) -> Panel:
+        """Return a panel of the same size in mm with another number of columns, and with rows to match."""
+        height_px = max(1, round(width_px * self.height_px / self.width_px))
+        x, y = (self.width_px * side / width_px for side in self.pitches_mm)
+        pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
+        return replace(self, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch)
+
+
+@documented
+@dataclass(frozen=True)
+class Array:
+    """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
+
+    grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
+    pitch_mm: Annotated[
+        Length | LengthPair,
+        key(
+            "lenslet pitch, at least a pixel; hexagonal: across the flats; "
+            "[x, y] where they differ, hexagonal rows are 0.866 y apart"
+        ),
+    ]
+    radius_mm: Annotated[Length, key("radius of the dome (the curved face); at least the cell's half diagonal")]
+    index: Index
+    thickness_mm: Annotated[Length, key("from the dome's vertex to the flat face, at least the sag", default="the sag")]
+    plano_side: Annotated[PlanoSide, key("side of the flat face")] = "panel"
+    glass: Glass | None = None
+    rotation_deg: Annotated[float, key("rotation of the lattice, counter-clockwise for the viewer")] = 0.0
+    offset_mm: Annotated[Pair, key("position of a lenslet's centre, from the panel's centre")] = (0.0, 0.0)
+
+    shear: Shear = 0.0
+    extent_mm: Extent = None
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The keys and their values, without those that were left out or say what holds without them."""
+        found = dataclasses.asdict(self)
+        if self.shear == 0.0:
+            del found["shear"]
+        if self.extent_mm is None:
+            del found["extent_mm"]
+        return found
+
+    @property
+    def pitches_mm(self) -> Pair:
+        """Pitch px of the lenslets of a row, and the pitch py that the rows' distance follows from, mm."""
+        pitch = self.pitch_mm
+        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+
+    @property
+    def finest_mm(self) -> float:
+        """The smaller of the pitches, mm."""
+        return min(self.pitches_mm)
+
+    @property
+    def coarsest_mm(self) -> float:
+        """The larger of the pitches, mm."""
+        return max(self.pitches_mm)
+
+    def pitch_of(self, along_mm: float) -> float | tuple[float, ...]:
+        """Return the key `pitch_mm` of the array stretched so far that the lenslets of a row are `along_mm` apart."""
+        pitch = self.pitch_mm
+        return (along_mm, pitch[1] * (along_mm / pitch[0])) if isinstance(pitch, tuple) else along_mm
+
+    @property
+    def regular(self) -> bool:
+        """Whether the lattice is the regular one: a single pitch, no shear."""
+        return self.shear == 0.0 and self.pitches_mm[0] == self.pitches_mm[1]
+
+    @property
+    def half_diagonal_mm(self) -> float:
+        """Centre of a cell to its farthest corner, mm."""
+        px, py = self.pitches_mm
+        if self.regular:
+            return px / (math.sqrt(2.0) if self.grid == "square" else math.sqrt(3.0))
+        shear = abs(self.shear)
+        if self.grid == "square":
+            return 0.5 * math.hypot(px + shear * py, py)
+        top = py / math.sqrt(3.0)
+        return max(math.hypot(shear * top, top), 0.5 * math.hypot(px + shear * top, top))
+
+    @property
+    def row_pitch_mm(self) -> float:
+        """Distance of neighbouring rows of lenslets, mm."""
+        return self.pitches_mm[1] * (0.5 * math.sqrt(3.0) if self.grid == "hex" else 1.0)
+
+    @property
+    def half_steps(self) -> tuple[int, int] | None:
+        """The farthest lenslets within the extent, in half steps along a row and in half rows; None without an extent.
+
+        Lenslet (i, j) is there when its steps 2 i, hexagonal 2 i + j, and 2 j are no farther from 0 than these. An
+        extent that ends on a centre, but for rounding, includes that lenslet.
+        """
+        if self.extent_mm is None:
+            return None
+        pitches = (self.pitches_mm[0], self.row_pitch_mm)
+        along, across = (math.floor(w / p * (1.0 + 1e-12)) for w, p in zip(self.extent_mm, pitches, strict=True))
+        return along, across
+
+    @property
+    def flat_distance_mm(self) -> float:
+        """Distance d from the sphere's centre to the rims' plane, mm (paper, equations 3 and 4)."""
+        # Factored, since R^2 - rho^2 loses digits where a lenslet is nearly a hemisphere.
+        rho = self.half_diagonal_mm
+        return math.sqrt((self.radius_mm - rho) * (self.radius_mm + rho))
+
+    @property
+    def sag_mm(self) -> float:
+        """Depth of the dome from its vertex to the cell's corners, mm."""
+        # rho^2 / (R + d) equals R - d without the cancellation of a nearly flat lens.
+        return self.half_diagonal_mm**2 / (self.radius_mm + self.flat_distance_mm)
+
+    @property
+    def focal_length_mm(self) -> float:
+        """Focal length f = R / (n - 1), mm (paper, equation 2)."""
+        return self.radius_mm / (self.index - 1.0)
+
+
+@documented
+@dataclass(frozen=True)
+class Display:
+    """A panel, an array, and the gap between the panel's emitting plane and the array's near face (mm)."""
+
+    name: Annotated[str, key("name of the display in pictures and reports", default="the file's name")]
+    panel: Panel
+    array: Array
+    gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0 in contact")]
+    viewing_distance_mm: Annotated[ViewingDistance, key(_CONVERGES, default="none: the eye is far away")] = None
+    viewing_axis_mm: Annotated[Pair, key("point of the panel that this eye is in front of, from the centre")] = (
+        0.0,
+        0.0,
+    )
+
+    @property
+    def convergence(self) -> float:
+        """D / E, the share by which elemental images are farther apart than lenslets; 0 without a viewing distance."""
+        distance = self.viewing_distance_mm
+        return 0.0 if distance is None else self.aperture_distance_mm / distance
+
+    @property
+    def nearest_eye_mm(self) -> float:
+        """Least viewing distance, mm. A nearer eye is within the lenslets' focal zone."""
+        return NEAREST_EYE * max(self.array.focal_length_mm, self.aperture_distance_mm)
+
+    @property
+    def aperture_distance_mm(self) -> float:
+        """Distance D from the panel to the aperture plane that rays aim at, mm."""
+        if self.array.plano_side == "panel":
+            return self.gap_mm + self.array.thickness_mm / self.array.index
+        return max(self.gap_mm, self.array.sag_mm)
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of the optical part, 16 hexadecimal digits; images carry it to name the display that they fit."""
+        array = self.array.keys
+        panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
+        if self.array.glass is not None:
+            # The glass gives the index, so that a display has the same identity at every wavelength.
+            del array["index"]
+        optical: dict[str, Any] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
+        if self.viewing_distance_mm is not None:
+            optical["viewing"] = (self.viewing_distance_mm, *self.viewing_axis_mm)
+        text = json.dumps(optical, sort_keys=True, default=list)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def at_wavelength(self, wavelength_nm: float) -> Display:
+        """Return this display with the index that its glass has at a wavelength (nm).
+
+        Raises InputError when the array has an index and no glass, and for a wavelength out of range.
+        """
+        if self.array.glass is None:
+            raise InputError(
+                f"display '{self.name}' has an index without dispersion; give array.glass in place of array.index"
+            )
+        return replace(self, array=replace(self.array, index=index_of(self.array.glass, wavelength_nm)))
+
+    def misaligned(
+        self,
+        rotation_deg: float = 0.0,
+        offset_mm: tuple[float, float] = (0.0, 0.0),
+        gap_mm: float = 0.0,
+        pitch_scale: float = 1.0,
+    ) -> Display:
+        """Return the display as built: the array turned, moved, lifted and stretched by the given errors.
+
+        Raises InputError when the result cannot be built, for example when the gap becomes negative.
+        """
+        array, extent = self.array, self.array.extent_mm
+        moved = replace(
+            array,
+            rotation_deg=array.rotation_deg + rotation_deg,
+            offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
+            pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
+            extent_mm=None if extent is None else tuple(side * pitch_scale for side in extent),
+        )
+        if pitch_scale > 1.0:
+            # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
+            check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
+            moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
+        display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
+        _check(display, f"display '{self.name}', misaligned: ")
+        return display
+
+
+def load_display(path: str | Path) -> Display:
+    """Read a display file.
+
+    Raises InputError, with file, key and remedy, for a key that is missing or unknown, or a value that cannot be built.
+    """
+    return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
+
+
+def display_at(display: str | Path | Display) -> Display:
+    """Return a display, which is read when it is given as the path of its file."""
+    if isinstance(display, Display):
+        return display
+    if not isinstance(display, str | Path):
+        raise InputError(f"{str(display)[:80]!r} is not a display; give its file, or what load_display returned")
+    return load_display(display)
+
+
+def parse_display(text: str, source: str = "display") -> Display:
+    """Read a display from TOML text; `source` names it in errors (see `load_display`)."""
+    return _read(toml.parse(text, source), source)
+
+
+def _read(raw: Mapping[str, Any], source: str) -> Display:
+    return display_of(toml.read(DisplayFile, raw, source), Path(source).stem, f"{source}: ")
+
+
+_Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead_of="pixel_pitch_mm")]
+_Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
+_PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
+_ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)
+#: A display file: the keys of `Display`, and other ways to give the same numbers.
+DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
+
+
+def display_of(keys: Any, name: str, where: str) -> Display:
+    """Return the display that the keys of a `DisplayFile` describe.
+
+    `name` is its name when the keys give none; `where` goes before a key's name in errors.
+    """
+    panel, array = toml.values(keys.panel), toml.values(keys.array)
+    dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
+    if dpi is not None:
+        panel["pixel_pitch_mm"] = MM_PER_INCH / dpi
+    panel["pixel_pitch_mm"] = plain_pitch(panel["pixel_pitch_mm"])
+    for part, check in (("transfer", curve_of), ("subpixels", layout_of)):
+        try:
+            check(panel[part])
+        except InputError as error:
+            raise InputError(f"{where}panel.{part}: {error}") from None
+    white, black = panel["white_cd_m2"], panel["black_cd_m2"]
+    if black and not black < (white or 0.0):
+        what = "needs white_cd_m2" if white is None else f"{black:g} is not below white_cd_m2, {white:g}"
+        mend = "give both, in cd/m2, from the data sheet" + ("; are they exchanged?" if white is not None else "")
+        raise input_error(f"{where}panel.black_cd_m2", what, mend)
+    array["pitch_mm"] = plain_pitch(array["pitch_mm"])
+    array["index"] = index_of_keys(keys.array, f"{where}array.")
+    if focal_mm is not None:
+        array["radius_mm"] = focal_mm * (array["index"] - 1.0)
+    made = Array(**array)
+    check_pitch(made, f"{where}array.pitch_mm")
+    if made.thickness_mm is None:
+        check_radius(made, f"{where}array.radius_mm")
+        made = replace(made, thickness_mm=made.sag_mm)
+    named = keys.name if keys.name is not None else name
+    if len(named.splitlines()) > 1 or named != named.strip("\r\n"):
+        raise input_error(f"{where}name", "has a line break", "give a name of one line")
+    display = Display(named, Panel(**panel), made, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
+    _check(display, where)
+    return display
+
+
+def plain_pitch(pitch_mm: float | tuple[float, ...]) -> float | tuple[float, ...]:
+    """Return a pitch of two equal numbers as one, so that both ways of writing have one identity."""
+    return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
+
+
+def index_of_keys(keys: Any, where: str) -> float:
+    """Return the index that `keys.index` gives, or the glass `keys.glass` at the design wavelength."""
+    if keys.glass is None:
+        return float(keys.index)
+    try:
+        return index_of(keys.glass, DESIGN_WAVELENGTH_NM)
+    except InputError as error:
+        raise InputError(f"{where}glass: {error}") from None
+
+
+def display_text(display: Display) -> str:
+    """Return a display as the text of a display file, from which `parse_display` reads the same one."""
+    top: dict[str, Any] = {"name": display.name, "gap_mm": display.gap_mm}
+    if display.viewing_distance_mm is not None:
+        top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
+    tables = {"": top, "panel": display.panel.keys, "array": display.array.keys}
+    del tables["array"]["glass" if display.array.glass is None else "index"]
+    # Numbers, text and lists look the same in JSON and in TOML.
+    return "\n".join(
+        (f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
+        for name, table in tables.items()
+    )
+
+
+def check_pitch(array: Array, where: str) -> None:
+    """Refuse cells that are slits; `where` names the key in errors."""
+    if array.coarsest_mm > MAX_PITCH_RATIO * array.finest_mm:
+        px, py = array.pitches_mm
+        what = f"[{px:g}, {py:g}] is not a lattice of lenslets: one pitch is over {MAX_PITCH_RATIO:g} times the other"
+        raise input_error(
+            where, what, "give [px, py]: lenslets px mm apart along a row, rows py mm apart, hexagonal 0.866 py"
+        )
+
+
+def check_radius(array: Array, where: str) -> None:
+    """Refuse domes that do not span their cells; `where` names the key in errors."""
+    rho = array.half_diagonal_mm
+    if not array.radius_mm >= rho:
+        what = f"radius {array.radius_mm:g} mm is too small to span its cell, whose half diagonal is {rho:g} mm"
+        raise input_error(where, what, "give a larger radius_mm or focal_length_mm, or a smaller pitch_mm")
+
+
+def _check(display: Display, where: str) -> None:
+    """Refuse keys that cannot be built together; `where` goes before a key's name in errors."""
+    array, pixel_mm = display.array, display.panel.coarsest_mm
+    check_array(array, f"{where}array.")
+    if not display.gap_mm >= 0.0:
+        raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
+    if array.finest_mm < 0.1 * pixel_mm and 0.001 * pixel_mm <= array.finest_mm:
+        what = f"{pixel_mm:g} mm is coarser than a lenslet ({array.finest_mm:g} mm)"
+        mend = f"give {0.001 * pixel_mm:g}, if {pixel_mm:g} micrometres are meant"
+        raise input_error(f"{where}panel.pixel_pitch_mm", what, mend)
+    if array.finest_mm < pixel_mm:
+        what = f"{array.finest_mm:g} mm is finer than the panel's pixels ({pixel_mm:.6g} mm)"
+        raise input_error(f"{where}array.pitch_mm", what, "give lenslets of at least a pixel")
+    if array.extent_mm is not None:
+        _check_extent(display, f"{where}array.extent_mm")
+    if display.viewing_distance_mm is None:
+        if display.viewing_axis_mm != (0.0, 0.0):
+            what = "has no effect without viewing_distance_mm"
+            raise input_error(f"{where}viewing_axis_mm", what, "add viewing_distance_mm, or leave both out")
+        return
+    nearest = display.nearest_eye_mm
+    if not display.viewing_distance_mm >= nearest:
+        eye, gap = display.viewing_distance_mm, display.gap_mm
+        inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
+        farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
+        in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
+        # In focus, the eye would be outside: the gap is the mistake.
+        if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
+            what, remedy = (
+                f"{gap:g} mm puts the eye at {eye:g} mm {inside}",
+                f"give {in_focus:.4g}, in focus, or {farther}",
+            )
+            raise input_error(f"{where}gap_mm", what, remedy)
+        if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # nobody looks from some millimetres away
+            farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
+        raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
+
+
+def _check_extent(display: Display, where: str) -> None:
+    """Refuse an extent without a lenslet in front of the panel, or one far larger than the panel."""
+    array, panel = display.array, display.panel
+    width, height = array.extent_mm or (0.0, 0.0)
+    given, least = f"{width:g} x {height:g} mm", (array.pitches_mm[0], array.row_pitch_mm)
+    if width < least[0] or height < least[1]:
+        what = f"{given} holds no lenslet of {least[0]:.4g} x {least[1]:.4g} mm"
+        raise input_error(where, what, "give the width and height of the area with lenslets, mm, or leave it out")
+    if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
+        what = f"{given} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
+        raise input_error(where, what, "give it in mm, or leave it out for lenslets everywhere")
+    # Two parallelograms are apart when one of their four directions separates them.
+    turn = math.radians(array.rotation_deg)
+    c, s = math.cos(turn), math.sin(turn)
+    rows = (c, s)
+    columns = (c * array.shear - s, s * array.shear + c)
+    reach = array.half_diagonal_mm
+    for ax, ay in ((1.0, 0.0), (0.0, 1.0), (-rows[1], rows[0]), (-columns[1], columns[0])):
+        here = 0.5 * (abs(ax) * panel.width_mm + abs(ay) * panel.height_mm)
+        there = 0.5 * (abs(ax * rows[0] + ay * rows[1]) * width + abs(ax * columns[0] + ay * columns[1]) * height)
+        if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > here + there + reach * math.hypot(ax, ay):
+            what = f"{given} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
+            raise input_error(where, what, "bring array.offset_mm nearer to the panel, or raise extent_mm")
+
+
+def check_array(array: Array, where: str) -> None:
+    """Refuse lenslets that cannot be built; `where` goes before a key's name in errors."""
+    check_radius(array, f"{where}radius_mm")
+    # A thickness that was typed as the sag with 15 digits may be rounded to slightly less.
+    if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
+        what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
+        remedy = "make it at least the sag, or leave it out for the thinnest lenslet"
+        raise input_error(f"{where}thickness_mm", what, remedy)

@@ -1,0 +1,1 @@
+"""What an eye sees: observer, views, the viewer page and the notebook."""

@@ -1,0 +1,239 @@
+"""Drawings of a display, SVG or PNG: its panel with some lenslets, and the zones of eyes, seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.files import replacing
+from lippmann.display.description import Display
+from lippmann.display.subpixels import layout_of
+from lippmann.engines import trace
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.display_properties import percent
+from lippmann.optics.rays import Floats, Status, gets_through
+from lippmann.optics.system import System
+from lippmann.optics.zones import middle_eye, status_share, status_shares, viewing_distance, zones
+
+Ints = npt.NDArray[np.int64]
+
+SUFFIXES = (".svg", ".png")
+#: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
+GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
+#: Lenslets across a close-up, marks of lenslets across the panel, and pixels that a close-up still tells apart.
+CLOSE, MARKS, TOLD_APART = 4.0, 30.0, 150
+#: Heights of the zones' picture, in viewing distances; places across; rays of each eye.
+HEIGHTS = np.linspace(0.2, 3.0, 15)
+PLACES, MAP_RAYS = 41, 256
+
+
+@contextmanager
+def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[Any]:
+    """Provide the axes of a picture of `size` inches, and write it to the path."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    # Text stays text, and the same display gives the same file.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
+        figure, axes = plt.subplots(down, across, figsize=size, squeeze=False, layout="constrained")
+        yield axes
+        kind = path.suffix.lower()[1:]
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=kind, dpi=150, metadata={"Date": None} if kind == "svg" else None)
+        plt.close(figure)
+
+
+def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = None) -> None:
+    """Draw from above, in the plane of the middle eyes: which share of the panel eyes see without crosstalk."""
+    usual, half = viewing_distance(display), 0.5 * display.panel.width_mm
+    heights = [float(z) for z in HEIGHTS * usual]
+    middle = [middle_eye(display, z) for z in heights]
+    found = zones(display, heights)
+    widest = max([half] + [abs(end) for zone in found if zone is not None for end in zone[:2]])
+    places = np.linspace(-1.2 * widest, 1.2 * widest, PLACES)
+    eyes = np.array([(x, y, z) for _, y, z in middle for x in places])
+    shares = status_shares(display, eyes, MAP_RAYS).reshape(len(middle), len(places), -1)
+    # Of the light that comes through the lenslets, not of all rays: eyes far aside see dark panels.
+    right, wrong = shares[..., Status.OK], shares[..., Status.CROSSTALK]
+    wrong = wrong / np.maximum(right + wrong, 1.0 / MAP_RAYS)
+    with _drawing(path, 1, 1, (7.0, 6.5)) as ((axis,),):
+        levels = (0.0, 0.01, 0.1, 0.25, 0.5, 0.75, 1.0001)
+        filled = axis.contourf(places, heights, wrong, levels, cmap="YlOrRd")
+        axis.figure.colorbar(
+            filled, label="crosstalk, share of the light", format=lambda share, _: f"{100 * share:.0f} %"
+        )
+        ends = [(z, *zone[:2]) for z, zone in zip(heights, found, strict=True) if zone is not None]
+        if ends:
+            axis.fill_betweenx(
+                *zip(*ends, strict=True),
+                facecolor="none",
+                edgecolor=LENSLET,
+                linewidth=2,
+                label="zone without crosstalk",
+            )
+        axis.plot((-half, half), (0.0, 0.0), color="black", linewidth=4, solid_capstyle="butt", label="panel")
+        marked = [("viewing distance", middle_eye(display, usual))] + ([("eye", eye_mm)] if eye_mm is not None else [])
+        for (name, (x, y, z)), mark in zip(marked, "o^", strict=False):
+            share = status_share(display, (x, y, z))["crosstalk"]
+            axis.plot(x, z, mark, color="black", label=f"{name}: {x:g}, {y:g}, {z:g} mm, crosstalk {percent(share)}")
+        axis.set(xlabel="x, mm", ylabel="distance from the display, mm", title=f"{display.name}, from above")
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
+
+
+def draw_display(display: Display, path: Path) -> None:
+    """Draw the panel, close-ups of lenslets over pixels in its middle and in its corner, and a section."""
+    panel, system = display.panel, System.of(display)
+    half = np.array((panel.width_mm, panel.height_mm)) / 2.0
+    with _drawing(path, 2, 2, (11.0, 9.0)) as ((whole, section), (centre, corner)):
+        every = max(1, round(panel.width_mm / display.array.pitches_mm[0] / MARKS))
+        span = int(np.hypot(*half) / display.array.row_pitch_mm / every) + 2
+        x, y = _lenslets(system, (0.0, 0.0), span, every)
+        inside = (abs(x) <= half[0]) & (abs(y) <= half[1])
+        whole.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
+        _edge(whole, half)
+        _border(whole, display, system)
+        if display.array.extent_mm is not None:
+            whole.legend(loc="upper right")
+        whole.set(
+            title=f"panel {2 * half[0]:.4g} x {2 * half[1]:.4g} mm, "
+            + ("all lenslets" if every == 1 else f"one of every {every} x {every} lenslets"),
+            aspect="equal",
+            # An array may be far larger than the panel.
+            xlim=(-1.06 * half[0], 1.06 * half[0]),
+            ylim=(-1.06 * half[1], 1.06 * half[1]),
+        )
+        _draw_section(section, display)
+        end = np.minimum(half, _end(display, system))
+        name = "top right corner" if (end == half).all() else "top right corner of the array"
+        for axis, what, place in (
+            (centre, "middle", (0.0, 0.0)),
+            (corner, name, end - display.array.coarsest_mm),
+        ):
+            _draw_close(axis, display, system, np.array(place))
+            _edge(axis, half)
+            _border(axis, display, system)
+            axis.set_title(f"{what}: pixels, lenslets (blue), their elemental images (red)")
+        for axis in (whole, centre, corner):
+            axis.set(xlabel="x, mm", ylabel="y, mm")
+
+
+def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every: int = 1) -> tuple[Floats, Floats]:
+    """Return the centres of the lenslets around a place of the panel, up to `span` steps of `every` lenslets away."""
+    i, j, *_ = system.lattice.locate(NumpyBackend(), *map(np.asarray, system.frame.array_from_panel(*place)))
+    steps = every * np.mgrid[-span : span + 1, -span : span + 1].reshape(2, -1)
+    i, j = i + steps[0], j + steps[1]
+    here = system.lattice.present(NumpyBackend(), i, j)
+    x, y = system.centre(i[here], j[here])
+    return x, y
+
+
+def _edge(axis: Any, half: Floats) -> None:
+    x, y = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
+    axis.plot(x, y, color="black", scalex=False, scaley=False)
+
+
+def _end(display: Display, system: System) -> Floats:
+    """Return the top right corner of an array that ends, mm on the panel; without an end, infinity."""
+    if display.array.extent_mm is None:
+        return np.full(2, np.inf)
+    width, height = display.array.extent_mm
+    return np.array(system.frame.panel_from_array(0.5 * width, 0.5 * height))
+
+
+def _border(axis: Any, display: Display, system: System) -> None:
+    """Draw where an array with an extent ends."""
+    if display.array.extent_mm is None:
+        return
+    half = 0.5 * np.array(display.array.extent_mm)
+    sides = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
+    x, y = system.frame.panel_from_array(*sides)
+    axis.plot(x, y, color=LENSLET, linestyle="--", gid="border", label="end of the array", scalex=False, scaley=False)
+
+
+def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> None:
+    """Draw the pixels, the cells of the lenslets and their elemental images around a place of the panel."""
+    panel, pitch = display.panel, display.array.coarsest_mm
+    reach = 0.5 * CLOSE * pitch
+    axis.set(xlim=place[0] + reach * np.array((-1, 1)), ylim=place[1] + reach * np.array((-1, 1)), aspect="equal")
+    first, last = (system.frame.pixel_from_panel(place[0] + a, place[1] - a) for a in (-reach, reach))
+    columns, rows = (
+        np.arange(max(0, int(low)), min(count, int(high) + 1) + 1)
+        for low, high, count in zip(first, last, (panel.width_px, panel.height_px), strict=True)
+    )
+    x, y = system.frame.panel_from_pixel(columns, rows)
+    if len(columns) <= TOLD_APART:
+        axis.vlines(x, y.min(), y.max(), color="0.8", linewidth=0.5)
+        axis.hlines(y, x.min(), x.max(), color="0.8", linewidth=0.5)
+        _draw_subpixels(axis, display, system, columns[:-1], rows[:-1])
+    corners = np.array(system.lattice.corners + system.lattice.corners[:1]).T
+    x, y = system.frame.turn(*corners)
+    centres = np.stack(_lenslets(system, place, 2 * int(CLOSE)), axis=1)
+    # Those of which a part shows, or of whose image.
+    far = reach + pitch + np.abs(place).max() * display.convergence
+    for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
+        axis.plot(cx + x, cy + y, color=LENSLET, scalex=False, scaley=False)
+        axis.plot(cx, cy, "+", color=LENSLET, scalex=False, scaley=False)
+        ax, ay = system.frame.array_from_panel(cx, cy)
+        px, py = system.convergence.on_panel(corners[0], corners[1], ax, ay)
+        image = system.frame.panel_from_array(ax + px, ay + py)
+        axis.plot(*image, color=IMAGE, linewidth=1.0, scalex=False, scaley=False)
+
+
+def _draw_subpixels(axis: Any, display: Display, system: System, columns: Ints, rows: Ints) -> None:
+    """Draw the sub-pixels of the pixels in some columns and rows; white ones grey."""
+    from matplotlib.collections import PolyCollection
+
+    layout = layout_of(display.panel.subpixels)
+    if layout is None:
+        return
+    for colour, left, top, right, bottom in layout.edges():
+        column, row = int(0.5 * (left + right)), int(0.5 * (top + bottom))
+        tiles = columns[(columns - column) % layout.columns == 0] - column, rows[(rows - row) % layout.rows == 0] - row
+        u, v = (tile.reshape(-1, 1) for tile in np.meshgrid(*tiles))
+        x, y = system.frame.panel_from_pixel(
+            u + np.array([left, right, right, left]), v + np.array([top, top, bottom, bottom])
+        )
+        face = "0.6" if colour == "white" else colour
+        # A picture inside the SVG: thousands of shapes would make it large.
+        boxes = PolyCollection(list(np.stack([x, y], axis=2)), facecolor=face, alpha=0.3, rasterized=True)
+        axis.add_collection(boxes, autolim=False)
+
+
+def _draw_section(axis: Any, display: Display) -> None:
+    """Draw the panel, three lenslets and rays of the middle one's pixels, in the plane of the array's rows."""
+    array, system = display.array, System.of(display)
+    pitch, gap, thickness, reach = array.pitches_mm[0], display.gap_mm, array.thickness_mm, 1.5 * array.focal_length_mm
+    sign, flat = (-1.0, -thickness) if system.plano_to_panel else (1.0, thickness)
+    near = flat if system.plano_to_panel else 0.0
+    across = np.linspace(-0.5, 0.5, 41) * pitch
+    bulge = sign * (array.radius_mm - np.sqrt(array.radius_mm**2 - across**2))
+    outline = np.concatenate([across + step * pitch for step in (-1, 0, 1)])
+    axis.fill_between(outline, np.tile(bulge, 3), flat, color=GLASS, alpha=0.4, label="lenslets")
+    axis.plot((-1.5 * pitch, 1.5 * pitch), (near - gap,) * 2, color="black", linewidth=3, label="panel")
+    frame, b = system.frame, NumpyBackend()
+    i, j, *_ = system.lattice.locate(b, *map(np.asarray, frame.array_from_panel(0.0, 0.0)))
+    centre = np.array(system.lattice.centre(i, j))
+    shares, aims = (part.ravel() for part in np.meshgrid((-0.3, 0.0, 0.3), np.linspace(-0.45, 0.45, 5)))
+    x, y = system.convergence.on_panel(shares * pitch, 0.0 * shares, *centre)
+    pixels = np.stack(frame.pixel_from_panel(*frame.panel_from_array(centre[0] + x, centre[1] + y)), axis=1)
+    rays = trace(display, pixels, np.stack([aims * pitch, 0.0 * aims], axis=1))
+    out = frame.turn_back(*rays.local_mm[:, :2].T)[0]
+    slope = frame.turn_back(*rays.direction[:, :2].T)[0] / rays.direction[:, 2]
+    share = gap / display.aperture_distance_mm
+    for k in np.flatnonzero(gets_through(rays.status) & (rays.lenslet == (i, j)).all(axis=1)):
+        entered = x[k] + share * (aims[k] * pitch - x[k])
+        start = rays.local_mm[k, 2]
+        axis.plot((x[k], entered, out[k], out[k] + slope[k] * (reach - start)), (near - gap, near, start, reach),
+                  color=RAY, linewidth=0.8)  # fmt: skip
+    focal, distance = array.focal_length_mm, display.aperture_distance_mm
+    words = f"gap {gap:.4g}, thickness {thickness:.4g}, focal length {focal:.4g}, D {distance:.4g} mm"
+    axis.set(xlabel="along a row of lenslets, mm", ylabel="z, mm", aspect="equal", title=words)
+    # Below the rays, which fill the chart to its top.
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)

@@ -1,0 +1,85 @@
+"""Views from many eyes through one window: of a scene itself, or of a display that shows an integral image."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lippmann.base.images import Radiance
+from lippmann.display.description import Display
+from lippmann.errors import InputError
+from lippmann.eye.observer import Eye, observe
+from lippmann.optics.zones import middle_eye, viewing_distance, zones
+from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.sources import Window
+from lippmann.scenes.scene import Scene
+
+#: Share of the viewing zone that the eyes take: at its ends crosstalk begins.
+ZONE_SHARE = 0.95
+#: The cone of the eyes of a display without a viewing zone, degrees.
+CONE_DEG = 20.0
+#: Widest cone, degrees.
+MAX_CONE_DEG = 120.0
+
+#: Returns what an eye sees.
+Sight = Callable[[Eye], Radiance]
+
+
+def of_scene(scene: Scene, window: Window, settings: Settings) -> Sight:
+    """Return the sight of a scene, without a display; an eye with a pupil sees depths out of focus blurred."""
+
+    def seen(eye: Eye) -> Radiance:
+        rendered = render_view(
+            scene, eye.position_mm, window, settings, pupil_mm=eye.pupil_mm, focus_z_mm=eye.focus_z_mm
+        )
+        return rendered.radiance
+
+    return seen
+
+
+def of_image(image: IntegralImage, window: Window, samples: int, seed: int = 0) -> Sight:
+    """Return the sight of the display that shows an image."""
+    return lambda eye: observe(image.radiance, image.display, eye, window, samples, seed=seed).radiance
+
+
+def eyes_of(
+    display: Display, across: int, down: int = 1, cone_deg: float | None = None, distance_mm: float | None = None
+) -> list[tuple[float, float, float]]:
+    """Return eyes (mm) from left to right, row by row from the bottom, all at one distance before the display.
+
+    Their steps are equal. From the leftmost to the rightmost they span a cone, seen from the display's middle, and so
+    do the rows; None: the display's viewing zone, where no eye sees crosstalk. A distance of None is the viewing
+    distance.
+
+    Raises InputError for a cone or distance out of range.
+    """
+    distance = viewing_distance(display) if distance_mm is None else distance_mm
+    if not 0.0 < distance < math.inf:
+        raise InputError(f"the eyes' distance {distance:g} mm is not before the display; give a distance above 0")
+    x, y, z = middle_eye(display, distance)
+    if cone_deg is None:
+        (zone,) = zones(display, [distance])
+        narrow = math.tan(math.radians(0.5 * CONE_DEG)) * distance
+        left, right, low, high = (-narrow, narrow, -narrow, narrow) if zone is None else zone
+        reach_x, reach_y = 0.5 * ZONE_SHARE * (right - left), 0.5 * ZONE_SHARE * (high - low)
+        x, y = (x, y) if zone is None else (0.5 * (left + right), 0.5 * (low + high))
+    else:
+        if not 0.0 <= cone_deg <= MAX_CONE_DEG:
+            raise InputError(f"the cone of {cone_deg:g} degrees is out of range; give 0 to {MAX_CONE_DEG:g}")
+        reach_x = reach_y = math.tan(math.radians(0.5 * cone_deg)) * distance
+
+    def steps(count: int, reach: float) -> list[float]:
+        return [0.0] if count == 1 else np.linspace(-reach, reach, count).tolist()
+
+    return [(x + right, y + up, z) for up in steps(down, reach_y) for right in steps(across, reach_x)]
+
+
+def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
+    """Return depths from the farthest to the nearest, in equal steps."""
+    far, near = scene_range_mm
+    if not (math.isfinite(far) and math.isfinite(near)):
+        raise InputError("the scene has no bounded depth; give --depths")
+    return [0.5 * (far + near)] if count == 1 else np.linspace(far, near, count).tolist()

@@ -1,0 +1,68 @@
+"""What notebooks show beside single pictures: the viewer page, and sweeps of an eye."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from lippmann.base.animation import FRAME_MS, animation_png, write_animation
+from lippmann.base.fullscreen import show_frames
+from lippmann.base.images import encoded_values
+from lippmann.eye.observer import View
+from lippmann.rendering.integral_image import in_notebook, shown_or_said
+
+#: Height of the viewer page in a notebook, pixels.
+HEIGHT_PX = 720
+
+
+@dataclass(frozen=True, repr=False)
+class Widget:
+    """The viewer page of an image, below a notebook's cell; it needs nothing but itself."""
+
+    page: str
+    height_px: int = HEIGHT_PX
+
+    def _repr_html_(self) -> str:
+        """Return the frame that a notebook shows."""
+        inside = html.escape(self.page, quote=True)
+        style = f"width: 100%; height: {self.height_px}px; border: 0"
+        return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{inside}"></iframe>'
+
+    def __repr__(self) -> str:
+        """Return the size, not the page."""
+        return f"<Widget, {len(self.page) / 1e6:.1f} MB>"
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep:
+    """What a moving eye sees: a view for each of its places, in their order."""
+
+    views: Sequence[View]
+
+    def _repr_html_(self) -> str:
+        """Return the animation that a notebook shows, to and fro."""
+        stream = io.BytesIO()
+        animation_png(stream, [view.radiance for view in self.views])
+        return f'<img src="data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}">'
+
+    def __repr__(self) -> str:
+        """Return number and size, not the pixels."""
+        height, width = self.views[0].radiance.shape[:2]
+        return f"<Sweep, {len(self.views)} views of {width} x {height} px>"
+
+    def save(self, path: str | Path) -> None:
+        """Write the views to and fro, .gif or animated .png; raise InputError when the file cannot be written."""
+        write_animation(path, [view.radiance for view in self.views])
+
+    def show(self, seconds: float | None = None) -> None:
+        """Show the views to and fro: in a notebook below its cell, else in a window, as a picture's `show`."""
+        if in_notebook():
+            import_module("IPython.display").display(self)
+            return
+        frames = [encoded_values(view.radiance, "srgb", 8) for view in self.views]
+        shown_or_said(lambda: show_frames([*frames, *frames[-2:0:-1]], "Lippmann", FRAME_MS / 1000.0, seconds))

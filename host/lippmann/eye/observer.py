@@ -1,0 +1,229 @@
+"""The observer: what an eye sees of a panel that shows an integral image, through the real lenslets.
+
+Rays are traced against the light: from the eye through a point of the view's window (plane z = 0) to the array, through
+the lenslets as `trace_to_panel` does, to the panel pixel, or the pixel's sub-pixel, that emits there. A ray that
+lands in a neighbour's cell sees the neighbour's pixel: this is crosstalk.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base import interrupts
+from lippmann.base.images import Radiance, write_picture
+from lippmann.base.stored_rows import StoredRows
+from lippmann.base.variant import current_device, mitsuba
+from lippmann.display.description import Display
+from lippmann.display.subpixels import layout_of
+from lippmann.errors import InputError, whole_number
+from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.pixel_rays import pixels_from_rays
+from lippmann.optics.rays import Model, Status
+from lippmann.optics.sampling import points_in_square
+from lippmann.optics.system import System
+from lippmann.optics.zones import FARTHEST_EYE_MM
+from lippmann.rendering.integral_image import Showable
+from lippmann.rendering.sources import Window
+
+#: Rays traced at once.
+CHUNK_RAYS = 1 << 21
+#: Bytes of the rows of an image on disk that are read at once.
+STORED_BYTES = 1 << 27
+
+
+@dataclass(frozen=True)
+class Eye:
+    """An eye: the centre of its pupil (z > 0), the pupil's diameter (0: a pinhole), and the depth z in focus."""
+
+    position_mm: tuple[float, float, float]
+    pupil_mm: float = 0.0
+    focus_z_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse an eye that cannot see the display."""
+        if np.array(self.position_mm, object).shape != (3,):
+            raise InputError(f"eye: {self.position_mm} is not a position; give (x, y, z) in mm")
+        numbers = (*self.position_mm, self.pupil_mm, self.focus_z_mm)
+        if not all(isinstance(number, Real) and math.isfinite(number) for number in numbers):
+            raise InputError("eye: a coordinate, the pupil or the focus is not finite; give numbers in mm")
+        if max(map(abs, self.position_mm)) > FARTHEST_EYE_MM:
+            raise InputError(f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600")
+        if self.position_mm[2] <= 0.0:
+            raise InputError(f"eye: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
+        if self.pupil_mm < 0.0:
+            raise InputError(f"eye: pupil {self.pupil_mm:g} mm is negative; give its diameter")
+        if self.focus_z_mm >= self.position_mm[2]:
+            raise InputError("eye: the focus is behind the eye; give a focus depth below the eye's z")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class View(Showable):
+    """What an eye sees: radiance (height, width, 3) float32, linear, and the metadata that a file of it carries.
+
+    `status_share` is the share of the rays by status (`lippmann.Status`).
+    """
+
+    radiance: Radiance
+    status_share: dict[str, float]
+    metadata: dict[str, str] = field(default_factory=dict)
+
+    def save(self, path: str | Path) -> None:
+        """Write the view: .exr or .tif with linear radiance, .png in sRGB.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be written.
+        """
+        write_picture(path, self.radiance, self.metadata)
+
+
+def whole_window(display: Display, width_px: int | None = None) -> Window:
+    """Return the window that covers the panel, `width_px` wide; None: one pixel for each lenslet."""
+    panel = display.panel
+    if width_px is None:
+        width_px = max(1, round(panel.width_mm / display.array.pitches_mm[0]))
+    height_px = max(1, round(width_px * panel.height_mm / panel.width_mm))
+    return Window(panel.width_mm, panel.height_mm, width_px, height_px)
+
+
+def observe(
+    radiance: npt.NDArray[Any] | StoredRows,
+    display: Display,
+    eye: Eye,
+    window: Window,
+    samples: int = 16,
+    model: Model = "exact",
+    seed: int = 0,
+    crosstalk: bool = True,
+) -> View:
+    """Return what an eye sees of a display, perhaps a misaligned one, whose panel shows `radiance`.
+
+    `radiance` is (height, width, 3), linear; of one on disk (`StoredRows`), only the rows that a part of the view sees
+    are in memory. The view covers the window, with `samples` rays for each of its pixels. Without `crosstalk`, rays
+    that land in a neighbour's cell see black.
+
+    Raises
+    ------
+    InputError
+        When the image's size is not the panel's, or samples is out of range.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    panel = display.panel
+    if radiance.shape != (panel.height_px, panel.width_px, 3):
+        raise InputError(
+            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
+            f"{panel.width_px} x {panel.height_px}; render it for this display"
+        )
+    samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
+    if 3 * panel.width_px * panel.height_px >= 2**32:
+        raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
+    b = DrJitBackend(current_device())
+    system, layout = System.of(display), layout_of(panel.subpixels)
+    stored = isinstance(radiance, StoredRows)
+    light = mi.Float(0.0) if stored else mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
+    total = window.width_px * window.height_px
+    out = np.empty((total, 3), np.float32)
+    counts = np.zeros(len(Status), np.int64)
+
+    def look(first: Any, count: int) -> tuple[list[Any], Any]:
+        index = dr.arange(mi.UInt32, count * samples)
+        pixel = first + index // samples
+        sample = index % samples
+        origin, direction = eye_rays(b, eye, window, pixel, sample, seed)
+        hits = pixels_from_rays(b, system, origin, direction, model)
+        seen = (hits.status == int(Status.OK)) | (
+            (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
+        )
+        column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
+        row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
+        if isinstance(radiance, StoredRows):
+            dr.eval(seen, column, row, hits.u, hits.v, hits.status)
+            colour = _stored_light(radiance, seen, column, row)
+        else:
+            place = (row * panel.width_px + column) * 3
+            colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
+        if panel.black:
+            colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
+        if layout is not None:
+            # A sub-pixel emits its colour from a part of the panel, so much brighter; white emits all three.
+            parts = layout.shown(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
+            colour = [mi.Float(0.0)] * 3
+            for k, gain, inside in layout.emitters(b, hits.u, hits.v):
+                for c in (k,) if k < 3 else range(3):
+                    colour[c] = colour[c] + dr.select(inside, gain * parts[k], 0.0)
+        mean = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
+        return mean, hits.status
+
+    chunk = max(1, CHUNK_RAYS // samples)
+    if stored:
+        # The rows that a row of the view sees, but for a lenslet's.
+        row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
+        chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
+    for start in range(0, total, chunk):
+        interrupts.check()
+        count = min(chunk, total - start)
+        mean, status = look(dr.opaque(mi.UInt32, start), count)
+        dr.eval(mean, status)
+        for k in range(3):
+            out[start : start + count, k] = np.asarray(mean[k])
+        counts += np.bincount(np.asarray(status), minlength=len(Status))
+    share = {status.name.lower(): float(counts[status]) / (total * samples) for status in Status}
+    return View(out.reshape(window.height_px, window.width_px, 3), share)
+
+
+def _stored_light(radiance: StoredRows, seen: Any, column: Any, row: Any) -> list[Any]:
+    """Return the light of an image on disk where some rays see it; only the parts with such rays are read."""
+    mi = mitsuba()
+    import drjit as dr
+
+    _, width, _ = radiance.shape
+    rows = max(1, STORED_BYTES // (12 * width))
+    part = row // rows
+    colour: list[Any] = [mi.Float(0.0)] * 3
+    for number in np.unique(np.asarray(part)[np.asarray(seen)]):
+        first = int(number) * rows
+        light = mi.Float(radiance[first : first + rows].ravel())
+        place = ((row - dr.opaque(mi.UInt32, first)) * width + column) * 3
+        here = seen & (part == dr.opaque(mi.UInt32, int(number)))
+        colour = [c + dr.gather(mi.Float, light, place + k, here) for k, c in enumerate(colour)]
+        dr.eval(colour)
+    return colour
+
+
+def eye_rays(
+    b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return origins and unit directions (double) from the pupil through the window's pixels."""
+    mi = mitsuba()
+    import drjit as dr
+
+    row = pixel // window.width_px
+    column = pixel - row * window.width_px
+    s, t = points_in_square(pixel, sample, seed, stream=0)
+    x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
+    # Opaque, so that another eye needs no compilation.
+    double: Any = b.double
+    ex, ey, ez, focus, radius = (dr.opaque(double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
+    if eye.pupil_mm > 0.0:
+        p, q = points_in_square(pixel, sample, seed)
+        disk = mi.warp.square_to_uniform_disk_concentric(mi.Point2f(p, q))
+        # The line through the pupil's centre meets the plane in focus at the point that this pixel shows.
+        reach = (ez - focus) / ez
+        fx, fy = ex + (x - ex) * reach, ey + (y - ey) * reach
+        ex = ex + b.double(disk.x) * radius
+        ey = ey + b.double(disk.y) * radius
+        dx, dy, dz = fx - ex, fy - ey, focus - ez
+    else:
+        dx, dy, dz = x - ex, y - ey, -ez
+    scale = 1.0 / dr.sqrt(dx * dx + dy * dy + dz * dz)
+    return (ex, ey, ez), (dx * scale, dy * scale, dz * scale)

@@ -1,0 +1,181 @@
+"""Assembles the viewer page: one text with everything that the browser needs."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import html
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy.typing as npt
+
+from lippmann.base.images import png_bytes
+from lippmann.display.description import Display
+from lippmann.display.subpixels import COLOURS, layout_of
+from lippmann.errors import InputError, input_error
+from lippmann.eye.page_controls import controls_html, focus_reach_mm
+from lippmann.eye.page_template import filled, read, shader
+from lippmann.optics.display_properties import DisplayProperties, display_properties
+from lippmann.optics.lattice import Lattice
+
+#: Each uses those before it.
+SCRIPTS = (
+    "system",
+    "lattice",
+    "renderer",
+    "panel_tiles",
+    "pace",
+    "controls",
+    "depth_view",
+    "direct_view",
+    "panel_view",
+    "eye_control",
+    "main",
+)
+SHADERS = ("full.vert", "glance.frag", "view.frag", "show.frag")
+#: Longest side of the panel's pictures: every WebGL 2 takes textures of this size.
+TILE_PX = 2048
+#: Most pixels of a panel: a texture of 1 GB.
+MAX_PX = 1 << 28
+#: Frames a second of a film that tells none.
+FRAMES_PER_SECOND = 12.0
+#: Range of the focus in the depth drawing, in the drawing's units; the drawing ends at 110.
+DRAWN = 100.0
+
+
+@dataclass(frozen=True)
+class Direct:
+    """A direct perspective render of the scene from an eye, through the window that covers the panel.
+
+    `radiance` is (height, width, 3), linear, with the panel's aspect ratio.
+    """
+
+    eye_mm: tuple[float, float, float]
+    radiance: npt.NDArray[Any]
+
+
+def page_html(
+    display: Display,
+    radiance: npt.NDArray[Any],
+    title: str,
+    directs: Sequence[Direct] = (),
+    later: Sequence[npt.NDArray[Any]] = (),
+    frames_per_second: float = FRAMES_PER_SECOND,
+) -> str:
+    """Return the viewer page of an integral image, with direct renders beside the view.
+
+    `radiance` is (height, width, 3) of the panel, linear; the page stores it as 8 bits sRGB, clipped at 1. `later` are
+    the further frames of a film, which the page plays.
+
+    Raises InputError when an image has not the panel's size, or a direct render not its aspect ratio.
+    """
+    panel, array = display.panel, display.array
+    frames = [radiance, *later]
+    for frame in frames:
+        if frame.shape != (panel.height_px, panel.width_px, 3):
+            raise InputError(
+                f"the image is {frame.shape[1]} x {frame.shape[0]} pixels, the panel of '{display.name}' "
+                f"{panel.width_px} x {panel.height_px}; render it for this display"
+            )
+    if panel.width_px * panel.height_px * len(frames) > MAX_PX:
+        times = f"{len(frames)} frames of " * bool(later)
+        what = f"{times}{panel.width_px} x {panel.height_px} pixels are more than browsers hold ({MAX_PX})"
+        remedy = "show fewer frames" if later else "show a smaller panel, or compute views: lippmann observe"
+        raise input_error(f"display '{display.name}'", what, remedy)
+    for direct in directs:
+        check_direct(direct, display)
+    square = len(set(panel.pitches_mm)) == 1
+    aspect = f"{panel.width_px} / {panel.height_px}" if square else f"{panel.width_mm:.9g} / {panel.height_mm:.9g}"
+    summary = (
+        f"Display {display.name}: {panel.width_px} × {panel.height_px} pixels behind {array.grid} lenslets "
+        f"of {' × '.join(f'{pitch:g}' for pitch in dict.fromkeys(array.pitches_mm))} mm"
+    )
+    described = dataclasses.asdict(display) | {"panel": panel.keys, "array": array.keys}
+    del described["name"]
+    shown = [
+        {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
+    ]
+    derived = display_properties(display)
+    return filled(
+        "page.html",
+        title=html.escape(title),
+        summary=html.escape(summary),
+        style=read("style.css"),
+        aspect=aspect,
+        direct=filled("direct.html", aspect=aspect) if directs else "",
+        controls=controls_html(display, derived),
+        depth=_depth_drawing(display, derived),
+        display=script_json(described),
+        shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
+        directs=script_json(shown),
+        play=filled("play.html", rate=f"{frames_per_second:g}", frames=str(len(frames))) if later else "",
+        panel="\n".join(tile for number, frame in enumerate(frames) for tile in _tiles(frame, number)),
+        script="".join(read(f"scripts/{name}.js") for name in SCRIPTS),
+    )
+
+
+def check_direct(direct: Direct, display: Display) -> None:
+    """Refuse a direct render that has not the panel's aspect ratio."""
+    panel = display.panel
+    height, width = direct.radiance.shape[:2]
+    # Its height was rounded to integer pixels.
+    if abs(width * panel.height_mm / panel.width_mm - height) > 1.0 + 1e-9:
+        raise InputError(
+            f"the direct render is {width} x {height} pixels, which is not the shape of the panel of '{display.name}' "
+            f"({panel.width_px} x {panel.height_px}); render it through the whole panel's window"
+        )
+
+
+def _tiles(radiance: npt.NDArray[Any], frame: int) -> Iterator[str]:
+    """Yield a frame's pictures, row by row, all of one size but those at the right and at the bottom."""
+    height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
+    for top in range(0, radiance.shape[0], height):
+        for left in range(0, radiance.shape[1], width):
+            tile = png_base64(radiance[top : top + height, left : left + width])
+            yield f'<script type="text/plain" class="panel-tile" data-frame="{frame}">{tile}</script>'
+
+
+def png_base64(radiance: npt.NDArray[Any]) -> str:
+    """Return linear light as a PNG, 8 bits sRGB, in base64."""
+    return base64.b64encode(png_bytes(radiance)).decode("ascii")
+
+
+def script_json(value: Any) -> str:
+    """Return JSON for a `<script>` element: without `<`, which could end it."""
+    return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
+
+
+def _defines(display: Display) -> dict[str, str]:
+    """Return the shaders' preprocessor definitions: properties that no slider changes."""
+    defines = {}
+    if display.array.grid == "hex":
+        defines["HEX"] = "1"
+    if Lattice.of(display.array).stepped:
+        defines["STEPPED"] = "1"
+    if display.array.plano_side == "panel":
+        defines["PLANO_TO_PANEL"] = "1"
+    layout = layout_of(display.panel.subpixels)
+    if display.panel.black or layout is not None:
+        defines["EMITS"] = "1"
+        defines["BLACK"] = f"{display.panel.black:.9e}"
+    if layout is not None:
+        boxes, gains = [], []
+        for colour, *edges in layout.edges():
+            boxes.append(f"vec4({', '.join(f'{edge:.9e}' for edge in edges)})")
+            gains.append(f"vec4({', '.join(f'{layout.gain(colour) * (colour == other):.9e}' for other in COLOURS)})")
+        defines["SUBPIXELS"] = str(len(boxes))
+        defines["PERIOD"] = f"vec2({layout.columns}.0, {layout.rows}.0)"
+        defines["WHITE"] = str(float(any(sub[0] == "white" for sub in layout.subpixels)))
+        defines |= {"BOXES": f"vec4[]({', '.join(boxes)})", "GAINS": f"vec4[]({', '.join(gains)})"}
+    return defines
+
+
+def _depth_drawing(display: Display, derived: DisplayProperties) -> str:
+    focus = focus_reach_mm(display, derived)
+    scale = focus / DRAWN
+    return filled(
+        "depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{derived.depth_range_mm[1] / scale:.6g}", left_mm=f"−{focus:g}"
+    )

@@ -1,0 +1,210 @@
+"""Test patterns for a panel: those of a board's register `display.pattern`, and others that a board does not draw.
+
+Each pixel has a point in the cell of its lenslet. The line from the pixel's centre to the eye of the viewing distance
+crosses the aperture plane there (`optics.convergence`). Without a viewing distance the point is the pixel's centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann import __version__
+from lippmann.base import interrupts
+from lippmann.base.images import decode
+from lippmann.base.variant import current_device, mitsuba
+from lippmann.display.description import Display
+from lippmann.errors import InputError
+from lippmann.eye.observer import CHUNK_RAYS, Eye, eye_rays
+from lippmann.fixed import panel_pattern
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import configuration
+from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.pixel_rays import pixels_from_rays
+from lippmann.optics.rays import Status
+from lippmann.optics.system import System
+from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.sources import Window
+
+Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
+#: The patterns that a board also draws, in the order of the register's values from 1 on.
+ON_BOARD: tuple[Kind, ...] = ("single-lens", "lens-centres", "view-numbers", "checker", "ramp")
+#: Side of the checker's tiles, pixels; the board uses the same.
+TILE = 32
+#: A pixel contains the points up to this distance from its centre, pixels: more than half, as rounding may move them.
+IN_PIXEL = 17 / 32
+#: Number of rows that are computed at once.
+BAND_ROWS = 64
+#: Panel values from 0 to 1; their shape broadcasts to (rows, columns, 3).
+Values = npt.NDArray[Any]
+
+
+class Places(NamedTuple):
+    """Of pixels: lenslet (i, j), whether the lenslet's centre is in the pixel, and the place in the cell, 0 to 255."""
+
+    i: npt.NDArray[Any]
+    j: npt.NDArray[Any]
+    centre: npt.NDArray[np.bool_]
+    right: npt.NDArray[Any]
+    up: npt.NDArray[Any]
+    #: Whether the lenslet is there: beside the array the mount is opaque, and its pixels stay black.
+    present: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """Pixels of a display by column (1, N) and row (M, 1); `lens` is the lenslet of the pattern `single-lens`.
+
+    `fraction_bits` is the word length of a board, whose words compute the pattern. None: float64 does.
+    """
+
+    display: Display
+    column: npt.NDArray[np.int64]
+    row: npt.NDArray[np.int64]
+    lens: tuple[int, int]
+    fraction_bits: int | None
+
+    @cached_property
+    def places(self) -> Places:
+        """The pixels' lenslets, and the pixels' places in the cells."""
+        panel, grid, system = self.display.panel, self.display.array.grid, System.of(self.display)
+        columns, rows = np.broadcast_arrays(self.column, self.row)
+        if (f := self.fraction_bits) is not None:
+            config = configuration(self.display, Build.of(self.display, "pinhole", f, aims=False), "pinhole")
+            i, j, x, y = panel_pattern.located(config, grid, f, panel.width_px, panel.height_px, columns, rows)
+            centre, views = panel_pattern.centres(config, f, x, y), panel_pattern.views(grid, f, x, y)
+            return Places(i, j, centre, *views, system.lattice.present(NumpyBackend(), i, j))
+        u, v = columns + 0.5, rows + 0.5
+        i, j, x, y = system.locate(NumpyBackend(), u, v)
+        cx, cy = system.lattice.centre(i, j)
+        x, y = system.convergence.within_cell(x, y, cx, cy)
+        seen_x, seen_y = system.convergence.on_panel(np.zeros_like(cx), np.zeros_like(cy), cx, cy)
+        at_u, at_v = system.frame.pixel_from_panel(*system.frame.panel_from_array(cx + seen_x, cy + seen_y))
+        centre = (abs(at_u - u) <= IN_PIXEL) & (abs(at_v - v) <= IN_PIXEL)
+        # A hexagonal cell is four thirds of a row high.
+        high = self.display.array.row_pitch_mm * (4.0 / 3.0 if grid == "hex" else 1.0)
+        sides = (x - system.lattice.shear * y) / self.display.array.pitches_mm[0], y / high
+        right, up = (np.clip(np.floor(256.0 * (side + 0.5)), 0, 255) for side in sides)
+        return Places(i, j, centre, right, up, system.lattice.present(NumpyBackend(), i, j))
+
+
+def lens_centres(at: Pixels) -> Values:
+    """White where the eye sees a lenslet's centre."""
+    return np.asarray((at.places.centre & at.places.present)[..., None])
+
+
+def cells(at: Pixels) -> Values:
+    """Red, green, blue by (i - j) modulo 3: cells with a common side differ."""
+    colour = np.where(at.places.present, (at.places.i - at.places.j) % 3, -1)
+    return np.asarray(colour[..., None] == np.arange(3))
+
+
+def view_numbers(at: Pixels) -> Values:
+    """Red and green: the place in the cell, to the right and upward, in 255ths; blue 0."""
+    right, up = at.places.right * at.places.present, at.places.up * at.places.present
+    return np.asarray(np.stack([right, up, np.zeros_like(up)], axis=2) / 255.0)
+
+
+def single_lens(at: Pixels) -> Values:
+    """White in the cell of one lenslet."""
+    its = (at.places.i == at.lens[0]) & (at.places.j == at.lens[1])
+    return np.asarray((its & at.places.present)[..., None])
+
+
+def checker(at: Pixels) -> Values:
+    """White and black tiles, the first black."""
+    return ((at.column // TILE + at.row // TILE) % 2)[..., None]
+
+
+def ramp(at: Pixels) -> Values:
+    """Grey: the column modulo 256, in 255ths."""
+    return (at.column % 256)[..., None] / 255.0
+
+
+def ramps(at: Pixels) -> Values:
+    """Four bands, grey, red, green, blue from the top; from black to full light, left to right.
+
+    Each has all levels of the panel once; on a panel with fewer columns than levels, as many as columns.
+    """
+    panel = at.display.panel
+    columns, levels = panel.width_px, 1 << panel.bits
+    whole = columns >= levels
+    value = (at.column * levels // columns if whole else at.column * (levels - 1) // max(1, columns - 1)) / (levels - 1)
+    colours = np.array([[1, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    return np.asarray(value[..., None] * colours[4 * at.row[:, 0] // panel.height_px][:, None])
+
+
+PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
+    "lens-centres": lens_centres, "cells": cells, "view-numbers": view_numbers, "single-lens": single_lens,
+    "ramp": ramp, "ramps": ramps, "checker": checker,
+}  # fmt: skip
+
+
+def white_for_eye(display: Display, eye: Eye) -> Values:
+    """Return 1 for the pixels that an eye sees through the lenslets that own them, (height, width), else 0.
+
+    The eye's rays are traced through the exact lenslets to the whole panel. Pixels seen by crosstalk stay black.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
+    # Points of a lenslet are seen this many times farther apart on the panel. There, rays may be half a pixel apart.
+    spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)
+    samples = min(2 + int(np.ceil(2.0 * spread)), 8) ** 2
+    window = Window(panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)
+    total = panel.width_px * panel.height_px
+    white, chunk = dr.zeros(mi.Float, total), max(1, CHUNK_RAYS // samples)
+    for start in range(0, total, chunk):
+        interrupts.check()
+        index = dr.arange(mi.UInt32, min(chunk, total - start) * samples)
+        pixel = dr.opaque(mi.UInt32, start) + index // samples
+        hits = pixels_from_rays(b, system, *eye_rays(b, eye, window, pixel, index % samples, 0), "exact")
+        at = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1)) * panel.width_px
+        at += mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
+        dr.scatter(white, 1.0, at, hits.status == int(Status.OK))
+        dr.eval(white)
+    return np.asarray(white).reshape(panel.height_px, panel.width_px)
+
+
+def draw(
+    display: Display,
+    kind: Kind,
+    eye: Eye | None = None,
+    lens: tuple[int, int] | None = None,
+    fraction_bits: int | None = None,
+) -> IntegralImage:
+    """Draw a test pattern for a display.
+
+    `eye` is the eye of "white-for-eye", which needs one. `lens` is the lenslet (i, j) of "single-lens"; None: (0, 0).
+    `fraction_bits` is the word length of a board, which draws the same pattern. None: float64 computes the pattern.
+
+    Raises InputError for an option of another kind of pattern, and for a display that a board's registers cannot hold.
+    """
+    if kind not in get_args(Kind):
+        raise InputError(f"unknown pattern '{kind}'; choose from {', '.join(get_args(Kind))}")
+    if eye is None and kind == "white-for-eye":
+        raise InputError("white-for-eye is white for one eye; give its place, --eye X,Y,Z in mm")
+    if eye is not None and kind != "white-for-eye":
+        raise InputError("--eye belongs to the pattern white-for-eye; leave it out")
+    if lens is not None and kind != "single-lens":
+        raise InputError("--lens belongs to the pattern single-lens; leave it out")
+    if fraction_bits is not None and kind not in ON_BOARD:
+        raise InputError(f"--fraction-bits belongs to the patterns of a board, {', '.join(ON_BOARD)}; leave it out")
+    panel = display.panel
+    light = np.empty((panel.height_px, panel.width_px, 3), np.float32)
+    seen = None if eye is None else white_for_eye(display, eye)
+    for first in range(0, panel.height_px, BAND_ROWS):
+        rows = np.arange(first, min(first + BAND_ROWS, panel.height_px))[:, None]
+        at = Pixels(display, np.arange(panel.width_px)[None], rows, lens or (0, 0), fraction_bits)
+        values = PATTERNS[kind](at) if seen is None else seen[rows[:, 0], :, None]
+        light[rows[:, 0]] = decode(values, panel.transfer)
+    if lens is not None and not light.any():
+        raise InputError(f"lenslet {lens[0]:g},{lens[1]:g} owns no pixel; give whole numbers i,j; 0,0 is in the middle")
+    carried = {"pattern": kind, "version": __version__}
+    return IntegralImage(light, display, carried if eye is None else {**carried, "eye_mm": str(eye.position_mm)})

@@ -1,1 +1,0 @@
-"""Films: scenes that move, rendered frame by frame."""

@@ -1,1 +1,0 @@
-"""A scene on a display, moved by hand while one looks."""

@@ -1,0 +1,1 @@
+"""Pictures in time: films and live pictures."""

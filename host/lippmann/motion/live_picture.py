@@ -1,0 +1,197 @@
+"""The integral image of a scene that moves: at once with few rays, then finer while it rests."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lippmann.base.fullscreen import Pixels
+from lippmann.base.images import BAND_ROWS, Radiance
+from lippmann.base.variant import current_device, mitsuba
+from lippmann.display.description import Display, Panel
+from lippmann.motion.encoder import Encoder
+from lippmann.optics.rays import Model
+from lippmann.rendering.renderer import Renderer, Settings, radiance_of
+from lippmann.rendering.sources import RaySource, display_source
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, box_of, in_front_of
+
+#: Seconds that a picture of a moving scene may take; where the panel has too many pixels, blocks of them get one ray.
+QUICK_S = 0.06
+#: Pictures that are timed to find it; another program may disturb one.
+TRIALS = 3
+#: Largest block, pixels of a side.
+MOST_BLOCK = 8
+#: Samples of a pass while the scene rests.
+PASS_SAMPLES = 4
+#: Pixels that are rendered between two looks at the mouse, by device.
+PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
+
+
+class LivePicture:
+    """The integral image of a scene in changing places.
+
+    It stays where it is rendered, on a GPU perhaps, until `values` or `radiance` asks for it.
+    """
+
+    def __init__(
+        self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
+    ) -> None:
+        """Compile the programs; `block` of None finds one that is quick enough. Raises InputError as `Renderer`."""
+        self._scene, self._panel = scene, display.panel
+        # A quick picture has fewer rays than there are points whose light they could share.
+        self._settings = replace(settings, samples=PASS_SAMPLES, shading="each")
+        self._corners = _corners(scene)
+        source = display_source(display, model)
+        #: Side of the blocks of pixels that get one ray in a quick picture.
+        self.block = 1
+        self._quick = self._compiled(source, 1)
+        if block is None:
+            taken = min(self._timed() for _ in range(TRIALS))
+            block = min(MOST_BLOCK, int(np.ceil(np.sqrt(max(taken / QUICK_S, 1.0)))))
+        if block > 1:
+            self.block = block
+            self._quick = self._compiled(_coarse(source, block), 1)
+        self._sources = (_coarse(source, self.block) if self.block > 1 else source), source
+        self._fine: Renderer | None = self._compiled(source, PASS_SAMPLES)
+        self._block_of_pixel = _blocks(self._panel, self.block) if self.block > 1 else None
+        self._encoder = Encoder(self._panel)
+        self._placement = scene.placement
+        self._planes: list[Any] = self._fine.planes(self._panel.height_px)
+        self._passes = 0
+
+    def stage(self, scene: Scene) -> None:
+        """Take another scene, that of another moment; `quick` is to follow."""
+        self._scene, self._corners, self._fine = scene, _corners(scene), None
+        self._quick = self._renderer(self._sources[0], 1)
+
+    @property
+    def samples(self) -> int:
+        """Samples of each pixel in the picture that `finer` returned last; 0 after `quick`."""
+        return self._passes * PASS_SAMPLES
+
+    @property
+    def middle_mm(self) -> Any:
+        """The middle of the scene's box where it stands now (3,), mm."""
+        corners = self._corners @ self._scene.placement.display_from_scene.T
+        return 0.5 * (corners.min(axis=0) + corners.max(axis=0))[:3]
+
+    @property
+    def values(self) -> Pixels:
+        """The picture as the panel's values (height, width, 3), 8 bits."""
+        return self._encoder(self._mean())
+
+    @property
+    def radiance(self) -> Radiance:
+        """The picture's radiance (height, width, 3)."""
+        return radiance_of(self._mean(), self._panel.width_px)
+
+    def quick(self, placement: Placement) -> None:
+        """Make the picture of the scene in another place, one ray for each block of pixels."""
+        import drjit as dr
+
+        self._placement, self._passes = self._with_front(placement), 0
+        self._quick.move(self._placement)
+        planes = self._all(self._quick, -(-self._panel.height_px // self.block), lambda: False)
+        assert planes is not None
+        if self._block_of_pixel is not None:
+            planes = [dr.gather(type(plane), plane, self._block_of_pixel) for plane in planes]
+        self._planes = planes
+
+    def finer(self, interrupted: Callable[[], bool]) -> bool:
+        """Make it the mean of the passes so far and one more; return False when that was interrupted, and is not done.
+
+        The first pass equals a render of `PASS_SAMPLES` samples.
+        """
+        import drjit as dr
+
+        if self._fine is None:
+            self._fine = self._renderer(self._sources[1], PASS_SAMPLES)
+        self._fine.move(self._placement, self._passes)
+        planes = self._all(self._fine, self._panel.height_px, interrupted)
+        if planes is None:
+            return False
+        self._planes = [a + b for a, b in zip(self._planes, planes, strict=True)] if self._passes else planes
+        dr.eval(self._planes)
+        self._passes += 1
+        return True
+
+    def _mean(self) -> list[Any]:
+        mi = mitsuba()
+        import drjit as dr
+
+        if self._passes < 2:
+            return self._planes
+        passes = dr.opaque(mi.Float, float(self._passes))
+        return [plane / passes for plane in self._planes]
+
+    def _renderer(self, source: RaySource, samples: int) -> Renderer:
+        rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
+        bands = [range(first, min(first + rows, source.height_px)) for first in range(0, source.height_px, rows)]
+        return Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+
+    def _compiled(self, source: RaySource, samples: int) -> Renderer:
+        renderer = self._renderer(source, samples)
+        # A scene in the display's own frame has a program of its own: compiled now, lest the first move waits for it.
+        for turn_deg in (0.0, 1.0):
+            renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
+            renderer.prepare()
+        renderer.move(self._scene.placement)
+        return renderer
+
+    def _timed(self) -> float:
+        began = time.perf_counter()
+        self._quick.render(0)
+        return (time.perf_counter() - began) * len(self._quick.bands)
+
+    def _with_front(self, placement: Placement) -> Placement:
+        """Return a placement with depths: those of the scene's box, where it has none."""
+        if placement.near_mm is not None and placement.far_mm is not None:
+            return placement
+        depths = (self._corners @ placement.display_from_scene.T)[:, 2]
+        far, near = float(depths.min()), float(depths.max())
+        return replace(placement, near_mm=in_front_of((far, near)), far_mm=far)
+
+    @staticmethod
+    def _all(renderer: Renderer, rows: int, interrupted: Callable[[], bool]) -> list[Any] | None:
+        """Return the planes of all bands, or None."""
+        planes = renderer.planes(rows)
+        for number in range(len(renderer.bands)):
+            if interrupted():
+                return None
+            renderer.draw(number, planes)
+        return planes
+
+
+def _coarse(source: RaySource, block: int) -> RaySource:
+    """Return the rays through the middles of blocks of pixels."""
+    return replace(
+        source,
+        width_px=-(-source.width_px // block),
+        height_px=-(-source.height_px // block),
+        lines=lambda b, u, v, square: source.lines(b, u * block, v * block, square),
+        layout=None,
+        owner=None,
+    )
+
+
+def _corners(scene: Scene) -> Any:
+    """Return the corners of a scene's box in its own frame, (8, 4)."""
+    low, high = box_of(scene.mitsuba, Placement())
+    return np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+def _blocks(panel: Panel, block: int) -> Any:
+    """Return the number of each pixel's block, row by row (UInt32)."""
+    mi = mitsuba()
+    import drjit as dr
+
+    pixel = dr.arange(mi.UInt32, panel.width_px * panel.height_px)
+    row = pixel // panel.width_px
+    found = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block
+    dr.eval(found)
+    return found

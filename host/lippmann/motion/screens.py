@@ -1,0 +1,147 @@
+"""Windows and whole monitors that show pictures side by side, and what mouse and keys do in them (SDL)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from lippmann.base.fullscreen import Pixels, check_monitor, desktop, sizes_of, window_size
+from lippmann.errors import DeviceError
+from lippmann.motion.hand import DRAG_DEG, KEY_DEG, Hand
+from lippmann.motion.reel import Reel
+
+#: Drags of a key that shifts, pixels.
+KEY_PX = 10.0
+
+
+class Screens:
+    """The windows of a live picture."""
+
+    def __init__(self, pygame: Any) -> None:
+        self._pygame = pygame
+        self._windows: dict[str, Any] = {}
+
+    def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
+        """Open a window for pictures of a size, smaller where the desktop is; or fill a monitor of just that size.
+
+        Raises InputError for a monitor that is missing, or of another size.
+        """
+        sizes, pygame = sizes_of(self._pygame), self._pygame
+        if monitor is None:
+            self._windows[name] = pygame.Window(name, window_size(size, sizes[0]))
+            return
+        check_monitor(sizes, monitor, size)
+        place = pygame.WINDOWPOS_CENTERED | monitor  # SDL's number of "the middle of this monitor"
+        self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
+
+    def show(self, name: str, pixels: Pixels, title: str) -> None:
+        """Show a picture (height, width, 3) in a window; raise DeviceError when its monitor is gone."""
+        pygame, window = self._pygame, self._windows[name]
+        try:
+            surface = window.get_surface()
+            picture = pygame.image.frombuffer(np.ascontiguousarray(pixels), pixels.shape[1::-1], "RGB")
+            if picture.get_size() != surface.get_size():
+                picture = pygame.transform.smoothscale(picture, surface.get_size())
+            surface.blit(picture, (0, 0))
+            window.flip()
+            window.title = title
+        except pygame.error as error:
+            raise DeviceError(f"the window is gone ({error}); is the monitor still there?") from None
+
+    def pixels(self, name: str) -> Pixels:
+        """Return what a window shows, (height, width, 3)."""
+        found = self._pygame.surfarray.array3d(self._windows[name].get_surface())
+        return np.asarray(found, np.uint8).swapaxes(0, 1)
+
+    def waiting(self) -> bool:
+        """Tell whether mouse or keys wait to be obeyed."""
+        pygame = self._pygame
+        pygame.event.pump()
+        asked = pygame.event.peek((pygame.KEYDOWN, pygame.MOUSEWHEEL, pygame.QUIT, pygame.WINDOWCLOSE))
+        return bool(asked or (any(pygame.mouse.get_pressed()) and pygame.event.peek(pygame.MOUSEMOTION)))
+
+    def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
+        """Let mouse and keys move a scene, and stop a film or let it play; return whether to go on."""
+        pygame = self._pygame
+        for event in pygame.event.get():
+            if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
+                return False
+            if event.type == pygame.MOUSEMOTION and any(event.buttons):
+                right, down = event.rel
+                if event.buttons[0]:
+                    hand.turn(DRAG_DEG * right, DRAG_DEG * down)
+                else:
+                    hand.shift(right, -down)
+            elif event.type == pygame.MOUSEWHEEL:
+                hand.zoom(event.y)
+            elif event.type == pygame.KEYDOWN and not self._press(event, hand, reel):
+                return False
+        return True
+
+    def _press(self, event: Any, hand: Hand, reel: Reel | None) -> bool:
+        pygame = self._pygame
+        shifted = bool(getattr(event, "mod", 0) & pygame.KMOD_SHIFT)
+        across, up = {
+            pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1),
+        }.get(event.key, (0, 0))  # fmt: skip
+        if event.key in (pygame.K_ESCAPE, pygame.K_q):
+            return False
+        if event.key == pygame.K_r:
+            hand.reset()
+        elif event.key in (pygame.K_PLUS, pygame.K_KP_PLUS, pygame.K_EQUALS):
+            hand.zoom(1.0)
+        elif event.key in (pygame.K_MINUS, pygame.K_KP_MINUS):
+            hand.zoom(-1.0)
+        elif event.key in (pygame.K_PAGEUP, pygame.K_PAGEDOWN):
+            hand.shift(0.0, 0.0, KEY_PX if event.key == pygame.K_PAGEUP else -KEY_PX)
+        elif event.key in (pygame.K_SPACE, pygame.K_COMMA, pygame.K_PERIOD):
+            if reel is not None and event.key == pygame.K_SPACE:
+                reel.playing = not reel.playing
+            elif reel is not None:
+                reel.step(1 if event.key == pygame.K_PERIOD else -1)
+        elif shifted:
+            hand.shift(KEY_PX * across, KEY_PX * up)
+        else:
+            hand.turn(KEY_DEG * across, -KEY_DEG * up)
+        return True
+
+    def close(self) -> None:
+        """Close all windows."""
+        for window in self._windows.values():
+            window.destroy()
+        self._windows.clear()
+
+
+class NoScreens(Screens):
+    """Nothing to look at, and no hand, where a board alone shows the picture."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+
+    def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
+        """Open nothing."""
+
+    def show(self, name: str, pixels: Pixels, title: str) -> None:
+        """Show nothing."""
+
+    def waiting(self) -> bool:
+        """Tell that nothing waits."""
+        return False
+
+    def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
+        """Go on."""
+        return True
+
+
+@contextmanager
+def screens() -> Iterator[Screens]:
+    """Give the desktop's screens; all windows are closed after the block. DeviceError when there is no desktop."""
+    with desktop("a window") as pygame:
+        made = Screens(pygame)
+        try:
+            yield made
+        finally:
+            made.close()

@@ -1,0 +1,70 @@
+"""Video files of frames: lossless for panels, compressed for views."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterable
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.files import not_written, replacing
+from lippmann.base.images import check_output
+from lippmann.errors import MissingLibraryError, to_install
+from lippmann.rendering.sources import Window
+
+Values = npt.NDArray[np.uint8]
+#: Lossless RGB: a codec that blurs colours would mix neighbouring lenslets' images.
+LOSSLESS_SUFFIXES = (".mkv",)
+#: For every player; colour has half the resolution, so both sides must be even.
+VIEW_SUFFIXES = (".mp4",)
+
+
+def even_window(window: Window) -> Window:
+    """Return a window whose sides are even, as .mp4 needs."""
+    return replace(window, width_px=-(-window.width_px // 2) * 2, height_px=-(-window.height_px // 2) * 2)
+
+
+def write_video(
+    path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
+) -> int:
+    """Write a video of frames, (height, width, 3) uint8 each, sRGB; return their number.
+
+    .mkv is FFV1, lossless; .mp4 is H.264, for which width and height must be even.
+
+    Raises InputError when the file cannot be written; MissingLibraryError when there is no ffmpeg.
+    """
+    path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
+    try:
+        import imageio_ffmpeg
+
+        ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise MissingLibraryError(f"ffmpeg is missing ({error}); {to_install()}") from None
+    rate = Fraction(frames_per_second).limit_denominator(1000)
+    taken = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width_px}x{height_px}", "-r", str(rate), "-i", "-"]
+    if path.suffix.lower() in LOSSLESS_SUFFIXES:
+        made = ["-c:v", "ffv1", "-pix_fmt", "bgr0"]
+    else:
+        made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "15", "-movflags", "+faststart"]
+        made += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
+        made += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
+    count = 0
+    with replacing(path) as partial:
+        place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
+        command = [ffmpeg, "-y", "-v", "quiet", *taken, *made, place]
+        try:
+            # A group of its own: Ctrl-C ends the command, which then ends ffmpeg by the end of its frames.
+            with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
+                assert encoder.stdin is not None
+                for frame in frames:
+                    encoder.stdin.write(np.ascontiguousarray(frame).data)
+                    count += 1
+        except BrokenPipeError:  # ffmpeg has ended; its message is too long to show
+            raise not_written(path, "ffmpeg stopped", partial) from None
+        if encoder.returncode:
+            raise not_written(path, "ffmpeg stopped", partial)
+    return count

@@ -1,0 +1,277 @@
+"""The numbers that follow from a display file, each with its formula; `lippmann inspect` prints them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from lippmann.base.toml import documented, key
+from lippmann.display.description import Display, Pair
+from lippmann.optics.lattice import HALF_SQRT3
+from lippmann.optics.panel import PanelFrame
+from lippmann.optics.system import System
+from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
+
+#: Distances of the eyes in the table of views, in viewing distances.
+DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
+#: A beat between lenslets and pixels is visible as moire when it is longer than this many lenslets ...
+MOIRE_FROM_LENSLETS = 4.0
+#: ... and an elemental image has fewer pixels than this: beyond, the contrast is too low.
+MOIRE_BELOW_PIXELS = 60.0
+#: A lattice turned by less than this counts as parallel to the pixels, degrees.
+PARALLEL_DEG = 0.05
+#: Who gives a viewing distance beyond this has not meant millimetres, or needs none.
+FAR_MM = 100_000.0
+
+Lenslets = tuple[int, int, int]
+_ZONE = "half the width of the zone of eyes at the viewing distance that see no crosstalk; 0 without a zone"
+_MIDDLE = "with a viewing distance that of the lenslet at the viewing axis"
+_DEPTHS = (
+    "(far, near): pitch D / pixel pitch from the display, where the rays of neighbouring pixels are a lenslet apart"
+)
+
+
+@documented
+@dataclass(frozen=True)
+class DisplayProperties:
+    """The numbers that follow from a display file.
+
+    Those of a lenslet, from its radius to its focal length, are by equations 2 to 4 of the paper.
+    """
+
+    radius_mm: float
+    sag_mm: float
+    flat_distance_mm: float
+    thickness_mm: float
+    focal_length_mm: float
+    f_number: Annotated[float, key("focal length over pitch")]
+    index: float
+    aperture_distance_mm: float
+    back_focal_length_mm: Annotated[float, key("from the array's near face to the focus on the panel's side")]
+    lenslets: Annotated[Lenslets, key("(across, down, total): equation 5, rounded up; with an extent, those within it")]
+    elemental_image_px: Annotated[float, key("pixels across an elemental image: its pitch over pixel pitch")]
+    viewing_angle_deg: Annotated[float, key(f"full angle of an elemental image, {_MIDDLE}: 2 atan(pitch / 2D)")]
+    crosstalk_angle_deg: Annotated[
+        float, key("half of it: farther off its axis, a lenslet shows its neighbour's image")
+    ]
+    viewing_zone_mm: Annotated[float, key(_ZONE)]
+    central_depth_plane_mm: Annotated[float, key("z of the panel's image: 1/l = 1/f - 1/D; infinite when in focus")]
+    depth_range_mm: Annotated[Pair, key(_DEPTHS)]
+    angular_resolution_deg: Annotated[float, key("angle between neighbouring pixels' rays: pixel pitch / D")]
+    spatial_resolution_mm: Annotated[float, key("lenslet pitch: a view has one pixel for each lenslet")]
+    views: Annotated[int, key("number of directions across: whole pixels in an elemental image")]
+    warnings: Annotated[tuple[str, ...], key("one sentence each, with a remedy")]
+
+
+_RANGE = "depths whose rays from neighbouring pixels are, as the eye sees them, at most a lenslet apart"
+
+
+@documented
+@dataclass(frozen=True)
+class EyeView:
+    """What an eye sees of a display."""
+
+    eye_mm: Annotated[tuple[float, float, float], key("where the eye is")]
+    status_share: Annotated[dict[str, float], key("share of the eye's rays to the panel by status, as of `observe`")]
+    sees_all: Annotated[bool, key("whether it sees the whole panel without crosstalk")]
+    zone_mm: Annotated[Zone | None, key("zone of eyes at this distance that see no crosstalk; None without")]
+    depth_range_mm: Annotated[Pair, key(f"(far, near): {_RANGE}")]
+    view_step_mm: Annotated[float, key("distance of eyes that see neighbouring pixels: pixel pitch z / D")]
+    lenslet_arcmin: Annotated[float, key("angle of a lenslet, the pixel of the view: pitch / z")]
+    moire_lenslets: Annotated[float | None, key("period of the moire that is visible from there; None without")]
+
+
+def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
+    """Return what eyes before a display see of it, each by itself.
+
+    Raises InputError for an eye that is not before the display.
+    """
+    pitch, distance = display.array.finest_mm, display.aperture_distance_mm
+    shares = [status_share(display, eye) for eye in eyes_mm]
+    reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
+    views = []
+    whole = sees_all(display, np.array(eyes_mm, float)).tolist()
+    found = zones(display, [eye[2] for eye in eyes_mm])
+    for eye, share, all_right, zone in zip(eyes_mm, shares, whole, found, strict=True):
+        z = eye[2]
+        depths = (z * reach / (reach - z) if z > reach else -math.inf, z * reach / (reach + z))
+        arcmin, moire = 60.0 * math.degrees(display.array.coarsest_mm / z), visible_moire(display, z)
+        views.append(EyeView(eye, share, all_right, zone, depths, z * step, arcmin, moire))
+    return views
+
+
+def axis_text(display: Display) -> str:
+    """Return whose axis the angles of viewing and of crosstalk are measured from."""
+    if display.viewing_distance_mm is None:
+        return "a lenslet's axis"
+    x, y = display.viewing_axis_mm
+    return f"the axis of the lenslet at ({x:g}, {y:g}) mm"
+
+
+def percent(share: float, sampled: bool = False) -> str:
+    """Return a share in per cent; one that is not 0, or that was `sampled` and may be more, does not look like 0."""
+    return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
+
+
+def table_of_views(display: Display) -> list[EyeView]:
+    """Return what the middle eyes see at several distances."""
+    return eye_views(display, [middle_eye(display, factor * viewing_distance(display)) for factor in DISTANCES])
+
+
+def display_properties(display: Display) -> DisplayProperties:
+    """Compute the numbers that follow from a display file."""
+    panel, array = display.panel, display.array
+    pitch, distance = array.finest_mm, display.aperture_distance_mm
+    image = pitch * (1.0 + display.convergence)
+    half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
+    (zone,) = zones(display, [viewing_distance(display)])
+    vergence = 1.0 / array.focal_length_mm - 1.0 / distance
+    # In focus, but for rounding: the image is at infinity.
+    in_focus = abs(vergence) * distance < 1e-12
+    in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
+    return DisplayProperties(
+        **{name: getattr(array, name) for name in ("radius_mm", "sag_mm", "flat_distance_mm", "thickness_mm", "index")},
+        focal_length_mm=array.focal_length_mm,
+        f_number=array.focal_length_mm / pitch,
+        aperture_distance_mm=distance,
+        back_focal_length_mm=array.focal_length_mm - in_glass,
+        lenslets=_lenslets(display),
+        elemental_image_px=image / panel.coarsest_mm,
+        viewing_angle_deg=2.0 * half_field_deg,
+        crosstalk_angle_deg=half_field_deg,
+        viewing_zone_mm=0.0 if zone is None else 0.5 * (zone.right_mm - zone.left_mm),
+        central_depth_plane_mm=math.inf if in_focus else 1.0 / vergence,
+        depth_range_mm=depth_reach_mm(display),
+        angular_resolution_deg=math.degrees(panel.coarsest_mm / distance),
+        spatial_resolution_mm=array.coarsest_mm,
+        views=math.floor(image / panel.coarsest_mm + 1e-9),
+        warnings=tuple(_warnings(display, half_field_deg, zone)),
+    )
+
+
+def depth_reach_mm(display: Display) -> Pair:
+    """Return the farthest and the nearest depth at which a pixel's beam is at most as wide as a lenslet, mm."""
+    reach = display.array.finest_mm * display.aperture_distance_mm / display.panel.coarsest_mm
+    return -reach, reach
+
+
+def _lenslets(display: Display) -> Lenslets:
+    """Return the number of lenslets across, down and in all: before the panel, and within the array's extent."""
+    panel, array = display.panel, display.array
+    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
+    across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
+    down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
+    if array.half_steps is None:
+        return across, down, across * down
+    along, rows = array.half_steps
+    down = min(down, 2 * (rows // 2) + 1)
+    # The middle row has a lenslet in the middle; on a hexagonal lattice the next rows have two beside the middle.
+    own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
+    others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
+    return max(own, other) if others else own, down, own * (down - others) + other * others
+
+
+def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:
+    """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
+
+    An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches apart.
+
+    From a lenslet to its neighbour along a lattice vector a, the phase of the pixel columns, of frequency k = (1/p, 0),
+    advances by k . a cycles. Whole cycles are invisible, so the eye sees the longest wave whose frequency f satisfies
+    f . a = k . a modulo 1 for both lattice vectors. The length of f is the distance of k from the reciprocal lattice.
+    The period is infinite where each lenslet has the same phase.
+    """
+    lattice, frame = System.of(display).lattice, PanelFrame.of(display)
+    pitch_mm = lattice.pitches_mm[0]
+    # In lenslet pitches; the second from the first, and the area of the two.
+    step, row = (tuple(c / pitch_mm for c in lattice.centre(*lenslet)) for lenslet in ((1, 0), (0, 1)))
+    area = step[0] * row[1]
+
+    def period(axis: int, pixel_mm: float) -> float:
+        """Return the period of a beat with the pixel lines across an axis."""
+        ratio = pitch_mm * (1.0 + display.aperture_distance_mm / distance_mm) / pixel_mm
+        phases = [math.remainder(ratio * frame.turn(*vector)[axis], 1.0) for vector in (step, row)]
+        lengths = []
+        for i, j in itertools.product(range(-2, 3), repeat=2):
+            first, second = phases[0] + i, phases[1] + j
+            lengths.append(math.hypot(first * row[1], second * step[0] - first * row[0]))
+        frequency = min(lengths) / area
+        return 1.0 / frequency if frequency else math.inf
+
+    return period(0, display.panel.pitches_mm[0]), period(1, display.panel.pitches_mm[1])
+
+
+def visible_moire(display: Display, distance_mm: float) -> float | None:
+    """Return the longest period of a visible beat in lenslets; None without one."""
+    panel, pitch = display.panel, display.array.pitches_mm[0]
+    widest = max(panel.width_mm, panel.height_mm) / pitch
+    beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
+    return max(beats) if beats and display.array.finest_mm / panel.coarsest_mm < MOIRE_BELOW_PIXELS else None
+
+
+def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> list[str]:
+    panel, array = display.panel, display.array
+    found = []
+    ratio = array.finest_mm / panel.coarsest_mm
+    if ratio < 2.0:
+        found.append(
+            f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
+            "take a finer panel or a coarser array"
+        )
+    px, py = array.pitches_mm
+    if array.grid == "hex" and abs(py / px / HALF_SQRT3 - 1.0) < 0.01:
+        found.append(
+            f"rows are {array.row_pitch_mm:.4g} mm apart, because py of a hexagonal pitch_mm is not their distance; "
+            f"if they are {py:g} mm apart give pitch_mm = [{px:g}, {py / HALF_SQRT3:.6g}]"
+        )
+    distance = viewing_distance(display)
+    moire = visible_moire(display, distance)
+    if moire is not None:
+        found.append(
+            f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
+            "pitch of either, or the angle of the array by some degrees"
+        )
+    # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
+    symmetry_deg = 30.0 if array.grid == "hex" else 90.0
+    if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
+        kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"
+        found.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
+    if half_field_deg < 5.0:
+        found.append(
+            f"crosstalk: eyes more than {half_field_deg:.3g} degrees off {axis_text(display)} see its neighbour's "
+            "elemental image; shorten the focal length and the gap"
+        )
+    beside = [
+        abs(at) > 0.5 * side
+        for at, side in zip(display.viewing_axis_mm, (panel.width_mm, panel.height_mm), strict=True)
+    ]
+    if any(beside):
+        found.append(
+            f"viewing_axis_mm, {display.viewing_axis_mm[0]:g}, {display.viewing_axis_mm[1]:g}, is beside the panel of "
+            f"{panel.width_mm:.4g} x {panel.height_mm:.4g} mm; give the point of the panel that the eye is in front of"
+        )
+    elif zone is None:
+        share = status_share(display, middle_eye(display, distance))["crosstalk"]
+        found.append(
+            f"no eye at {distance:g} mm sees the whole panel: {percent(share, sampled=True)} of the view from the "
+            f"middle is crosstalk; {remedy(display)}"
+        )
+    if (display.viewing_distance_mm or 0.0) > FAR_MM:
+        found.append(
+            f"an eye {display.viewing_distance_mm:g} mm away is {distance / 1000.0:g} m away; give millimetres, or "
+            "leave viewing_distance_mm out for elemental images right behind their lenslets"
+        )
+    defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
+    if defocus > 0.5:
+        found.append(
+            f"the panel is {display.aperture_distance_mm:.4g} mm from the lenslets, far from their focal length "
+            f"of {array.focal_length_mm:.4g} mm: little depth is sharp; change gap_mm or thickness_mm"
+        )
+    if display.gap_mm == 0.0 and array.plano_side == "viewer":
+        found.append("the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap")
+    return found

@@ -1,0 +1,156 @@
+"""Golden and fast: rays between panel and world as numpy arrays, by float64 in numpy or by Dr.Jit.
+
+`lippmann.engines.trace` chooses between them, the twin and the RTL.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display.description import MAX_LENGTH_MM, Display, display_at
+from lippmann.errors import InputError, MissingLibraryError
+from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
+from lippmann.optics.pixel_rays import FARTHEST_LENSLETS, LocalRays, PixelHits, pixels_from_rays, rays_from_pixels
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays
+from lippmann.optics.system import System
+
+#: Largest error of a direction's length: a unit vector with a small step added passes, a slope does not.
+UNIT_ERROR = 1e-3
+
+
+def backend_of(engine: Engine, device: str = "llvm") -> Backend:
+    """Return the array library of an engine.
+
+    Raises InputError for an engine that has none, and MissingLibraryError when Dr.Jit or libLLVM cannot be loaded.
+    """
+    if engine == "golden":
+        return NumpyBackend()
+    if engine == "fast":
+        try:
+            backend = DrJitBackend(device)
+            backend.real(0.0)
+        except (ImportError, RuntimeError) as error:
+            raise MissingLibraryError(
+                f"the fast engine cannot start ({' '.join(str(error).split())}); run make setup, which installs libLLVM"
+            ) from None
+        return backend
+    if engine in ENGINES:
+        raise InputError(f"engine {engine} traces from the panel to the world only; choose from golden, fast")
+    raise InputError(f"unknown engine '{engine}'; choose from {', '.join(ENGINES)}")
+
+
+def check_model(model: str) -> None:
+    """Raise InputError for a model that does not exist."""
+    if model not in MODELS:
+        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+
+
+def columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Floats:
+    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `most`."""
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is not an array of numbers; give shape (N, {width})") from None
+    if array.ndim != 2 or array.shape[1] != width:
+        raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} holds values that are not finite; remove them")
+    if (np.abs(array) > most).any():
+        raise InputError(f"{name} holds values beyond {most:.6g}, outside every array; remove them")
+    return array
+
+
+def trace_optics(
+    display: str | Path | Display,
+    pixels: npt.ArrayLike,
+    aperture: npt.ArrayLike | None = None,
+    model: Model = "exact",
+    engine: Engine = "golden",
+    device: str = "llvm",
+) -> Rays:
+    """Trace rays from the panel through the lenslets by golden or fast (parameters and errors of `engines.trace`)."""
+    display, pixel, points = checked_rays(display, pixels, aperture, model)
+    b = _backend_for(len(pixel), engine, device)
+    aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
+    out = rays_from_pixels(b, System.of(display), b.double(pixel[:, 0]), b.double(pixel[:, 1]), aims, model)
+    return rays_of(pixel, out)
+
+
+def checked_rays(
+    display: str | Path | Display, pixels: npt.ArrayLike, aperture: npt.ArrayLike | None, model: Model
+) -> tuple[Display, Floats, Floats | None]:
+    """Return the display, the pixel coordinates (N, 2) and the aperture points (N, 2) of rays, all checked."""
+    check_model(model)
+    display = display_at(display)
+    array, panel = display.array, display.panel
+    farthest = FARTHEST_LENSLETS * array.finest_mm
+    if max(abs(x) for x in array.offset_mm) > farthest:
+        raise InputError(f"array.offset_mm is beyond {farthest:.6g}; bring the array nearer to the panel")
+    pixel = columns("pixels", pixels, 2, farthest / panel.coarsest_mm)
+    points = None if aperture is None else columns("aperture", aperture, 2, farthest)
+    if points is not None and len(points) != len(pixel):
+        raise InputError(f"aperture has {len(points)} rows for {len(pixel)} pixels; give one each")
+    return display, pixel, points
+
+
+def trace_to_panel(
+    display: str | Path | Display,
+    origin_mm: npt.ArrayLike,
+    direction: npt.ArrayLike,
+    model: Model = "exact",
+    engine: Engine = "golden",
+    device: str = "llvm",
+) -> Hits:
+    """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
+
+    A ray flatter than `FLATTEST`, or that meets the array's plane beyond `FARTHEST_LENSLETS`, has missed. Raises as
+    `trace` does, and for directions that are not of length 1.
+    """
+    check_model(model)
+    origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
+    directions = columns("direction", direction, 3, math.inf)
+    if (np.abs(np.linalg.norm(directions, axis=1) - 1.0) > UNIT_ERROR).any():
+        raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
+    n = len(origins)
+    b = _backend_for(n, engine, device)
+    origin, unit = (tuple(b.double(column) for column in array.T.copy()) for array in (origins, directions))
+    hits = pixels_from_rays(b, System.of(display_at(display)), origin, unit, model)
+    return hits_of(n, hits)
+
+
+def _backend_for(n: int, engine: Engine, device: str) -> Backend:
+    """Return the backend of an engine for n rays: numpy for none, since Dr.Jit does not compute with empty arrays."""
+    backend = backend_of(engine, device)
+    return backend if n else NumpyBackend()
+
+
+def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:
+    """Return the traced rays of pixel coordinates (N, 2) as numpy arrays, their reals in the type `number`."""
+    n, ray = len(pixel), out.ray
+    return Rays(
+        pixel=pixel,
+        lenslet=_stack(n, np.int64, out.i, out.j),
+        centre_mm=_stack(n, number, out.centre_x, out.centre_y),
+        local_mm=_stack(n, number, ray.x, ray.y, ray.z),
+        direction=_stack(n, number, ray.dx, ray.dy, ray.dz),
+        status=_stack(n, np.uint8, out.status)[:, 0],
+    )
+
+
+def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
+    """Return the hits of n rays as numpy arrays, their reals in the type `number`."""
+    status = _stack(n, np.uint8, hits.status)[:, 0]
+    return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
+
+
+def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Any:
+    """Gather an engine's arrays (or constants) as the columns of one (n, k) array of a type."""
+    gathered = np.empty((n, len(columns)), number)
+    for k, column in enumerate(columns):
+        gathered[:, k] = np.asarray(column)
+    return gathered

@@ -1,0 +1,203 @@
+"""What eyes see of a display: crosstalk, and the zone without any. Both are found with rays through exact lenslets.
+
+At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k = D/E, less the panel's width
+times |1 - z/E|. Thick lenslets bend steep rays by other angles, and corners of cells bend rays more than centres do.
+So the real zone is narrower. It is searched for by bisection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.display.description import Display
+from lippmann.errors import InputError
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.rays import Floats, Status
+from lippmann.optics.sampling import R2_STEPS
+from lippmann.optics.system import System
+from lippmann.optics.trace import trace_to_panel
+
+#: Distance of the eyes that is assumed for a display without a viewing distance, mm.
+VIEWING_DISTANCE_MM = 600.0
+#: Farthest place of an eye, mm: a thousand kilometres.
+FARTHEST_EYE_MM = 1e9
+#: Number of rays from an eye that measure its share of crosstalk.
+SHARE_RAYS = 1 << 13
+#: Lenslets across and down through which an eye's rays are traced to find any crosstalk. The rays pass each lenslet at
+#: these points: shares of the way to corners and sides of the cell, and of the height of the rims. At the height of the
+#: rims a ray is the last one before the next dome.
+LENSLETS = (5, 3)
+POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
+#: The search for an end of a zone: its reach in paraxial half widths, and its number of halvings.
+FARTHEST, HALVINGS = 2.0, 11
+#: The search for a better display: the factor on its viewing distance, focal length or pitch, and the number of steps.
+FACTOR, STEPS = 1.1, 24
+#: A better display has no crosstalk up to this share of a lenslet's own zone, to both sides.
+WORTH = 0.25
+
+
+class Zone(NamedTuple):
+    """Ends, mm, of two lines of eyes that see no crosstalk: a horizontal and a vertical one through the middle eye."""
+
+    left_mm: float
+    right_mm: float
+    bottom_mm: float
+    top_mm: float
+
+
+def viewing_distance(display: Display) -> float:
+    """Return the distance of the eyes, mm: the display's viewing distance, or the usual one."""
+    return VIEWING_DISTANCE_MM if display.viewing_distance_mm is None else display.viewing_distance_mm
+
+
+def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
+    """Return the middle eye at a distance, mm: it sees the panel's opposite sides alike."""
+    share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
+    return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
+
+
+def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
+    """Return the share of an eye's rays by status, as `observe` does for a window that covers the panel.
+
+    Raises
+    ------
+    InputError
+        When the eye is not in front of the display, or absurdly far away.
+    """
+    (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
+    return {one.name.lower(): float(shares[one]) for one in Status}
+
+
+def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
+    """Return the same for eyes (N, 3), from `rays` rays of each: (N, statuses) float64. Raises as `status_share`."""
+    front, nearest = System.of(display).last_face_mm, eyes_mm[:, 2].min()
+    if not nearest > front:
+        what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
+        raise InputError(f"eye: {what}; move the eye towards +z")
+    if not np.abs(eyes_mm).max() <= FARTHEST_EYE_MM:
+        raise InputError(f"eye: is farther away than {FARTHEST_EYE_MM:g} mm; give its place in mm, such as 0,0,600")
+    steps = np.arange(1, rays + 1)[:, None] * R2_STEPS % 1.0
+    points = np.pad((steps - 0.5) * (display.panel.width_mm, display.panel.height_mm), ((0, 0), (0, 1)))
+    status = _statuses(display, eyes_mm, points, inside=False)
+    return np.stack([(status == one).mean(axis=1) for one in Status], axis=1)
+
+
+def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
+    """Tell which eyes, (N, 3) float64 mm, see the whole panel without any crosstalk."""
+    system, panel = System.of(display), display.panel
+    across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
+    grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
+    # The lenslets through which each eye sees the points of this grid. Where the panel ends, it is traced as if it
+    # went on: a lenslet there may see a neighbour's image beyond the edge, and the next lenslet sees it before.
+    lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
+    x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
+    place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
+    i, j, *_ = system.lattice.locate(NumpyBackend(), *place)
+    centres = np.stack(system.centre(i, j), axis=-1)
+    corners = np.array(system.lattice.corners)
+    around = np.concatenate([corners, 0.5 * (corners + np.roll(corners, 1, axis=0))])
+    around = np.stack(system.frame.turn(*around.T), axis=-1)
+    rims = -system.dome.sag_mm if system.plano_to_panel else system.dome.sag_mm
+    cell = np.concatenate([np.pad(share * around, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS])
+    points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
+    wide = replace(panel, width_px=panel.width_px * 4, height_px=panel.height_px * 4)
+    status = _statuses(replace(display, panel=wide), eyes_mm, points)
+    mostly, crosstalk = (status == Status.OK).mean(axis=1) >= 0.5, (status == Status.CROSSTALK).any(axis=1)
+    return np.asarray(mostly & ~crosstalk)
+
+
+def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
+    """Return the zone at each distance; None where the middle eye sees crosstalk."""
+    middle = np.array([middle_eye(display, z) for z in distances_mm])
+    seen = sees_all(display, middle)
+    away = np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
+    reach = np.zeros((len(middle), len(away), 1))
+    step = FARTHEST * half_width(display) * middle[:, None, 2:]
+    for _ in range(HALVINGS if seen.any() else 0):
+        step = 0.5 * step
+        eyes = (middle[:, None] + (reach + step) * away)[seen].reshape(-1, 3)
+        reach[seen] += np.where(sees_all(display, eyes).reshape(-1, len(away), 1), step[seen], 0.0)
+    ends = middle[:, None] + reach * away
+    places = np.stack([ends[:, 0, 0], ends[:, 1, 0], ends[:, 2, 1], ends[:, 3, 1]], axis=1).tolist()
+    return [Zone(*place) if whole else None for place, whole in zip(places, seen, strict=True)]
+
+
+def half_width(display: Display) -> float:
+    """Return half the paraxial width of a lenslet's own zone, over the distance z."""
+    return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
+
+
+def remedy(display: Display) -> str:
+    """Say which change of the display gives it a zone without crosstalk at the eyes' distance."""
+    old = _Change(
+        display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
+    )
+    for new in _changes(display, old):
+        pitch_mm, radius_mm = display.array.pitch_of(new.pitch_mm), new.focal_length_mm * (display.array.index - 1.0)
+        array = replace(display.array, pitch_mm=pitch_mm, radius_mm=radius_mm)
+        if array.radius_mm < array.half_diagonal_mm:
+            continue
+        array = replace(array, thickness_mm=max(array.thickness_mm, array.sag_mm))
+        changed = replace(display, array=array, gap_mm=new.gap_mm, viewing_distance_mm=new.viewing_distance_mm)
+        if new.viewing_distance_mm is not None and new.viewing_distance_mm < changed.nearest_eye_mm:
+            continue
+        x, y, z = middle_eye(changed, viewing_distance(changed))
+        aside = WORTH * z * half_width(changed)
+        if sees_all(changed, np.array([(x - aside, y, z), (x, y, z), (x + aside, y, z)])).all():
+            pairs = zip(_Change._fields, new, old, strict=True)
+            given = ", ".join(f"{key} = {value:.4g}" for key, value, was in pairs if value not in (was, None))
+            return f"give {given}" + ("" if z == viewing_distance(display) else " and look from there")
+    return "take lenslets of another pitch and focal length, or a smaller panel"
+
+
+class _Change(NamedTuple):
+    gap_mm: float
+    viewing_distance_mm: float | None
+    focal_length_mm: float
+    pitch_mm: float
+
+
+def _changes(display: Display, old: _Change) -> Iterator[_Change]:
+    """Yield changes that may give a better display, the smallest first."""
+    usual = viewing_distance(display)
+    in_glass = display.array.thickness_mm / display.array.index if display.array.plano_side == "panel" else 0.0
+
+    def focused(change: _Change) -> _Change:
+        return change._replace(gap_mm=_rounded(max(0.0, change.focal_length_mm - in_glass), 4))
+
+    yield focused(old)
+    for eye in (*(_rounded(usual * FACTOR**k, 2) for k in range(STEPS)), VIEWING_DISTANCE_MM):
+        farther = old._replace(viewing_distance_mm=eye)
+        yield from (farther, focused(farther))
+    old = old._replace(viewing_distance_mm=usual)
+    for k in range(STEPS):
+        yield focused(old._replace(focal_length_mm=_rounded(old.focal_length_mm * FACTOR**k, 2)))
+        yield focused(old._replace(pitch_mm=_rounded(old.pitch_mm * FACTOR**k, 2)))
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
+    """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
+
+    `inside`: the points lie in the glass. The rays start in such directions that they reach the points after refraction
+    at a flat front face.
+    """
+    place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
+    slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])
+    front = System.of(display).last_face_mm
+    if inside and front > 0.0:
+        square = (slope * slope).sum(axis=-1, keepdims=True)
+        in_glass = slope / np.sqrt(display.array.index**2 * (1.0 + square) - square)
+        slope = (points_mm[..., :2] - (front - points_mm[..., 2:]) * in_glass - place) / (z - front)
+    ray = np.concatenate([slope, np.full((*slope.shape[:-1], 1), -1.0)], axis=-1)
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    origin = np.broadcast_to(eyes_mm[:, None], ray.shape).reshape(-1, 3)
+    return trace_to_panel(display, origin, ray.reshape(-1, 3)).status.reshape(ray.shape[:-1])

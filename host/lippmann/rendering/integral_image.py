@@ -1,0 +1,185 @@
+"""The integral image: radiance, the display that it was made for, and metadata.
+
+A file carries the identity of the display and the transfer curve and bits of its panel. `IntegralImage.load` checks the
+identity, and in a PNG, which contains panel values, curve and bits too; linear radiance fits every curve.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from lippmann.base.fullscreen import show_window
+from lippmann.base.images import ENCODED_SUFFIXES, Radiance, encoded_values, png_bytes, read_picture, write_picture
+from lippmann.base.stored_rows import StoredRows
+from lippmann.base.tones import transfer_name, transfer_text
+from lippmann.display.description import Display, display_at
+from lippmann.errors import DeviceError, InputError, input_error
+
+
+class Showable:
+    """Something with radiance that a notebook or a window shows, in sRGB."""
+
+    radiance: Radiance
+    metadata: dict[str, str]
+
+    def __repr__(self) -> str:
+        """Return the size and the metadata, not the pixels."""
+        height, width = self.radiance.shape[:2]
+        return f"<{type(self).__name__}, {width} x {height} px, {self.metadata}>"
+
+    def _repr_png_(self) -> bytes:
+        """Return the PNG that a notebook shows."""
+        return png_bytes(self.radiance)
+
+    def show(self, seconds: float | None = None) -> None:
+        """Show the image: in a notebook below its cell, else in a window.
+
+        The window closes with Escape, q or its close button, or after `seconds`. Without a desktop (a server, a batch
+        job) a line on stderr says so and the program goes on.
+        """
+        if in_notebook():
+            import_module("IPython.display").display(self)
+            return
+        shown_or_said(lambda: show_window(encoded_values(self.radiance, "srgb", 8), "Lippmann", seconds))
+
+
+def shown_or_said(show: Callable[[], None]) -> None:
+    """Show something in a window; without a desktop say so on stderr."""
+    try:
+        show()
+    except DeviceError as error:
+        print(f"lippmann: not shown: {error}; or save it to a file", file=sys.stderr)
+
+
+def in_notebook() -> bool:
+    """Tell whether a notebook's kernel runs this code; programs that only start kernels load ipykernel, too."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IntegralImage(Showable):
+    """The picture that a display's panel shows.
+
+    Attributes
+    ----------
+    radiance
+        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` of an image that was loaded `stored`.
+    display
+        The display that it was made for.
+    metadata
+        How it was made: display, identity, the panel's transfer curve and bits, model, samples, seed, versions, ...
+    measured
+        What making it took, such as `seconds`, and a capture's losses; not saved. Empty for a loaded image.
+
+    Raises
+    ------
+    InputError
+        When the radiance has not the panel's size, or holds integers.
+    """
+
+    radiance: Radiance
+    display: Display
+    metadata: dict[str, str] = field(default_factory=dict)
+    measured: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the size, and name the display in the metadata."""
+        panel = self.display.panel
+        if not np.issubdtype(self.radiance.dtype, np.floating):
+            what = f"the radiance is {self.radiance.dtype}, not linear light, where 1 is white"
+            remedy = "give float32; IntegralImage.load decodes the values of a PNG"
+            raise input_error(f"image for display '{self.display.name}'", what, remedy)
+        if self.radiance.shape != (panel.height_px, panel.width_px, 3):
+            size = " x ".join(str(side) for side in self.radiance.shape)
+            what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
+            raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
+        # The caller's stays as it is.
+        object.__setattr__(self, "metadata", {**self.metadata, **metadata_of(self.display)})
+
+    def save(self, path: str | Path) -> None:
+        """Write the image: .exr and .tif keep linear radiance, .png the panel's values by its own curve and bits.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be written, or the radiance is not finite.
+        """
+        panel = self.display.panel
+        write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
+
+    @classmethod
+    def load(
+        cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
+    ) -> IntegralImage:
+        """Read an image that was made for a display. Version 0.1 saved no bits, which are then not checked.
+
+        Parameters
+        ----------
+        path
+            An image file (.exr, .tif, .png).
+        display
+            A display file, or what `load_display` returned.
+        force
+            Accept an image for another display, or one that names none.
+        stored
+            Leave the pixels in the file: `observe` reads the rows that it needs, and anything else all of them.
+
+        Raises
+        ------
+        InputError
+            When the file is missing, broken, of another size, or made for another display, or is a PNG for another
+            transfer curve or number of bits.
+        """
+        built = display_at(display)
+
+        def accept(metadata: Mapping[str, str]) -> None:
+            if not force:
+                _check(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
+
+        size = built.panel.width_px, built.panel.height_px
+        if stored:
+            rows = StoredRows(path, size, accept)
+            return cls(cast(Radiance, rows), built, rows.metadata)
+        picture = read_picture(path, size, accept)
+        return cls(picture.radiance, built, picture.metadata)
+
+
+def metadata_of(display: Display) -> dict[str, str]:
+    """Return what every image for a display carries: its name, identity, transfer curve and bits."""
+    return {"display": display.name, "identity": display.identity, **_tones(display)}
+
+
+def check_image(image: object) -> None:
+    """Refuse what is not an image, such as the path of one."""
+    if not isinstance(image, IntegralImage):
+        what = f"{str(image)[:80]!r} is not an IntegralImage"
+        raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
+
+
+def _tones(display: Display) -> dict[str, str]:
+    """Return the panel's transfer curve and bits as metadata."""
+    return {"transfer": transfer_text(display.panel.transfer), "bits": str(display.panel.bits)}
+
+
+def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
+    """Refuse a file (`source`) made for another display, and one of panel values (`encoded`) for other tones."""
+    identity = metadata.get("identity")
+    if identity != display.identity:
+        made = f"was made for display '{metadata.get('display', '?')}' ({identity})"
+        what = f"{'names no display' if identity is None else made}, not for '{display.name}' ({display.identity})"
+        remedy = "give the display that it was made for, or --force (force=True in Python)"
+        raise input_error(source, what, remedy)
+    for key, wanted in _tones(display).items():
+        found = metadata.get(key, wanted)
+        if encoded and found != wanted:
+            names = transfer_name(found), transfer_name(wanted)
+            what = f"was made for a panel with {key} {names[0]}, '{display.name}' has {key} {names[1]}"
+            raise input_error(source, what, "render it for this display, or give --force (force=True in Python)")

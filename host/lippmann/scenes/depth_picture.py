@@ -1,0 +1,120 @@
+"""A picture and its depths (RGB-D) as a Mitsuba scene: a surface through all pixels that shows the picture.
+
+A TOML file names both. The surface is closed: between a near thing and what is behind it, it is stretched.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base import toml
+from lippmann.base.limits import read_limited
+from lippmann.base.raw_images import read_numbers
+from lippmann.base.toml import documented, key
+from lippmann.errors import input_error, not_there
+from lippmann.scenes.mesh_file import write_surface
+from lippmann.scenes.window_views import Views, picture
+from lippmann.scenes.xml import add_light_field, new_scene, plugin, to_world, value, write
+
+#: Most pixels of the depths, and largest file.
+MOST_PIXELS, MOST_BYTES = 1 << 23, 1 << 28
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class DepthPicture:
+    """The table `[depth_picture]`. The camera looks along -z; its middle is the picture's."""
+
+    colour: Annotated[Path, key("the picture's file")]
+    depth: Annotated[
+        Path,
+        key("the depths' file (.png, .tif, .exr): how far a pixel is, along the camera's axis; 0 where unknown"),
+    ]
+    unit_mm: Annotated[float, key("mm of a depth of 1: 1 for millimetres, 1000 for metres", above=0.0)]
+    fov_deg: Annotated[float, key("the picture's width as the camera sees it", above=0.0, high=170.0)]
+
+
+@dataclass(frozen=True)
+class DepthPictureFile:
+    """The file of a picture with depths; it may place them, too (`[placement]`)."""
+
+    other_tables: ClassVar = True
+    depth_picture: DepthPicture
+
+
+def is_depth_picture(path: Path) -> bool:
+    """Tell whether a file is one of a picture with depths."""
+    return path.suffix.lower() == ".toml" and b"[depth_picture]" in read_limited(path, MOST_BYTES, "give another file")
+
+
+def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
+    """Write the scene into an empty folder; return its path. Holes that were filled are told in `notes`.
+
+    Raises InputError for files that are broken or missing, of two sizes, or without any depth.
+    """
+    form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
+    for name in ("colour", "depth"):
+        file = path.parent / getattr(form, name)
+        if not file.is_file():
+            raise input_error(f"{path}: {name}: {getattr(form, name)}", not_there(file), "correct the name")
+    colours = picture(path.parent / form.colour)[0]
+    depth = _depths(path.parent / form.depth) * form.unit_mm
+    if depth.shape != colours.shape[:2]:
+        sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, colours.shape)]
+        raise input_error(str(path), f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give two of one size")
+    known = np.isfinite(depth) & (depth > 0.0)
+    if not known.any():
+        raise input_error(str(path), "no pixel has a depth above 0", "check depth and unit_mm")
+    if not known.all():
+        holes = depth.size - int(known.sum())
+        notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
+        depth = _filled(depth, known)
+    focal = 0.5 * depth.shape[1] / math.tan(math.radians(0.5 * form.fov_deg))
+    _write_points(folder / "surface.ply", depth, focal)
+    Views(colours[None, None], [0.0], [0.0], 1.0, (1.0, 1.0)).write(folder / "views.npz")
+    scene = new_scene()
+    camera = plugin(scene, "sensor", "perspective")
+    value(camera, "float", "fov", form.fov_deg)
+    value(camera, "string", "fov_axis", "x")
+    to_world(camera, "rotate", y=1, angle=180)  # Mitsuba's cameras look along z
+    shape = plugin(scene, "shape", "ply", id="surface")
+    value(shape, "string", "filename", "surface.ply")
+    add_light_field(shape, "views.npz")
+    return write(scene, folder / "scene.xml")
+
+
+def _depths(path: Path) -> npt.NDArray[np.float64]:
+    """Return the numbers of a picture of depths (height, width), as they are in the file."""
+    if path.suffix.lower() == ".exr":
+        return np.asarray(picture(path, np.float32)[0][..., 0], np.float64)
+    found = read_numbers(path, MOST_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
+    if found.ndim == 3 and (found[..., :3] != found[..., :1]).any():
+        raise input_error(str(path), "has colours, not depths", "give a picture of one channel, 16 bits or float")
+    return np.asarray(found[..., 0] if found.ndim == 3 else found, np.float64)
+
+
+def _filled(depth: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """Return depths where each unknown one is that of the nearest known pixel."""
+    from scipy import ndimage
+
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(depth[tuple(nearest)])
+
+
+def _write_points(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:
+    """Write the surface through all pixels' points; its faces look at the camera."""
+    height, width = depth.shape
+    row, column = np.mgrid[:height, :width]
+    x, y = column + 0.5 - 0.5 * width, 0.5 * height - row - 0.5
+    points = np.stack([x / focal_px * depth, y / focal_px * depth, -depth], axis=-1)
+    uv = np.stack([(column + 0.5) / width, 1.0 - (row + 0.5) / height], axis=-1).reshape(-1, 2)
+    number = (row * width + column).astype(np.uint32)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate([np.stack(some, axis=-1).reshape(-1, 3) for some in ((a, b, d), (b, c, d))])
+    write_surface(path, points.reshape(-1, 3), faces, uv=uv)

@@ -1,0 +1,84 @@
+"""The formats of scenes, and the Mitsuba scene of a file in any of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+from lippmann.base.files import scratch_folder
+from lippmann.errors import InputError, input_error
+from lippmann.optics.rays import Floats
+from lippmann.scenes import depth_picture, meshes, quilts, splats, window_views
+
+#: Kinds of scenes: Mitsuba's own, and those that are converted.
+Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
+#: Longest head of a PLY file, bytes.
+PLY_HEAD = 1 << 16
+#: What may be given, in words.
+FORMATS = (
+    f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
+    f"a folder with {window_views.EYES}, or a .toml with [depth_picture]"
+)
+#: Suffixes by which a misspelt name is found.
+SUFFIXES = (".xml", *meshes.SUFFIXES)
+
+
+def kind_of(path: Path) -> Kind | None:
+    """Return what a scene's file or folder is; None: nothing that is known."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return "views" if window_views.is_folder(path) else None
+    if suffix == ".xml":
+        return "mitsuba"
+    if suffix == ".ply" and _has_splats(path):
+        return "splats"
+    if suffix in meshes.SUFFIXES:
+        return "mesh"
+    if quilts.is_quilt(path):
+        return "quilt"
+    return "depth picture" if depth_picture.is_depth_picture(path) else None
+
+
+def usual_rotation(path: Path) -> tuple[float, float, float]:
+    """Return the rotation, degrees about x, y, z, of a scene without a placement: of STL z is up, of splats y down."""
+    if kind_of(path) == "splats":
+        return (180.0, 0.0, 0.0)
+    return (-90.0, 0.0, 0.0) if path.suffix.lower() == ".stl" else (0.0, 0.0, 0.0)
+
+
+@contextmanager
+def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None = None) -> Iterator[Path]:
+    """Give the path of a file's Mitsuba scene; that of another tool's file is gone after the block.
+
+    `scene_from_display` (3, 3) is the rotation by which lights that are added stay with the display. What the user
+    should know is added to `notes`. Raises InputError as the functions that write or read the kinds.
+    """
+    kind, told = kind_of(path), [] if notes is None else notes
+    if kind == "mitsuba":
+        yield path
+        return
+    with scratch_folder() as folder:
+        try:
+            if kind == "mesh":
+                made = meshes.write_scene(path, folder, scene_from_display, told)
+            elif kind == "splats":
+                made = splats.write_scene(path, folder)
+            elif kind == "depth picture":
+                made = depth_picture.write_scene(path, folder, told)
+            else:
+                made = (quilts.read_quilt if kind == "quilt" else window_views.read_folder)(path).write_scene(folder)
+        except InputError:
+            raise
+        except OSError as error:
+            raise input_error(str(path), f"cannot be read ({error.strerror or error})", "check file and disk") from None
+        yield made
+
+
+def _has_splats(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        head = stream.read(PLY_HEAD).partition(b"end_header")[0]
+    return b"element face" not in head and any(word in head for word in (b" scale_0", b" f_dc_0"))

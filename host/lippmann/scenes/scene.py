@@ -1,0 +1,387 @@
+"""Loads a Mitsuba scene, with some of its shapes moved or none, and places it before the display."""
+
+from __future__ import annotations
+
+import fnmatch
+import hashlib
+import itertools
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lippmann.base.limits import check_xml
+from lippmann.base.variant import mitsuba
+from lippmann.errors import InputError, input_error, likely_file, path_of
+from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
+from lippmann.scenes.light_field import register_light_field
+from lippmann.scenes.placement import Arrange, Matrix, Placement, placement_beside, usual_arrange
+from lippmann.scenes.ply_faces import check_faces
+
+#: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
+SURROUNDS = 3.0
+
+#: Percentiles of the splats, and how far beyond them a scene reaches, in parts of what is between; a splat's extent.
+STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
+
+#: Ids that an error message lists.
+LISTED_IDS = 8
+#: Numbers of a lamp's property at most, unless it is a picture.
+LAMP_NUMBERS = 16
+
+
+@dataclass(frozen=True)
+class Move:
+    """A similarity (4, 4), in the scene's frame, of all shapes whose id matches a pattern (`*`, `?`)."""
+
+    shapes: str
+    matrix: Matrix
+
+
+@dataclass(frozen=True)
+class Part:
+    """The shapes of a scene whose id matches a pattern (`*`, `?`); not `kept`: all others. Lights stay."""
+
+    shapes: str
+    kept: bool = True
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A loaded scene: its XML file, the `mitsuba.Scene`, and its placement with both depths filled in.
+
+    `integrator` is the type that the file names; `has_camera`: the file has one. Without, Mitsuba makes both up.
+    """
+
+    path: Path
+    mitsuba: Any
+    placement: Placement
+    integrator: str | None = None
+    has_camera: bool = False
+    #: How a display places it that nothing else does (`usual_arrange`).
+    usual: Arrange | None = None
+    #: What the reader of its file tells the user, a line each.
+    notes: tuple[str, ...] = ()
+
+    @property
+    def width_mm(self) -> float:
+        """Largest side of the placed scene's bounding box, mm; 0 without any surface."""
+        low, high = bounds_of(self.mitsuba)
+        return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
+
+    @property
+    def depth_range_mm(self) -> tuple[float, float]:
+        """(far, near) z, mm."""
+        near, far = self.placement.near_mm, self.placement.far_mm
+        assert near is not None
+        assert far is not None
+        return far, near
+
+    def placed(self, placement: Placement) -> Scene:
+        """Return the scene with another placement."""
+        return replace(self, placement=_with_depths(self.mitsuba, placement, self.path), usual=None)
+
+
+def check_scene_file(path: str | Path) -> Path:
+    """Return the path of a scene file; raise InputError when it is missing or of no known format."""
+    path = path_of(path, "a scene")
+    if not path.exists():
+        raise input_error(str(path), "no such scene", likely_file(path, SUFFIXES) or FORMATS)
+    if kind_of(path) is None:
+        layers = "; for layers, a folder with layers.toml or pictures.toml" if path.is_dir() else ""
+        raise input_error(str(path), "is a folder" if path.is_dir() else "is no scene", f"{FORMATS}{layers}")
+    return path
+
+
+def _check_files(path: Path) -> None:
+    """Refuse a scene file that Mitsuba's parser would not survive, and such includes."""
+    resolver = mitsuba().file_resolver()
+    seen, waiting = set[Path](), [path]
+    while waiting:
+        file = waiting.pop()
+        if file in seen:
+            continue
+        seen.add(file)
+        for name in check_xml(file, "mend the scene file"):
+            found = Path(str(resolver.resolve(mitsuba().filesystem.path(name))))
+            if found.is_file() or found.is_fifo():
+                waiting.append(found)
+
+
+@contextmanager
+def parsed(
+    path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
+) -> Iterator[tuple[Any, Any]]:
+    """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
+
+    In the block Mitsuba finds files beside the scene file, as with its own loader. Another tool's file is converted;
+    `scene_from_display` (3, 3) is then the rotation of its lights, and `notes` takes what is to be told (`as_mitsuba`).
+
+    Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a
+    file that cannot be read.
+    """
+    mi = mitsuba()
+    register_light_field()
+    before = mi.file_resolver()
+    try:
+        with as_mitsuba(path, np.eye(3) if scene_from_display is None else scene_from_display, notes) as file:
+            resolver = mi.FileResolver(before)
+            resolver.prepend(mi.filesystem.path(str(file.parent)))
+            mi.set_file_resolver(resolver)
+            configuration = mi.parser.ParserConfig(mi.variant())
+            _check_files(file)
+            yield configuration, mi.parser.parse_file(configuration, str(file))
+    except InputError:
+        raise
+    except OSError as error:
+        what = f"names {error.filename}, which cannot be read ({error.strerror})"
+        raise input_error(str(path), what, "mend the scene file") from None
+    except Exception as error:  # Mitsuba's errors have no common base
+        raise input_error(str(path), without_places(error)[:400], "mend the scene file") from None
+    finally:
+        mi.set_file_resolver(before)
+
+
+def without_places(error: Exception) -> str:
+    """Return the text of an error of Mitsuba in one line, without positions in Mitsuba's source."""
+    return re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(str(error).split())) or type(error).__name__
+
+
+def load_scene(
+    path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
+) -> Scene:
+    """Load a scene file, Mitsuba XML, or a part of it; its shapes are moved in the order of `moves`.
+
+    Without a placement it stands by `placement_beside`.
+
+    Raises InputError when the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape, or
+    a part none or all of them.
+    """
+    mi = mitsuba()
+    path = check_scene_file(path)
+    usual = usual_arrange(path) if placement is None else None
+    notes: list[str] = []
+    if placement is None:
+        placement = placement_beside(path)
+    turn = placement.scene_from_display[:3, :3] * placement.scale
+    with parsed(path, turn, notes) as (configuration, state):
+        kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
+        shapes, integrators, cameras = ([node.props for node in state.nodes if node.type == kind] for kind in kinds)
+        # The parser's next step moves its nodes.
+        integrator = integrators[0].plugin_name() if integrators else None
+        for move in moves:
+            chosen = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
+            if not chosen:
+                raise input_error(str(path), f"no shape's id matches '{move.shapes}'", _ids_there(shapes))
+            motion = mi.ScalarTransform4d(move.matrix)
+            for props in chosen:
+                props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
+        if part is not None:
+            _keep(part, state, path)
+        mi.parser.transform_all(configuration, state)
+        for node in state.nodes:
+            if node.props.plugin_name() == "ply" and "filename" in node.props:
+                check_faces(_named(node))
+        scene = mi.parser.instantiate(configuration, state)
+    if not isinstance(scene, mi.Scene):
+        raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
+    _check_lamps(scene, str(path))
+    return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras), usual, tuple(notes))
+
+
+def scene_of(made: Any, placement: Placement | None = None) -> Scene:
+    """Return the scene of a `mitsuba.Scene`, or of the dictionary of one, which Mitsuba's load_dict takes.
+
+    Raises InputError for a dictionary that Mitsuba refuses, or that makes no scene.
+    """
+    mi = mitsuba()
+    if isinstance(made, dict):
+        try:
+            made = mi.load_dict(made)
+        except Exception as error:  # Mitsuba's errors have no common base
+            raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}") from None
+    if not isinstance(made, mi.Scene):
+        what = f"{type(made).__name__} is no scene"
+        raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
+    _check_lamps(made, "the scene")
+    placement = Placement() if placement is None else placement
+    return Scene(Path("scene"), made, _with_depths(made, placement, Path("scene")), None, bool(made.sensors()))
+
+
+def _check_lamps(scene: Any, where: str) -> None:
+    """Raise InputError for a lamp with a number that is not finite: Mitsuba takes it, and the picture would be black.
+
+    Pictures are left out.
+    """
+    mi = mitsuba()
+    import drjit as dr
+
+    for lamp in scene.emitters():
+        for name, value in mi.traverse(lamp):
+            numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
+            small = dr.is_array_v(numbers) and math.prod(dr.shape(numbers)) <= LAMP_NUMBERS
+            if small and not np.isfinite(np.array(numbers)).all():
+                which = f"the lamp '{lamp.id()}'" if lamp.id() else f"a {lamp.class_name()}"
+                raise input_error(where, f"{name} of {which} is not finite", "give finite numbers")
+
+
+def _keep(part: Part, state: Any, path: Path) -> None:
+    """Remove the shapes of a parsed scene that do not belong to a part."""
+    mi = mitsuba()
+    root, child = state.root.props, mi.Properties.ResolvedReference
+    names = list(root.keys())
+    inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
+    shapes = {name: node.props for name, node in inside.items() if node.type == mi.ObjectType.Shape}
+    chosen = {name for name, props in shapes.items() if fnmatch.fnmatchcase(props.id(), part.shapes)}
+    if not chosen:
+        raise input_error(str(path), f"no shape's id matches '{part.shapes}'", _ids_there(list(shapes.values())))
+    if len(chosen) == len(shapes):
+        raise input_error(str(path), f"every shape's id matches '{part.shapes}'", "leave some for the rest")
+    for name in chosen ^ (set(shapes) if part.kept else set()):
+        del root[name]
+
+
+def _ids_there(shapes: Sequence[Any]) -> str:
+    ids = [props.id() for props in shapes if props.id()]
+    if not ids:
+        return 'give the shapes ids in the file: <shape type="ply" id="...">'
+    more = f" and {len(ids) - LISTED_IDS} more" if len(ids) > LISTED_IDS else ""
+    return f"there are {', '.join(ids[:LISTED_IDS])}{more}"
+
+
+def digest_of(path: str | Path) -> str:
+    """Return a hash, 64 hexadecimal digits, of a scene file, its includes, and the meshes and textures that it names.
+
+    InputError as for `load_scene`.
+    """
+    path = check_scene_file(path)
+    mi = mitsuba()
+    with parsed(path) as (configuration, state):
+        mi.parser.transform_resolve(configuration, state)
+        files = [str(file) for file in state.files]
+        for node in state.nodes:
+            if "filename" in node.props:
+                files.append(str(_named(node)))
+        digest = hashlib.sha256()
+        for file in dict.fromkeys(files):
+            digest.update(_sum_of(Path(file)))
+    return digest.hexdigest()
+
+
+def _named(node: Any) -> Path:
+    """Return the path of the file that a node of a scene names."""
+    return Path(str(mitsuba().file_resolver().resolve(mitsuba().filesystem.path(node.props["filename"]))))
+
+
+def _sum_of(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").digest()
+
+
+def _boxes(scene: Any) -> list[tuple[Matrix, Matrix]]:
+    """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
+    boxes, found = [], []
+    for shape in scene.shapes():
+        # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
+        if shape.is_mesh() and not shape.bbox().valid():
+            shape.recompute_bbox()
+        if shape.is_ellipsoids():
+            found.append(_middle_of_splats(shape))
+            continue
+        boxes.append(shape.bbox())
+    return found + [(np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()) for box in boxes]
+
+
+def _middle_of_splats(shape: Any) -> tuple[Matrix, Matrix]:
+    """Return the box of most of the splats: a capture has stray ones, far around what was photographed."""
+    box = shape.bbox()
+    lowest, highest = (np.array(corner, np.float64).ravel() for corner in (box.min, box.max))
+    data = np.array(mitsuba().traverse(shape)["data"], np.float64).reshape(-1, 10)
+    centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
+    low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)
+    high = np.percentile(centres + reach, STRAY_PERCENT[1], axis=0)
+    beyond = STRAY_REACH * (high - low)
+    return np.maximum(low - beyond, lowest), np.minimum(high + beyond, highest)
+
+
+def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner of boxes; of none, an empty box."""
+    if not boxes:
+        return np.full(3, np.inf), np.full(3, -np.inf)
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+
+
+def bounds_of(scene: Any) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
+
+    A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out, such as a
+    studio or a sky: rays from its outside would see nothing else.
+    """
+    boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
+    while len(boxes) > 1:
+        (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
+        around = (outer_low <= low).all() and (outer_high >= high).all()
+        if not (around and (outer_high - outer_low >= SURROUNDS * (high - low)).all() and _closed(scene, low, high)):
+            break
+        boxes.pop()
+    return _union(boxes)
+
+
+def _closed(scene: Any, low: Matrix, high: Matrix) -> bool:
+    """Tell whether rays outwards from all six faces of a box hit something."""
+    mi = mitsuba()
+    middle, half = (low + high) / 2, (high - low) / 2
+    outwards = np.concatenate([np.eye(3), -np.eye(3)])
+    starts = middle + (half + 1e-3 * half.max()) * outwards
+    ray = mi.Ray3f(mi.Point3f(*starts.T), mi.Vector3f(*outwards.T))
+    return bool(np.array(scene.ray_test(ray)).all())
+
+
+def box_of(scene: Any, placement: Placement) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
+
+    A closed shape around all others is left out (`bounds_of`). The corners are infinite as those of `placed_box`.
+    """
+    return placed_box(bounds_of(scene), placement)
+
+
+def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Matrix, Matrix]:
+    """Return the lowest and the highest corner (3,), mm, of a placed box, whose corners are in the scene's units.
+
+    The corners are infinite if the box is unbounded or empty.
+    """
+    low, high = bounds
+    if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
+        return np.full(3, -np.inf), np.full(3, np.inf)
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
+    placed = corners @ placement.display_from_scene[:3].T
+    return placed.min(axis=0), placed.max(axis=0)
+
+
+def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
+    """Return the (lowest, highest) z of `box_of`."""
+    low, high = box_of(scene, placement)
+    return float(low[2]), float(high[2])
+
+
+def in_front_of(depths: tuple[float, float]) -> float:
+    """Return a depth just in front of (lowest, highest) z, so that rays do not start on a surface."""
+    return depths[1] + 1e-3 * max(1.0, depths[1] - depths[0])
+
+
+def _with_depths(scene: Any, placement: Placement, path: Path) -> Placement:
+    if placement.near_mm is not None and placement.far_mm is not None:
+        return placement
+    depths = depths_of(scene, placement)
+    if not np.isfinite(depths).all():
+        raise InputError(f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement")
+    return replace(
+        placement,
+        near_mm=placement.near_mm if placement.near_mm is not None else in_front_of(depths),
+        far_mm=placement.far_mm if placement.far_mm is not None else depths[0],
+    )

@@ -1,0 +1,92 @@
+"""3D Gaussian splats (.ply, as their trainers write it; read by plyfile) as a Mitsuba scene.
+
+Mitsuba's shape `ellipsoids` shows them. Each has a centre, the logarithms of three scales, a quaternion, the logit of
+its opacity, and spherical harmonics of its colour in sRGB: f_dc_0..2, and f_rest_*, the harmonics of red first, then of
+green, then of blue.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.errors import input_error
+from lippmann.scenes.xml import new_scene, plugin, value, write
+
+#: The degrees of harmonics: a file has 3 (degree + 1)^2 of them.
+DEGREES = (0, 1, 2, 3)
+PLACE = ("x", "y", "z")
+NORMAL = ("nx", "ny", "nz")
+COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
+SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
+#: Logit of the least opacity that is shown: Mitsuba takes the extent of a splat from it, and finds none below 1 %.
+LEAST_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
+#: Largest logarithm of a size, either way.
+MOST_LOG = 30.0
+#: Largest file.
+MOST_BYTES = 2 << 30
+REMEDY = "export it again from the trainer or an editor of splats"
+
+
+def write_scene(path: Path, folder: Path) -> Path:
+    """Write the scene of a file of splats into an empty folder; return the scene's path.
+
+    Raises InputError for a file that is too large, broken, or without places, colours or shapes.
+    """
+    table = _read(path)
+    file = folder / "splats.ply"
+    write_table(file, table)
+    scene = new_scene()
+    shape = plugin(scene, "shape", "ellipsoids", id="splats")
+    value(shape, "string", "filename", file.name)
+    return write(scene, folder / "scene.xml")
+
+
+def write_table(path: Path, table: npt.NDArray[np.void]) -> None:
+    """Write the splats of a table whose columns have the properties' names."""
+    import plyfile
+
+    plyfile.PlyData([plyfile.PlyElement.describe(table, "vertex")], byte_order="<").write(str(path))
+
+
+def _read(path: Path) -> npt.NDArray[np.void]:
+    """Return the properties that Mitsuba reads, float32 by name, of all splats."""
+    import plyfile
+
+    if path.stat().st_size > MOST_BYTES:
+        raise input_error(str(path), f"is larger than {MOST_BYTES >> 30} GiB", "reduce it in an editor of splats")
+    try:
+        vertex = plyfile.PlyData.read(str(path), mmap=False)["vertex"]
+    except (plyfile.PlyParseError, KeyError, ValueError, UnicodeDecodeError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise input_error(str(path), f"cannot be read as ply ({reason})", REMEDY) from None
+    there = [one.name for one in vertex.properties]
+    missing = [name for name in (*PLACE, *COLOUR, *SHAPE) if name not in there]
+    if missing:
+        what = "has splats without colours" if set(missing) & set(COLOUR) else "has points that are no splats"
+        raise input_error(str(path), f"{what}: no property {', '.join(missing)}", REMEDY)
+    rest = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
+    if len(rest) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
+        raise input_error(str(path), f"has {len(rest)} properties f_rest_*, of no degree of harmonics", REMEDY)
+    names = (*PLACE, *COLOUR, *rest, *SHAPE)
+    # Mitsuba wants normals, too, and does not look at them.
+    table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])
+    for name in names:
+        try:
+            table[name] = vertex[name]
+        except (ValueError, TypeError):
+            raise input_error(str(path), f"property {name} is no number", REMEDY) from None
+    if not vertex.count:
+        raise input_error(str(path), "has no splats", "give a file with some")
+    wrong = ~np.all([np.isfinite(table[name]) for name in names], axis=0)
+    if wrong.any():
+        what = f"{wrong.sum()} splats have numbers that are not finite"
+        raise input_error(str(path), what, "remove them in an editor of splats")
+    sizes = np.array([table[name] for name in SHAPE if name.startswith("scale")])
+    if np.abs(sizes).max() > MOST_LOG:
+        what = f"has splats whose size is e to the {sizes.max():.3g}"
+        raise input_error(str(path), what, "remove them in an editor of splats")
+    table["opacity"] = np.maximum(table["opacity"], LEAST_LOGIT)
+    return table

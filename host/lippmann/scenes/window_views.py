@@ -1,0 +1,162 @@
+"""Views of one window, and folders of them, as a Mitsuba scene: a rectangle that shows each eye another picture.
+
+All views are pictures of one window, from eyes in a row or a grid before it, as a light-field display shows them: what
+lies in the window's plane is at one place in all of them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.base.images import LINEAR_SUFFIXES, decode, read_picture
+from lippmann.base.limits import read_limited
+from lippmann.errors import InputError, input_error
+from lippmann.scenes.xml import add_light_field, new_scene, plugin, to_world, write
+
+#: The file of a folder that tells where its views' eyes are.
+EYES = "views.json"
+#: Pictures that a quilt or view may be in.
+PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
+#: How far an eye may stand from its place in the grid, steps of the grid.
+ASIDE = 0.1
+MOST_VIEWS, MOST_PIXELS = 10_000, 200_000_000
+MOST_BYTES = 1 << 24
+#: Largest half float.
+LARGEST = 65504.0
+FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-30, 0, 600]}, ...]}'
+
+
+@dataclass(frozen=True)
+class Views:
+    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid before its middle."""
+
+    pictures: npt.NDArray[np.float16]
+    x_mm: Sequence[float]
+    y_mm: Sequence[float]
+    distance_mm: float
+    size_mm: tuple[float, float]
+
+    def write(self, path: Path) -> None:
+        """Write the views as the emitter `light_field` reads them."""
+        np.savez(
+            path, views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
+            size_mm=self.size_mm,
+        )  # fmt: skip
+
+    def write_scene(self, folder: Path) -> Path:
+        """Write the scene into an empty folder; return its path."""
+        self.write(folder / "views.npz")
+        scene = new_scene()
+        shape = plugin(scene, "shape", "rectangle", id="window")
+        to_world(shape, "scale", x=0.5 * self.size_mm[0], y=0.5 * self.size_mm[1], z=1)
+        add_light_field(shape, "views.npz")
+        return write(scene, folder / "scene.xml")
+
+
+def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Sequence[float]], **more: object) -> str:
+    """Return the text of `EYES` for files of views of a window (mm), from eyes (mm)."""
+    views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
+    return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether a folder has views."""
+    return path.is_dir() and (path / EYES).is_file()
+
+
+def read_folder(folder: Path) -> Views:
+    """Read a folder of views and their eyes, `EYES`.
+
+    Raises InputError for a file that is broken or missing, views that differ in size, and eyes off a row or grid.
+    """
+    path = folder / EYES
+    try:
+        told = json.loads(read_limited(path, MOST_BYTES, "write it again"))
+        size = (float(told["window_mm"][0]), float(told["window_mm"][1]))
+        views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in told["views"]]
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else str(error)[:100]
+        raise input_error(str(path), f"does not tell the views ({reason})", f"write {FORM}") from None
+    eyes = np.array([eye for _, eye in views if len(eye) == 3])
+    if not (min(size) > 0.0 and math.isfinite(sum(size))):
+        raise input_error(str(path), f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
+    if not 0 < len(views) <= MOST_VIEWS:
+        raise input_error(str(path), f"has {len(views)} views", f"give 1 to {MOST_VIEWS}")
+    if len(eyes) != len(views) or not np.isfinite(eyes).all():
+        raise input_error(str(path), "has an eye_mm that is no three numbers", f"write {FORM}")
+    if not eyes[:, 2].min() > 0.0 or np.ptp(eyes[:, 2]) > 1e-3 * eyes[0, 2]:
+        what = "has eyes at several distances, or behind the window"
+        raise input_error(str(path), what, "give all eyes one z above 0")
+    (x, columns), (y, rows) = _steps(path, eyes[:, 0]), _steps(path, eyes[:, 1])
+    if len(x) * len(y) != len(views) or len(set(zip(rows.tolist(), columns.tolist(), strict=True))) != len(views):
+        what = f"has {len(views)} eyes at {len(x)} places across and {len(y)} up"
+        raise input_error(str(path), what, "give one view for each place of a row or grid")
+    pictures: npt.NDArray[np.float16] | None = None
+    for (name, _), row, column in zip(views, rows, columns, strict=True):
+        one, _ = picture(folder / name, count=len(views))
+        if pictures is None:
+            pictures = np.zeros((len(y), len(x), *one.shape), np.float16)
+        if one.shape != pictures.shape[2:]:
+            what = f"has {one.shape[1]} x {one.shape[0]} pixels, the first view {pictures.shape[3]} x "
+            raise input_error(str(folder / name), f"{what}{pictures.shape[2]}", "give views of one size")
+        pictures[row, column] = one
+    assert pictures is not None
+    return Views(pictures, x, y, float(eyes[0, 2]), size)
+
+
+def _steps(path: Path, places: npt.NDArray[np.float64]) -> tuple[list[float], npt.NDArray[np.intp]]:
+    """Return the places of a grid's lines, in rising order, and the number of the line of each eye."""
+    rising = np.sort(places)
+    gaps = np.diff(rising)
+    # Steps may differ; eyes that are nearer to each other than an eighth of the usual step are in one line.
+    steps = gaps[gaps > 1e-6 * max(1.0, float(np.abs(places).max()))]
+    wide = gaps > (0.125 * float(np.quantile(steps, 0.75)) if len(steps) else math.inf)
+    groups = np.split(rising, np.flatnonzero(wide) + 1)
+    lines = np.array([group.mean() for group in groups])
+    number = np.abs(places[:, None] - lines).argmin(axis=1)
+    step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
+    if np.abs(places - lines[number]).max() > ASIDE * step:
+        raise input_error(str(path), "has eyes that are off a row or grid", "give eyes in equal rows")
+    return lines.tolist(), number
+
+
+def _check_size(path: Path, pixels: int) -> None:
+    if pixels > MOST_PIXELS:
+        what = f"the views have {pixels / 1e6:.0f} million pixels; {MOST_PIXELS // 1_000_000} are allowed"
+        raise input_error(str(path), what, "give fewer or smaller views")
+
+
+def picture(path: Path, kind: Any = np.float16, count: int = 1) -> tuple[npt.NDArray[Any], dict[str, str]]:
+    """Return a picture's linear light (height, width, 3), and its metadata; `count` pictures of its size are allowed.
+
+    Its size is known, and refused, before memory is taken for its pixels.
+    """
+    if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
+        read = read_picture(path, allow=lambda pixels: _check_size(path, count * pixels))
+        radiance, metadata = read.radiance, read.metadata
+    else:
+        radiance, metadata = _by_pillow(path, count), {}
+    return np.clip(radiance, 0.0, LARGEST, out=radiance).astype(kind), metadata
+
+
+def _by_pillow(path: Path, count: int) -> Any:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as opened:
+            _check_size(path, count * opened.width * opened.height)
+            return decode(np.asarray(opened.convert("RGB"), np.float32) / np.float32(255.0), "srgb")
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise input_error(str(path), "no such picture", "put it there, or leave it out of the list") from None
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise input_error(str(path), f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None

@@ -1,1 +1,0 @@
-"""Chooses the cheapest lens model, and the cheapest fixed-point build, within a tolerance."""

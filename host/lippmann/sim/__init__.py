@@ -1,1 +1,0 @@
-"""Around Verilator: the RTL compiled and run from Python."""

@@ -1,0 +1,176 @@
+"""Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
+
+Verilator writes C++, which the compiler takes as one file: the headers of a model are far larger than most of its
+parts, and the whole model is in sight of the optimiser. Verilator's own runtime and headers depend on no model and are
+compiled once for each version of it.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from lippmann.base.files import is_full, moved, no_space, partial_folder
+from lippmann.base.processor import features
+from lippmann.base.programs import run_program
+from lippmann.errors import LippmannError, input_error, to_install
+from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
+
+#: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
+FAST = ("-O3", "-march=native", "-fvisibility=hidden")
+#: For a simulation that is shorter than its compilation.
+SHORT = ("-O1",)
+#: Verilator's options for a model that is fast and checks no assertion.
+UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
+
+#: Verilator's options for hundred thousands of assignments of bits: functions that the compiler is through with soon.
+NETLIST = ("--output-split-cfuncs", "1000")
+
+#: Environment variables: the folder for the lines that simulations cover (sim/coverage/); whether they count toggles.
+COVERAGE, TOGGLES = "LIPPMANN_COVERAGE", "LIPPMANN_TOGGLES"
+
+#: What every model includes.
+HEADERS = '#include "verilated.h"\n#include "verilated_vpi.h"\n'
+
+#: What compilers print of a full disk.
+NO_SPACE = os.strerror(errno.ENOSPC)
+
+# Libraries that a process loads share no variable of their runtimes.
+_ALWAYS = ("-std=gnu++17", "-fPIC", "-fno-gnu-unique", "-DVM_SC=0")
+
+
+class RtlError(LippmannError):
+    """Verilator or the compiler refuses the RTL."""
+
+    exit_code = 3
+
+
+def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
+    """Return a file that is made from inputs, made first unless it is there.
+
+    Of several processes that ask at the same time one makes it and the others wait. It appears whole or not at all. A
+    hash of the inputs follows the name in `path`, then the suffix; `make` writes the file to the path it is given. The
+    inputs are all that decides the file: files, whose contents count, and texts. This processor and the version of
+    Verilator always count.
+    """
+    always = " ".join(sorted(features())) + verilator_version()
+    key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
+    key.update(repr(_counters()).encode() if _counters() else b"")
+    for one in inputs:
+        key.update(b"\0" + (one.read_bytes() if isinstance(one, Path) else one.encode()))
+    target = path.with_name(f"{path.name}-{key.hexdigest()[:16]}{suffix}")
+    if not target.exists():
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            lock = target.with_name(f"{target.name}.lock").open("w")
+        except OSError as error:
+            if is_full(error):
+                raise no_space(str(target.parent), error.strerror) from None
+            why = f"compiled simulations cannot be kept there ({error.strerror})"
+            raise input_error(str(target.parent), why, "make it writable, or set XDG_CACHE_HOME") from None
+        with lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
+            if not target.exists():
+                with partial_folder(target) as work:
+                    make(work / target.name)
+                    moved(work / target.name, target)
+    return target
+
+
+def verilated(
+    output: Path,
+    top: str,
+    sources: Sequence[Path],
+    main: Sequence[Path],
+    parameters: Mapping[str, int | str] | None = None,
+    *,
+    options: Sequence[str] = (),
+    flags: Sequence[str] = FAST,
+    link: Sequence[str] = (),
+) -> None:
+    """Compile RTL, and C++ that drives it, to a program, or to a library when the output's name ends in .so.
+
+    Raises MissingLibraryError when a tool is missing; RtlError, with the first error, when Verilator or the compiler
+    refuses.
+
+    The sources are SystemVerilog files, packages first, and Verilator's control files. The C++ files of `main` see the
+    model's class as `Vtop`, in Vtop.h. `options`, `flags` and `link` are for Verilator, the compiler and the linker.
+    """
+    with partial_folder(output) as work:
+        if _counters():
+            (work / "bind.sv").write_text(f"bind {top} coverage i_coverage();\n")
+            sources = [*sources, hardware() / "sim" / "coverage" / "coverage.sv", work / "bind.sv"]
+            options = [*options, *_counters()]
+            flags = [*flags, "-DVM_COVERAGE=1"]
+        _run(
+            [
+                "verilator_bin", "--cc", "--prefix", "Vtop", "-Mdir", str(work), "--top-module", top, "-O3", *options,
+                *(f"-G{name}={value}" for name, value in (parameters or {}).items()), *map(str, sources),
+            ]
+        )  # fmt: skip
+        made = sorted(work.glob("Vtop*.cpp"))
+        process = "#include <unistd.h>\n" if _counters() else ""
+        (work / "all.cpp").write_text(process + "".join(map(_include, [*made, *main])))
+        runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
+        headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
+        common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
+        places = [f"-I{work}", *(f"-I{path}" for path in {path.parent for path in main})]
+        # Macros of one model's main program are nothing to the headers, which all models share.
+        shared = [flag for flag in flags if not flag.startswith("-D")]
+        prefix = ["-include", str(_precompiled([*common, *shared]))]
+        _run(["g++", *common, *flags, *prefix, *places, "-c", str(work / "all.cpp"), "-o", str(work / "all.o")])
+        objects = [str(_runtime(headers / f"{name}.cpp", [*common, "-O1"])) for name in runtime]
+        kind = ["-shared", "-Wl,-Bsymbolic"] if output.suffix == ".so" else []
+        libraries = [*link, "-lpthread", *(["-llz4", "-lz"] if "verilated_fst_c" in runtime else [])]
+        _run(["g++", *kind, str(work / "all.o"), *objects, *libraries, "-o", str(output)])
+
+
+def _counters() -> list[str]:
+    """Return Verilator's options of what a simulation counts, for a run that measures coverage."""
+    if not os.environ.get(COVERAGE):
+        return []
+    return ["--coverage-line", *(["--coverage-toggle"] if os.environ.get(TOGGLES) else [])]
+
+
+def _runtime(source: Path, flags: Sequence[str]) -> Path:
+    """Return one compiled file of Verilator's runtime."""
+    path = build_folder() / "verilator" / source.stem
+    return kept(path, [source, *flags], lambda made: _run(["g++", *flags, "-c", str(source), "-o", str(made)]), ".o")
+
+
+def _precompiled(flags: Sequence[str]) -> Path:
+    """Return the file to include first: Verilator's headers, most of what a small model's compiler reads, precompiled.
+
+    Only its precompiled form is there; the compiler reads nothing else when it was made with the same flags.
+    """
+
+    def make(path: Path) -> None:
+        text = path.with_suffix(".txt")
+        text.write_text(HEADERS)
+        _run(["g++", *flags, "-x", "c++-header", str(text), "-o", str(path)])
+
+    return kept(build_folder() / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
+
+
+def _include(path: Path) -> str:
+    """Return the text that includes a C++ file. One that Verilator marks as slow runs once and is not optimised."""
+    line = f'#include "{path}"\n'
+    if not path.stem.endswith("__Slow"):
+        return line
+    return f'#pragma GCC push_options\n#pragma GCC optimize ("O0")\n{line}#pragma GCC pop_options\n'
+
+
+def _run(command: Sequence[str]) -> None:
+    result = run_program(command, environment=verilator_environment())
+    if result.returncode:
+        lines = (result.stderr + result.stdout).strip().splitlines()
+        telling = (line for line in lines if "rror" in line or "undefined" in line)
+        wrong = next(telling, lines[-1] if lines else "no message")
+        if any(NO_SPACE in line for line in lines):
+            raise no_space(command[-1], f"{Path(command[0]).name}: {NO_SPACE}")
+        raise RtlError(f"the RTL does not compile ({wrong.strip()}); mend it, or {to_install('rtl')}")

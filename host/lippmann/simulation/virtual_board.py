@@ -1,0 +1,406 @@
+"""The virtual board: the board's RTL under Verilator (sim/board), on a Unix socket, on TCP or on a pty.
+
+It is compiled once for each panel, optics build and kind of line, and kept under build/sim/. A byte line transfers
+bytes as fast as the board accepts them; a bit line simulates the two wires of a UART (8N1), clock by clock.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import secrets
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from lippmann.base import interrupts
+from lippmann.base.files import listening, new_file, private_folder, scratch_folder
+from lippmann.base.images import decode, write_picture
+from lippmann.display.description import Display
+from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
+from lippmann.fixed.build import Build
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.fixed.words import COMPACT
+from lippmann.simulation.compilation import FAST, NETLIST, SHORT, UNCHECKED, kept, verilated
+from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
+
+Port = Literal["unix", "tcp", "pty"]
+#: Where its frames are: in block RAM, or in a chip of SDRAM with a controller of its own.
+Memory = Literal["block", "sdram"]
+
+#: Clock of the board, Hz: the pixel clock of 1920 x 1080 at 60 frames a second.
+CLOCK_HZ = 148_500_000
+#: Clock of the SDRAM, Hz: that of a ULX3S at 1280 x 720.
+MEMORY_HZ = 125_000_000
+#: Frames a second of a board with SDRAM, and its slowest clock, Hz: that of a line of 3 Mbaud.
+FRAMES_HZ, SLOWEST_HZ = 60, 24_000_000
+#: Largest side of a board's panel, px: that of the video timing's counters (rtl/board/lipp_board.sv).
+MAX_SIDE_PX = 16383
+#: Fewest clocks of a bit on the line (rtl/link/lipp_uart_rx.sv samples it three times).
+CLOCKS_OF_A_BIT = 8
+#: A program that is silent for so long makes room for another one that connects, s.
+IDLE_S = 60
+#: A captured frame that has not been whole for so long, s, is what a killed simulator left.
+PART_S = 60.0
+#: Longest path of a Unix socket, bytes (`sun_path` of unix(7), with its end).
+MOST_SOCKET_BYTES = 107
+#: State of a TCP socket that waits for connections, in /proc/net/tcp.
+LISTENS = "0A"
+#: Longest time until a simulator is ready, and until it has ended, s.
+START_SECONDS, STOP_SECONDS = 20.0, 20.0
+
+
+#: Parameters of the video timing: front porch, sync and back porch, in pixels and in lines; polarities of the syncs.
+TIMING = ("HFront", "HSync", "HBack", "VFront", "VSync", "VBack", "HPositive", "VPositive")
+#: VESA DMT 640 x 480, CEA-861 1280 x 720 and 1920 x 1080.
+KNOWN_TIMINGS = {
+    (640, 480): (16, 96, 48, 10, 2, 33, 0, 0),
+    (1280, 720): (110, 40, 220, 5, 5, 20, 1, 1),
+    (1920, 1080): (88, 44, 148, 4, 5, 36, 1, 1),
+}
+#: Other panels: VESA CVT's reduced blanking.
+REDUCED = (48, 32, 80, 3, 8, 30, 1, 0)
+
+
+class CaptureError(LippmannError):
+    """A scanned-out frame could not be written."""
+
+    exit_code = 3
+
+
+@dataclass
+class RunningBoard:
+    """A running virtual board: the URL of its port, and its process."""
+
+    url: str
+    process: subprocess.Popen[str]
+
+    def reset(self) -> None:
+        """Press the board's reset button: it forgets the frames that it received."""
+        self.process.send_signal(signal.SIGUSR1)
+
+    def lose_memory(self) -> None:
+        """Have the chip of SDRAM forget the frames, as after a loss of its supply; block RAM keeps them."""
+        self.process.send_signal(signal.SIGUSR2)
+
+    def stop(self) -> dict[str, Any]:
+        """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
+
+        Raises DeviceError when it failed, or did not end within `STOP_SECONDS` and was killed, and CaptureError when it
+        could not write a frame.
+        """
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        try:
+            out, err = self.process.communicate(timeout=STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+            late = f"the virtual board did not end within {STOP_SECONDS:g} s and was killed; start it again"
+            raise DeviceError(late) from None
+        if self.process.returncode == CaptureError.exit_code:
+            raise CaptureError(f"a frame cannot be written ({err.strip()}); free space, or make the folder again")
+        if self.process.returncode:
+            why = err.strip() or f"signal {-self.process.returncode}"
+            raise DeviceError(f"the virtual board failed ({why}); start it again")
+        result: dict[str, Any] = json.loads(out.strip().splitlines()[-1])
+        return result
+
+
+def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
+    """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
+    step = round(baud / clock_hz * 65536)
+    if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
+        fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
+        raise InputError(f"{baud} baud does not fit a clock of {clock_hz} Hz; choose 115200 to {fastest} baud")
+    return step
+
+
+def check_free(tcp_port: int) -> None:
+    """Raise DeviceError when a board cannot listen on a TCP port, before the board is compiled."""
+    with socket.socket() as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the board does
+        try:
+            listener.bind(("127.0.0.1", tcp_port))
+        except OSError as error:
+            what = f"cannot listen on port {tcp_port} ({error.strerror})"
+            raise device_error("--tcp-port", what, "choose another port, or 0 for a free one") from None
+
+
+def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
+    """Return the optics build of a display's board.
+
+    With the cross terms in multiplier cells: the build that simulates fastest. Without `fraction_bits` F is 16; a board
+    that draws nearest texels has 18, because a ray a little beside takes another texel.
+    """
+    usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
+    return replace(Build.of(display, "exact", fraction_bits or usual, aims=False), cross_cells=True)
+
+
+def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
+    """Return a board's clock, Hz: with SDRAM what the panel needs, for the memory is no faster."""
+    if memory == "block":
+        return CLOCK_HZ
+    h_front, h_sync, h_back, v_front, v_sync, v_back, *_ = timing_of(display)
+    panel = display.panel
+    clocks = (panel.width_px + h_front + h_sync + h_back) * (panel.height_px + v_front + v_sync + v_back)
+    return max(clocks * (scene.samples if scene else 1) * FRAMES_HZ, SLOWEST_HZ)
+
+
+def timing_of(display: Display) -> tuple[int, ...]:
+    """Return the video timing of a display's panel, as `TIMING` names it."""
+    return KNOWN_TIMINGS.get((display.panel.width_px, display.panel.height_px), REDUCED)
+
+
+def check_panel(display: Display) -> None:
+    """Raise InputError for a panel that is too large for a board."""
+    panel = display.panel
+    if max(panel.width_px, panel.height_px) > MAX_SIDE_PX:
+        what = f"the panel has {panel.width_px} x {panel.height_px} pixels"
+        raise input_error(f"display '{display.name}'", what, f"give a board at most {MAX_SIDE_PX} in each direction")
+
+
+def start(
+    display: Display,
+    *,
+    port: Port | None = None,
+    tcp_port: int | None = None,
+    baud: int | None = None,
+    host_baud: int | None = None,
+    clock_hz: int | None = None,
+    fraction_bits: int | None = None,
+    capture: Path | None = None,
+    ready: Path | None = None,
+    trace: Path | None = None,
+    trace_clocks: tuple[int, int] = (0, 1_000_000),
+    stalls: int = 0,
+    scene: SceneBuild | None = None,
+    memory: Memory = "block",
+    program: Path | None = None,
+    idle_s: int = IDLE_S,
+) -> RunningBoard:
+    """Start a virtual board for a display, and wait until its port is open.
+
+    Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a panel that is
+    too large, and for a baud rate that does not fit the clock.
+
+    Parameters
+    ----------
+    port, tcp_port
+        A Unix socket that only this user may open, TCP on loopback with this port number (0: a free one) for programs
+        that know its token, or a pty; by default a Unix socket, and TCP with a port number.
+    baud
+        A bit line of this baud rate; None: a byte line.
+    host_baud
+        Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
+    fraction_bits
+        F of the optics; None: the usual one (`board_build`).
+    capture
+        An existing folder for the scanned-out frames.
+    ready
+        JSON file with the URL, which exists while the board runs.
+    trace, trace_clocks
+        File for waveforms (.fst), and its first and last clock.
+    stalls
+        Seed of random pauses at both ends of a byte line; 0: none.
+    scene
+        The build of a board that draws; None: a board that shows stored frames only.
+    memory
+        Where its frames are. An SDRAM takes panels of even width, at their clock for 60 frames a second.
+    program
+        A board's program, compiled for this display, line and clock; None: it is compiled at first use.
+    idle_s
+        A program that is silent for so long makes room for another one, s.
+    """
+    check_panel(display)
+    port = port or ("unix" if tcp_port is None else "tcp")
+    if memory == "sdram" and display.panel.width_px % 2:
+        what = f"the panel is {display.panel.width_px} pixels wide"
+        raise input_error(f"display '{display.name}'", what, "a board with SDRAM needs an even number")
+    clock_hz = clock_hz or usual_clock(display, scene, memory)
+    step = 0 if baud is None else step_of(baud, clock_hz)
+    build = board_build(display, scene, fraction_bits)
+    if program is None:
+        program = compiled(display, build, baud is None, clock_hz, trace is not None, scene, memory)
+    with scratch_folder() as work:
+        told = ready or work / "ready.json"
+        told.unlink(missing_ok=True)
+        place = private_folder()
+        _remove_lines_of_the_dead(place)
+        if port == "unix":
+            place /= f"board-{secrets.token_hex(4)}.sock"
+            if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
+                what = "its name is too long for a Unix socket"
+                raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
+        options = {
+            "line": port,
+            "port": tcp_port or 0,
+            "place": place,
+            "idle": idle_s,
+            "identity": display.identity,
+            "ready": told,
+            "step": step,
+        }
+        if host_baud is not None:
+            options["host-step"] = step_of(host_baud, clock_hz)
+        if capture is not None:
+            options["capture"] = capture
+        if stalls:
+            options["stalls"] = stalls
+        if trace is not None:
+            new_file(trace).close()  # the simulator would follow a link of another user
+            options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
+        command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
+        try:
+            return RunningBoard(_wait(process, told), process)
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+
+
+def _remove_lines_of_the_dead(place: Path) -> None:
+    """Remove the sockets and tokens of boards that were killed: nobody listens there.
+
+    The system tells who listens. To connect would take the place of a live board's silent program.
+    """
+    there = [*place.glob("board-*.sock"), *place.glob("tcp-*.token")]  # before: a board that starts now listens later
+    live = listening()
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    live |= {str(place / f"tcp-{int(row[1].rpartition(':')[2], 16)}.token") for row in rows if row[3] == LISTENS}
+    for path in there:
+        if str(path) not in live:
+            path.unlink(missing_ok=True)
+
+
+def _wait(process: subprocess.Popen[str], ready: Path) -> str:
+    """Wait for the ready file; return its URL."""
+    until = time.monotonic() + START_SECONDS
+    with interrupts.held() as ended:
+        while not ready.exists() and process.poll() is None and not ended and time.monotonic() < until:
+            time.sleep(0.01)
+    if ready.exists():
+        url: str = json.loads(ready.read_text())["url"]
+        return url
+    if process.returncode is not None:
+        _, err = process.communicate()
+        raise DeviceError(f"the virtual board did not start ({err.strip()}); choose another port")
+    raise DeviceError(f"the virtual board did not start within {START_SECONDS:.0f} s; is the machine overloaded?")
+
+
+@contextlib.contextmanager
+def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
+    """Run a virtual board during a `with` block; options as for `start`."""
+    board = start(display, **options)
+    try:
+        yield board
+    finally:
+        if board.process.stdout and not board.process.stdout.closed:  # not stopped yet
+            with contextlib.suppress(LippmannError):
+                board.stop()
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove half-written frames that killed simulators left in a folder of captured frames."""
+    for part in folder.glob("frame-*.rgb.part"):
+        with contextlib.suppress(FileNotFoundError):
+            if time.time() - part.stat().st_mtime > PART_S:
+                part.unlink()
+
+
+def last_frame(folder: Path) -> int:
+    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without."""
+    found = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
+    return max((int(one[1]) for one in found if one), default=0)
+
+
+def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
+    """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
+
+    `after` is added to their numbers, so that a folder's last frame is the latest, whichever board has shown it. Raises
+    CaptureError when a file cannot be written; its captured frame stays.
+    """
+    panel = display.panel
+    shape = panel.height_px, panel.width_px, 3
+    made = []
+    for raw in sorted(folder.glob("frame-*.rgb")):
+        if raw.stat().st_size != math.prod(shape):
+            continue  # left by a board with another panel
+        values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
+        metadata = {"identity": display.identity, "display": display.name}
+        made.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
+        try:
+            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
+        except LippmannError as error:
+            raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
+        raw.unlink()
+    return made
+
+
+def board_parameters(
+    display: Display, build: Build, byte_link: bool, clock_hz: int, scene: SceneBuild | None, memory: Memory = "block"
+) -> dict[str, int | str]:
+    """Return the parameters of `lipp_board_with_store`, or `lipp_board_with_sdram`, for a display."""
+    panel = display.panel
+    return {
+        **parameters(build),
+        "ByteLink": int(byte_link),
+        "ClockHz": clock_hz,
+        "Width": panel.width_px,
+        "Height": panel.height_px,
+        **dict(zip(TIMING, timing_of(display), strict=True)),
+        **({} if scene is None else {"Scene": f"26'h{scene.word:07x}"}),
+        **({"MemoryHz": MEMORY_HZ} if memory == "sdram" else {}),
+    }
+
+
+def compiled(
+    display: Display,
+    build: Build,
+    byte_link: bool,
+    clock_hz: int = CLOCK_HZ,
+    trace: bool = False,
+    scene: SceneBuild | None = None,
+    memory: Memory = "block",
+    netlist: Sequence[Path] = (),
+) -> Path:
+    """Return the program of a board, compiled at first use. Raises as `verilated`.
+
+    `netlist` are files that take the place of the RTL: its top module, of these parameters.
+    """
+    top, module = hardware(), "lipp_board_with_sdram" if memory == "sdram" else "lipp_board_with_store"
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(module, rtl_sources(top))]
+    parts = sorted((top / "sim" / "board").iterdir())
+    numbers = board_parameters(display, build, byte_link, clock_hz, scene, memory)
+    panel = display.panel
+    defines = [
+        f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
+        f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", f"-DLIPPMANN_VSYNC={numbers['VPositive']}",
+        *["-DLIPPMANN_TRACE"] * trace,
+        *[f"-DLIPPMANN_MEMORY_HZ={MEMORY_HZ}LL", f"-DLIPPMANN_CLOCK_HZ={clock_hz}LL"] * (memory == "sdram"),
+    ]  # fmt: skip
+    options = [*UNCHECKED, *["--trace-fst"] * trace]
+    if netlist:
+        files, numbers = list(netlist), {}
+        options += ["-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *NETLIST]
+    main = [part for part in parts if part.suffix == ".cpp"]
+    # Writing waveforms takes far longer than the model itself, and compiling a netlist.
+    flags = [*(SHORT if trace or netlist else FAST), *defines]
+
+    def make(path: Path) -> None:
+        verilated(path, module, files, main, numbers, options=options, flags=flags, link=["-lutil"])
+
+    inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
+    return kept(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

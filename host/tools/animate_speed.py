@@ -1,0 +1,73 @@
+"""A film by two workers on this machine against one process (`tools.bench animate`)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lippmann.base.variant import current_device
+from lippmann.display.description import load_display
+from lippmann.motion.film import load_film
+from lippmann.motion.shot import Shot, render_shot, shots_of, with_one_shading
+from lippmann.rendering.cluster import local_workers, render_on_cluster
+from lippmann.rendering.integral import RenderOptions
+from lippmann.rendering.renderer import Settings
+
+WORKERS = 2
+#: Display, scale of the film, and how many of its frames.
+CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
+
+
+def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure the shipped film on each display, by one process and by the workers, all compiled before.
+
+    CPU seconds are those of all threads: they show the cost of sharing the work even while other programs run. The
+    workers' include those of the process that distributes the frames. `ratio` is their time over that of one process.
+    """
+    from distributed import Client
+
+    film = load_film(scenes / "films/swim.toml")
+    device = current_device()
+    with local_workers(WORKERS) as (address, security), Client(address, security=security) as client:
+        for name, scale, frames in CASES:
+            display = load_display(scenes / f"displays/{name}.toml")
+            options = RenderOptions(settings=Settings(samples=4, seed=seed))
+            shots = with_one_shading(film, shots_of(film, display, options, scale), lambda remark: None)[:frames]
+            # Loads the scene and compiles the programs, here and on every worker.
+            render_shot(shots[0])
+            client.run(_warm, device, shots[0])
+            started, cpu = time.perf_counter(), time.process_time()
+            ours = [render_shot(shot).radiance for shot in shots]
+            one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
+            started, cpu = time.perf_counter(), _cpu_seconds(client)
+            rendered = render_on_cluster(address, device, shots, security=security)
+            theirs = {shot.frame: image.radiance for shot, image in rendered}
+            many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
+            yield {
+                "display": name,
+                "frames": frames,
+                "width_px": display.panel.width_px,
+                "height_px": display.panel.height_px,
+                "one_seconds": one,
+                "one_cpu_seconds": one_cpu,
+                "workers": WORKERS,
+                "workers_seconds": many,
+                "workers_cpu_seconds": many_cpu,
+                "pixels_differ": sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames)),
+                "ratio": many / one,
+            }
+
+
+def _cpu_seconds(client: Any) -> float:
+    """Return the processor time of this process and of the workers, so far."""
+    return time.process_time() + float(sum(client.run(time.process_time).values()))
+
+
+def _warm(device: str, shot: Shot) -> None:
+    """Render a shot on a worker, so that its programs are compiled."""
+    from lippmann.base.variant import start_mitsuba
+
+    start_mitsuba(device)
+    render_shot(shot)

@@ -1,0 +1,507 @@
+"""Makes the bitstream of an FPGA board for a display: `python -m tools.bitstream` (`make bitstream`).
+
+yosys, nextpnr and ecppack are PyPI's. Seeds are tried until every clock is met; the files are in build/bitstream/.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import click
+from lippmann.base.files import replacing
+from lippmann.base.images import check_output
+from lippmann.base.provenance import provenance
+from lippmann.board.bitfile import comment, sealed
+from lippmann.board.fpga_boards import FILE, FpgaBoard, fpga_board
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import bar_charts
+from lippmann.display.description import Display, load_display
+from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.fixed.build import Build
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.toolchain import hardware, repository
+from lippmann.simulation.virtual_board import TIMING, board_build, check_panel, step_of, timing_of
+
+from tools import flow
+from tools.anchors import TRIALS, anchor
+from tools.flow import Source, run_tool
+from tools.pll import SHIFT_CLOCKS, TOLERANCE, Pll, panel_pixel_mhz, solve
+
+#: Seeds that are tried unless others are asked for.
+SEEDS = "1,2,3,4,5,6,7,8"
+#: Minutes after which a seed is given up unless told otherwise: several times what PyPI's nextpnr takes on two cores.
+PATIENCE_MIN = 240
+#: Words of the SDRAM, 16 bits each, of two pixels, and of a row.
+PAIR_WORDS, ROW_WORDS = 3, 512
+#: Shares of the memory's clocks: the most that the panel and refreshes may take in a line, for the other clients need
+#: the rest; refreshes; and for each of the panel's words those that open and close rows.
+MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
+#: How far a constraint of nextpnr, a period in whole ps, may be from the clock asked for.
+ROUNDING = 0.002
+#: System clocks up to which nextpnr's router2 is used, MHz. It ends in minutes where router1 may stay on a few arcs for
+#: hours; its ways are longer (hd-square: 55 MHz for 81). Ways that miss their clock are routed again by --tmg-ripup: of
+#: vga-square, seed 3, the memory's clock then reaches 140 MHz for 120.
+SLOW_MHZ = 40.0
+#: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
+SYMBOL_CLOCKS = 2
+#: What the nets of clocks are called, in the top or at a port `_o` of what makes them; the oscillator's is the port's.
+CLOCK_NETS = {
+    "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
+}  # fmt: skip
+#: Bits of a colour that a board sends.
+BOARD_BITS = 8
+#: nextpnr's options of the device.
+DEVICES = (
+    "12k", "25k", "45k", "85k", "um-25k", "um-45k", "um-85k", "um5g-25k", "um5g-45k", "um5g-85k",
+)  # fmt: skip
+#: The clock of a port in a file of pins: the port, the number and its unit. Units in MHz.
+PORT_CLOCK = re.compile(
+    r'^\s*FREQUENCY\s+PORT\s+"?([^"\s]+)"?\s+(\d+(?:\.\d*)?)\s*([KM]?HZ)\b', re.IGNORECASE | re.MULTILINE
+)
+UNITS_MHZ = {"HZ": 1e-6, "KHZ": 1e-3, "MHZ": 1.0}
+#: nextpnr's largest seed.
+MOST_SEED = 2**31 - 1
+
+
+class TimingError(LippmannError):
+    """No seed met every clock."""
+
+    exit_code = 4
+
+
+# ---- what is built ----
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A bitstream: a board, a display, what the board draws (None: nothing), its optics, and its clocks."""
+
+    board: FpgaBoard
+    display: Display
+    scene: SceneBuild | None
+    build: Build
+    pll: Pll
+
+    @property
+    def name(self) -> str:
+        """The name of its files."""
+        kind = "stream" if self.scene is None else "bilinear" if self.scene.bilinear else ""
+        return "-".join(filter(None, (self.board.name, self.display.name, kind)))
+
+    @property
+    def clocks_mhz(self) -> dict[str, float]:
+        """The clocks of its design by their roles."""
+        made = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
+        if self.board.video != "dvi":
+            del made["shift"]
+        return made | {"oscillator": self.board.oscillator_mhz}
+
+    @property
+    def parameters(self) -> dict[str, str | int]:
+        """The parameters of the board's top."""
+        panel = self.display.panel
+        clock_hz = round(self.pll.clocks_mhz["system"] * 1_000_000)
+        return {
+            "Width": panel.width_px,
+            "Height": panel.height_px,
+            **dict(zip(TIMING, timing_of(self.display), strict=True)),
+            **parameters(self.build),
+            "Scene": f"26'h{0 if self.scene is None else self.scene.word:07x}",
+            "Timing": f"lipp_sdram_pkg::{self.board.memory.grade}",
+            "Identity": f"64'h{self.display.identity}",
+            "UartStep": f"16'd{step_of(self.board.baud, clock_hz)}",
+            "ClockHz": clock_hz,
+            "MemoryHz": math.ceil(self.pll.clocks_mhz["memory"] * 1_000_000),
+            **self.pll.parameters,
+        }
+
+    @property
+    def source(self) -> Source:
+        """What yosys reads."""
+        return Source(self.board.top, self.parameters, flow.ecp5_files(self.board.top, *self.board.folders))
+
+    @property
+    def constraints(self) -> list[Path]:
+        """The files of pins."""
+        return [(self.board.folder / name).resolve() for name in self.board.constraints]
+
+
+def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False) -> Plan:
+    """Return what is built; raise InputError for a display that the board cannot show at 60 Hz."""
+    check_board(board)
+    check_panel(display)
+    where = f"display '{display.name}'"
+    panel, timing = display.panel, timing_of(display)
+    if panel.bits != BOARD_BITS:
+        what = f"the panel has {panel.bits} bits a colour, {board.name} sends {BOARD_BITS}"
+        raise input_error(where, what, f"give bits = {BOARD_BITS}, which any monitor takes")
+    if panel.width_px % 2:
+        raise input_error(where, f"the panel is {panel.width_px} pixels wide", "the SDRAM takes an even number")
+    rows = math.ceil(panel.width_px * panel.height_px / 2 * PAIR_WORDS / ROW_WORDS)
+    frames_mb = 2 * rows * ROW_WORDS * 2 / 2**20
+    if frames_mb > board.memory.megabytes:
+        what = f"two frames take {frames_mb:.1f} MiB, the SDRAM of {board.name} has {board.memory.megabytes}"
+        raise input_error(where, what, "choose a smaller panel")
+    pixel = panel_pixel_mhz(panel.width_px, panel.height_px, timing)
+    wanted = [("the system", 1, board.limits.system_mhz)]
+    if board.video == "dvi":
+        wanted.insert(0, ("DVI's bits", SHIFT_CLOCKS, board.limits.shift_mhz or math.inf))
+    for name, times, most in wanted:
+        mhz = float(times * pixel)
+        if mhz > most:
+            what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {most:g} at most"
+            raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
+    words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
+    # The PLL's pixel clock may be a little faster.
+    words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3])) * (1 + TOLERANCE)
+    least = words / Fraction(MOST_SHARE - REFRESH_SHARE)
+    fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))
+    if least > fastest:
+        share = float(words / fastest) + REFRESH_SHARE
+        what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MOST_SHARE:.0%} are there for it"
+        raise input_error(where, what, "choose a narrower panel")
+    fastest_pixel = min(Fraction(most) / times for _, times, most in wanted if most < math.inf)
+    scene = SceneBuild(layers, bilinear=bilinear) if layers else None
+    build = replace(board_build(display, scene), cross_cells=False)
+    try:
+        pll = solve(
+            pixel, Fraction(board.oscillator_mhz), (least, fastest), dvi=board.video == "dvi",
+            fastest_mhz=fastest_pixel,
+        )  # fmt: skip
+    except InputError as error:
+        raise InputError(f"{where} on {board.name}: {error}") from None
+    try:
+        step_of(board.baud, round(pll.clocks_mhz["system"] * 1_000_000))
+    except InputError as error:
+        raise InputError(f"{where} on {board.name}: {error}, by baud in {board.folder / FILE}") from None
+    return Plan(board, display, scene, build, pll)
+
+
+def check_board(board: FpgaBoard) -> None:
+    """Refuse a board whose file names what there is not, or contradicts its pins; raises InputError."""
+    where = board.folder / FILE
+    if not any((folder / f"{board.top}.sv").is_file() for folder in board.folders):
+        raise input_error(f"{where}: top", f"there is no {board.top}.sv beside it", "name the top module")
+    if not board.constraints:
+        raise input_error(f"{where}: constraints", "is empty", "name files of pins (.lpf)")
+    clocks = {}
+    for name in board.constraints:
+        pins = (board.folder / name).resolve()
+        if Path(name).is_absolute() or not pins.is_relative_to(hardware().resolve()):
+            what = f"{name} is no path from its folder into the checkout"
+            raise input_error(f"{where}: constraints", what, "copy the file there, and give its name")
+        if not pins.is_file():
+            raise input_error(f"{where}: constraints", f"there is no file {name}", "name files of pins (.lpf)")
+        for port, number, unit in PORT_CLOCK.findall(_lines_of(pins)):
+            clocks[f'FREQUENCY PORT "{port}" of {name}'] = float(number) * UNITS_MHZ[unit.upper()]
+    if not any(math.isclose(mhz, board.oscillator_mhz, rel_tol=1e-6) for mhz in clocks.values()):
+        there = ", ".join(f"{clock} is {mhz:g} MHz" for clock, mhz in clocks.items())
+        what = f"{board.oscillator_mhz:g} MHz, and {there or 'no file of pins has a FREQUENCY PORT'}"
+        raise input_error(f"{where}: oscillator_mhz", what, "give the oscillator's clock in both")
+    if board.fpga.device not in DEVICES:
+        what = f"'{board.fpga.device}' is no option of nextpnr"
+        raise input_error(f"{where}: fpga.device", what, f"choose from {', '.join(DEVICES)}")
+    grades = re.findall(r"localparam timing_t (\w+)", (hardware() / "rtl/memory/lipp_sdram_pkg.sv").read_text())
+    if board.memory.grade not in grades:
+        what = f"'{board.memory.grade}' is no grade"
+        raise input_error(f"{where}: memory.grade", what, f"choose from {', '.join(grades)}")
+
+
+def _lines_of(pins: Path) -> str:
+    """Return a file of pins without its comments, a command a line."""
+    text = re.sub(r"(#|//).*", "", pins.read_text(errors="replace"))
+    return "\n".join(" ".join(command.split()) for command in text.split(";"))
+
+
+# ---- synthesis, placement, bitstream ----
+
+
+def place(
+    made: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
+) -> list[dict[str, Any]]:
+    """Synthesise a design, place and route it until a seed meets every clock; return a row for each seed.
+
+    `every`: try all seeds. A row's `missed` is empty when every clock is met; a seed that takes longer than
+    `patience_min` is given up, since some are never routed. Netlist and results are kept by a hash of all that they
+    depend on. Raises LippmannError as `flow.run_tool`.
+    """
+    folder = _work_folder(made)
+    netlist, counted = folder / "netlist.json", folder / "written.json"
+    written = _kept(counted)
+    if written is None or not netlist.exists():
+        log(f"{made.name}: synthesis")
+        written = flow.synthesise(made.source, netlist, folder / "yosys.log")
+        _keep(counted, written)
+    rows = []
+    for seed in seeds:
+        kept = folder / f"seed-{seed}.json"
+        run = _kept(kept)
+        if run is None or run.get("stopped_min", patience_min) < patience_min:
+            log(f"{made.name}: place and route, seed {seed}")
+            run = _route(made, netlist, written, seed, patience_min)
+            _keep(kept, run)
+        rows.append(_row(made, folder, seed, run))
+        if not rows[-1]["missed"] and not every:
+            break
+    return rows
+
+
+def _kept(path: Path) -> Any:
+    """Return the result of an earlier run; None when its file is missing or half-written."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def _keep(path: Path, result: Any) -> None:
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(result, indent=1))
+
+
+def _work_folder(made: Plan) -> Path:
+    top = repository()
+    depends = (made.parameters, made.board, flow.versions(), flow.SYNTHESIS, TRIALS, *_router(made))
+    what = hashlib.sha256(repr(depends).encode())
+    for path in (*made.source.files, *made.constraints):
+        what.update(path.read_bytes())
+    folder = top / "build" / "bitstream" / "work" / f"{made.name}-{what.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _route(made: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
+    """Place and route with a seed; return the `seconds`, and `stopped_min` when it took longer than it may.
+
+    A clock that is not met is no error here.
+    """
+    top = repository()
+    fpga, folder = made.board.fpga, netlist.parent
+    configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
+    configuration.unlink(missing_ok=True)
+    options = [f"--{fpga.device}", "--speed", str(fpga.speed), "--package", fpga.package]
+    options += [word for path in made.constraints for word in ("--lpf", str(path.relative_to(top)))]
+    started = time.perf_counter()
+    if "shift" in made.clocks_mhz:
+        anchored = folder / f"seed-{seed}.netlist.json"
+        if not anchor(netlist, options, seed, anchored):
+            raise LippmannError(f"{netlist}: no cell of the shift clock has got a place")
+        netlist = anchored
+    options += [*_router(made), "--textcfg", str(configuration.relative_to(top))]
+    try:
+        flow.route(netlist, written, options, seed, folder / f"seed-{seed}.report.json", record, 60.0 * patience_min)
+    except flow.TooSlowError:
+        return {"seconds": round(time.perf_counter() - started, 1), "stopped_min": patience_min}
+    except LippmannError:
+        # After the last clock's figure nextpnr writes its configuration, also when a clock is not met. It tells clocks
+        # before it routes too, and may fail then.
+        if not configuration.exists():
+            raise
+        met, missed = clocks_met(made, record.read_text())
+        if met.keys() != made.clocks_mhz.keys() or not missed:
+            raise
+    return {"seconds": round(time.perf_counter() - started, 1)}
+
+
+def _router(made: Plan) -> list[str]:
+    """Return nextpnr's options for the router."""
+    return ["--router", "router2", "--tmg-ripup"] if made.clocks_mhz["system"] <= SLOW_MHZ else []
+
+
+def _row(made: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row of a seed, from what `_route` returned, and nextpnr said and reported."""
+    met: dict[str, float] = {}
+    missed = [f"not routed after {run['stopped_min']} min"] if "stopped_min" in run else []
+    if not missed:
+        met, missed = clocks_met(made, (folder / f"seed-{seed}.log").read_text())
+    row: dict[str, Any] = {"board": made.board.name, "display": made.display.name, "seed": seed}
+    for role, asked in made.clocks_mhz.items():
+        mhz = met.get(role)
+        row |= {f"{role}_asked_mhz": round(asked, 2), f"{role}_mhz": mhz}
+        row[f"{role}_ratio"] = None if mhz is None else round(mhz / asked, 3)
+    report = _kept(folder / f"seed-{seed}.report.json")
+    row |= {} if report is None else flow.resources(report)
+    return row | {"seconds": run["seconds"], "missed": "; ".join(missed)}
+
+
+def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
+    """Return what nextpnr said of each clock after routing, MHz by its role, and what is not met.
+
+    A clock without the constraint that it should have is not met, and neither is the way of DVI's symbols to the shift
+    clock when it is longer than the clocks that it has.
+    """
+    last = flow.clocks(said)
+    roles: dict[str, str] = {}
+    missed = []
+    for clock, (_, asked) in last.items():
+        net = clock.removeprefix("$glbnet$").rsplit(".", 1)[-1].removesuffix("_o")
+        role = CLOCK_NETS.get(net, "oscillator")
+        wanted = 0.0 if role in roles else made.clocks_mhz.get(role, 0.0)
+        if abs(asked - wanted) <= ROUNDING * wanted:
+            roles[role] = clock
+        else:
+            known = f"the {role} clock is {wanted:g} MHz" if wanted else "is none of the board's"
+            missed.append(f"clock {clock} is constrained to {asked:g} MHz, and {known}")
+    for role, mhz in made.clocks_mhz.items():
+        if role not in roles:
+            missed.append(f"nextpnr tells nothing of the {role} clock")
+        elif last[roles[role]][0] < mhz:
+            missed.append(f"{role} {last[roles[role]][0]:.1f} of {mhz:.1f} MHz")
+    if {"shift", "system"} <= roles.keys():
+        symbols = roles["system"]
+        ends = rf"posedge {re.escape(symbols)}\s+-> posedge {re.escape(roles['shift'])}\s*: ([\d.]+) ns"
+        ways = re.findall(rf"Max delay {ends}", said)
+        most = SYMBOL_CLOCKS * 1000 / made.clocks_mhz["shift"]
+        if not ways or float(ways[-1]) > most:
+            missed.append(f"symbols take {ways[-1] if ways else 'an unknown time'} of {most:.2f} ns to the shift clock")
+    return {role: last[clock][0] for role, clock in roles.items()}, missed
+
+
+def pack(made: Plan, seed: int) -> Path:
+    """Pack a seed that meets every clock into the bitstream; its header tells what it is for. Returns its path."""
+    top, folder = repository(), _work_folder(made)
+    lines = (folder / f"seed-{seed}.config").read_text().splitlines(keepends=True)
+    design = folder.name.rpartition("-")[2]
+    text = comment(made.board.name, made.display.name, made.display.identity, design, seed)
+    lines.insert(1, f".comment {text}\n")
+    told, packed = folder / "packed.config", folder / "packed.bit"
+    told.write_text("".join(lines))
+    run_tool(["yowasp-ecppack", "--compress", *(str(path.relative_to(top)) for path in (told, packed))])
+    bit = top / "build" / "bitstream" / f"{made.name}.bit"
+    with replacing(bit) as partial:
+        partial.write_bytes(sealed(packed.read_bytes()))
+    return bit.relative_to(top)
+
+
+# ---- report ----
+
+
+def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
+    """Return the page of bitstreams."""
+    labels = [f"{row['board']} {row['display']} {row['seed']}" for row in rows]
+    charts = {
+        f"{role}: met / asked": [row.get(f"{role}_ratio") or 0.0 for row in rows]
+        for role in ("shift", "system", "memory")
+    }
+    plot = bar_charts("bitstream", labels, charts)
+    return Page("bitstream", origin, [plot], {"bitstream": rows}, {"rows": rows}, Path(__file__).with_name("templates"))
+
+
+def _told(row: Mapping[str, Any]) -> list[str]:
+    """Return a row in lines: each clock asked and met, then the cells."""
+    clocks = [key.removesuffix("_asked_mhz") for key in row if key.endswith("_asked_mhz")]
+    lines = [f"{row['board']}, {row['display']}, seed {row['seed']}, {row['seconds']:.0f} s"]
+    for clock in clocks:
+        met = row[f"{clock}_mhz"]
+        lines.append(f"  {clock:<12}{row[f'{clock}_asked_mhz']:8.2f} MHz asked{met or math.nan:9.2f} MHz met")
+    cells = [f"{row[name]} {name.upper()}" for name in ("lut", "ff", "dp16kd", "mult18x18d", "ramw") if name in row]
+    return [
+        *lines,
+        *([f"  {', '.join(cells)}"] if cells else []),
+        *([f"  not met: {row['missed']}"] * bool(row["missed"])),
+    ]
+
+
+def _seeds(text: str) -> list[int]:
+    """Return the numbers of a list such as 1,2,3."""
+    try:
+        seeds = [int(word) for word in re.split(r"[,\s]+", text.strip())]
+    except ValueError:
+        raise input_error("--seeds", f"'{text}' is not a list of numbers", "give one such as 1,2,3") from None
+    if len(set(seeds)) < len(seeds):
+        raise input_error("--seeds", f"'{text}' has a number twice", "give each once")
+    for seed in seeds:
+        if not 0 <= seed <= MOST_SEED:
+            raise input_error("--seeds", f"{seed} is out of range", f"give numbers from 0 to {MOST_SEED}")
+    return seeds
+
+
+@click.command()
+@click.option("--board", "boards", multiple=True, default=["ulx3s"], show_default=True, help="A folder of rtl/board/.")
+@click.option(
+    "--display", "displays", multiple=True, default=["scenes/displays/vga-square.toml"], show_default=True,
+    help="Display file.",
+)  # fmt: skip
+@click.option(
+    "--seeds",
+    multiple=True,
+    default=[SEEDS],
+    show_default=True,
+    help="nextpnr's seeds, in the order of the trials; once, or for each board and display.",
+)
+@click.option(
+    "--patience",
+    type=click.IntRange(1, 1440),
+    default=PATIENCE_MIN,
+    show_default=True,
+    help="Minutes after which a seed is given up.",
+)
+@click.option(
+    "--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers that it draws; 0: none."
+)
+@click.option("--bilinear", is_flag=True, help="Interpolate texels.")
+@click.option("--every", is_flag=True, help="Try every seed, also after one met all clocks.")
+@click.option("--report", default=None, help="Folder of a page with the figures of every seed.")
+def main(
+    boards: tuple[str, ...], displays: tuple[str, ...], seeds: tuple[str, ...], patience: int, layers: int,
+    bilinear: bool, every: bool, report: str | None,
+) -> None:  # fmt: skip
+    """Make the bitstream of an FPGA board for a display, into build/bitstream/.
+
+    The environment variable NEXTPNR names another nextpnr-ecp5 than PyPI's.
+
+    Example: python -m tools.bitstream --board ulx3s --display scenes/displays/hd-square.toml
+    """
+    if bilinear and not layers:
+        raise InputError("--bilinear with --layers 0: nothing is drawn; leave one of them out")
+    if report is not None:
+        check_output(Path(report) / "bitstream.md", (".md",))
+    numbers = [_seeds(some) for some in seeds]
+    plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
+    names = [made.name for made in plans]
+    if double := next((name for name in names if names.count(name) > 1), None):
+        raise input_error("--display", f"two files would be {double}.bit", "give each display a name of its own")
+    if len(numbers) not in (1, len(plans)):
+        what = f"is given {len(numbers)} times for {len(plans)} bitstreams"
+        raise input_error("--seeds", what, "give it once, or once for each")
+    rows, unmet = [], []
+    for made, some in zip(plans, numbers * (len(plans) // len(numbers)), strict=True):
+        tried = place(made, some, every or report is not None, patience)
+        for row in tried:
+            click.echo("\n".join(_told(row)))
+        rows += tried
+        found = next((row["seed"] for row in tried if not row["missed"]), None)
+        if found is None:
+            unmet.append(made.name)
+        else:
+            bit = pack(made, found)
+            click.echo(f"{bit}: seed {found}; program it with lippmann board program {bit}")
+    if report is not None:
+        asked = "".join(
+            f" --{name} {value}"
+            for name, values in (("board", boards), ("display", displays), ("seeds", seeds))
+            for value in values
+        )
+        origin = provenance(f"python -m tools.bitstream{asked}", (), flow.versions())
+        page(origin, rows).write(Path(report))
+    if unmet:
+        raise TimingError(
+            f"{', '.join(unmet)}: no seed of {' or '.join(seeds)} meets every clock; try others with --seeds"
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,443 @@
+"""Random displays on a bench, their photographs, and the judgement of what a calibration finds from them.
+
+The judge knows the display as built. Its photographs come from the exact tracer, with a camera and disturbances that a
+calibration does not know, or from POV-Ray, whose tracer is not ours.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from lippmann.base.images import Radiance, psnr_db
+from lippmann.base.memory import proc_mb
+from lippmann.calibration.codes import STEPS, PatternSet, write_patterns
+from lippmann.calibration.result import Calibration
+from lippmann.calibration.simulated_camera import Camera, Point, framed
+from lippmann.calibration.simulated_disturbances import Disturbances
+from lippmann.calibration.simulated_photographs import Look, photograph_folder
+from lippmann.calibration.simulated_sensor import Sensor
+from lippmann.calibration.simulated_solids import look_at_solids
+from lippmann.calibration.solve import calibrate
+from lippmann.display.description import Array, Display, Grid, Panel, PlanoSide, display_text, load_display
+from lippmann.errors import LippmannError
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.panel import PanelFrame
+from lippmann.optics.rays import Floats, gets_through
+from lippmann.optics.system import System
+from lippmann.optics.trace import trace_to_panel
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, load_scene
+from scipy.spatial import KDTree
+
+from tools.processes import processes
+
+#: Lenslets of the random displays, pixels.
+LENSLET_PX = (14.0, 24.0)
+#: Their greatest errors: degrees, shares of pitch and gap.
+ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
+#: Deviations of the ratio of the two pitches from 1, and of the shear from 0.
+RATIO, SHEAR = 3e-4, 5e-4
+#: Distance of the cameras, in widths of the panel; angles of the first and of the others to the axis, degrees.
+DISTANCE = (2.5, 5.0)
+NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
+#: Deviations of their lenses' point spread, pixels.
+BLUR_PX = (0.4, 0.7)
+#: What a sweep tries, each beside the defaults (`POSITIONS`, `STEPS`, noise 1): numbers of positions, phase pictures
+#: for each direction, and factors of the noise.
+SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
+POSITIONS = 3
+#: A bench that the model does not have: an array bowed by 30 um, dust, and camera pixels with arbitrary values.
+BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
+#: Lenslets of the largest display, width of its photographs, pixels, and its errors: degrees, shares of pitch and gap.
+LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
+LARGE_ERRORS = 0.6, 0.003, 0.1
+#: The misalignment of the pictures that an eye compares: degrees, and a share of the pitch.
+SEEN_DEG, SEEN_PITCH = 0.3, 0.002
+#: Width of the photographs from which that is calibrated, pixels.
+VIEWS_PHOTO_PX = 2000
+#: mm for each unit of the fish, samples for each pixel of its pictures and of the reference, rays for a view's pixel.
+SCALE, PICTURE_SAMPLES, REFERENCE_SAMPLES, EYE_SAMPLES = 0.25, 4, 16, 64
+
+
+@dataclass(frozen=True)
+class Case:
+    """A display as its file says and as it is built, and the cameras and the sensor that photograph it."""
+
+    name: str
+    nominal: Display
+    built: Display
+    cameras: tuple[Camera, ...]
+    sensor: Sensor
+
+    def shoot(
+        self,
+        folder: Path,
+        seed: int = 0,
+        disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
+        look: Look | None = None,
+        steps: int = STEPS,
+    ) -> Path:
+        """Write `nominal.toml`, `built.toml`, and the folder `photographs` with patterns and positions; return it."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "nominal.toml").write_text(display_text(self.nominal))
+        (folder / "built.toml").write_text(display_text(self.built))
+        patterns, photographs = folder / "patterns", folder / "photographs"
+        write_patterns(replace(PatternSet.of(self.nominal), steps=steps), self.nominal, patterns)
+        for number, camera in enumerate(self.cameras, 1):
+            photograph_folder(
+                self.built, camera, patterns, photographs / f"position-{number}", seed + number, self.sensor,
+                disturbances, look=look,
+            )  # fmt: skip
+        (photographs / "patterns.toml").write_text((patterns / "patterns.toml").read_text())
+        return photographs
+
+
+def photo_width(panel_px: int) -> int:
+    """Return the width of the photographs of a panel, pixels: some 45 for each of its smallest lenslets.
+
+    An ordinary camera has more: 4000.
+    """
+    return round(25.0 / 8.0 * panel_px)
+
+
+def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions: int = 3) -> Case:
+    """Return a random display as the calibration's requirement asks: the same for the same seed.
+
+    `panel_px` and `photo_px` are the widths of panel and photographs, four thirds of their heights.
+    """
+    rng = np.random.default_rng((seed, 0xCA1))
+    between = rng.uniform
+    pixel = math.exp(between(math.log(0.04), math.log(0.2)))
+    panel = Panel(panel_px, 3 * panel_px // 4, pixel)
+    grid: Grid = "hex" if seed % 2 else "square"
+    side: PlanoSide = "viewer" if seed // 2 % 2 else "panel"
+    pitch, index = pixel * between(*LENSLET_PX), between(1.48, 1.6)
+    focal = pitch * between(2.2, 4.0)
+    array = Array(grid, pitch, focal * (index - 1.0), index, 0.0, side, rotation_deg=(0.0, 90.0)[seed // 4 % 2])
+    array = replace(array, thickness_mm=array.sag_mm + between(0.1, 0.5) * focal)
+    gap = between(0.97, 1.03) * focal - (array.thickness_mm / index if side == "panel" else 0.0)
+    nominal = Display(f"case-{seed}", panel, array, gap)
+    built = nominal.misaligned(
+        rotation_deg=between(-ROTATION_DEG, ROTATION_DEG),
+        offset_mm=(pitch * between(-0.5, 0.5), pitch * between(-0.5, 0.5)),
+        gap_mm=gap * between(-GAP, GAP),
+        pitch_scale=1.0 + between(-PITCH, PITCH),
+    )
+    px = built.array.pitches_mm[0]
+    uneven = replace(built.array, pitch_mm=(px, px * (1.0 + RATIO * rng.normal())), shear=SHEAR * rng.normal())
+    built = replace(built, array=replace(uneven, thickness_mm=max(uneven.thickness_mm, uneven.sag_mm)))
+    return Case(nominal.name, nominal, built, _cameras(built, rng, photo_px, positions), _sensor(rng))
+
+
+def _cameras(display: Display, rng: np.random.Generator, photo_px: int, positions: int) -> tuple[Camera, ...]:
+    """Return one camera at several positions: its lens is the same at each, its aim nearly the panel's middle."""
+    between, width = rng.uniform, display.panel.width_mm
+    size = photo_px, 3 * photo_px // 4
+    pupil, first = width * between(0.003, 0.02), between(0.0, 2.0 * math.pi)
+    cameras = []
+    for number in range(positions):
+        angle = math.radians(between(0.0, NEAR_AXIS_DEG) if number == 0 else between(*ASIDE_DEG))
+        # The positions aside are spread about the axis.
+        turn = first + 2.0 * math.pi * (number + between(-0.2, 0.2)) / max(positions - 1, 1) * 0.7
+        distance = width * between(*DISTANCE)
+        across = distance * math.sin(angle)
+        place = across * math.cos(turn), across * math.sin(turn), distance * math.cos(angle)
+        aim = width * between(-0.02, 0.02), width * between(-0.02, 0.02), 0.0
+        away = math.dist(place, aim) * between(0.98, 1.02)
+        cameras.append(Camera(place, aim, between(-10.0, 10.0), *size, pupil_mm=pupil, focus_mm=away))
+    lens = replace(
+        cameras[0],
+        focal_px=min(framed(camera, display).focal_px for camera in cameras),
+        principal_px=(size[0] * between(0.48, 0.52), size[1] * between(0.48, 0.52)),
+        k1=between(-0.15, 0.1),
+        k2=between(-0.05, 0.05),
+        vignetting=between(0.0, 0.4),
+        blur_px=between(*BLUR_PX),
+    )
+    return tuple(
+        replace(
+            lens,
+            position_mm=camera.position_mm,
+            look_at_mm=camera.look_at_mm,
+            roll_deg=camera.roll_deg,
+            focus_mm=camera.focus_mm,
+        )
+        for camera in cameras
+    )
+
+
+def _sensor(rng: np.random.Generator) -> Sensor:
+    between = rng.uniform
+    curve = ("srgb", "gamma2.2")[int(rng.integers(2))]
+    return Sensor(between(0.6, 0.9), between(5000.0, 20000.0), between(3.0, 10.0), transfer=curve)
+
+
+class Judgement(NamedTuple):
+    """Errors of a display that a calibration found: of lenslets' centres in panel pixels over the whole panel."""
+
+    rms_px: float
+    worst_px: float
+    rotation_deg: float
+    pitch_ppm: float
+    gap_percent: float
+    shear_ppm: float
+
+
+def judge(solved: Display, truth: Display) -> Judgement:
+    """Compare the display that a calibration found with the one that was built.
+
+    A lattice moved by whole lenslets is the same one, so each true centre is compared with the nearest one found. The
+    gap is compared as the distance D from the panel to the lenslets' aperture plane, in per cent of the true one.
+    """
+    system = System.of(solved)
+    _, _, x, y = system.locate(NumpyBackend(), *centres_px(truth).T)
+    error = np.hypot(*np.stack(system.frame.turn(x, y), axis=1).T / np.reshape(truth.panel.pitches_mm, (2, 1)))
+    turn = 90.0 if truth.array.grid == "square" else 60.0
+    rotation = (solved.array.rotation_deg - truth.array.rotation_deg + 0.5 * turn) % turn - 0.5 * turn
+    ratios = [a / b - 1.0 for a, b in zip(solved.array.pitches_mm, truth.array.pitches_mm, strict=True)]
+    depth, true_depth = solved.aperture_distance_mm, truth.aperture_distance_mm
+    return Judgement(
+        float(np.sqrt((error**2).mean())),
+        float(error.max()),
+        abs(rotation),
+        1e6 * max(map(abs, ratios)),
+        100.0 * abs(depth - true_depth) / true_depth,
+        1e6 * abs(solved.array.shear - truth.array.shear),
+    )
+
+
+def centres_px(display: Display) -> Floats:
+    """Return the centres of the lenslets before the panel, (N, 2) panel pixels."""
+    i, j = _lenslets(display)
+    return np.stack(PanelFrame.of(display).pixel_from_panel(*System.of(display).centre(i, j)), axis=1)
+
+
+def _lenslets(display: Display) -> tuple[Floats, Floats]:
+    """Return the indices of the lenslets whose centres are before the panel."""
+    panel, lattice, frame = display.panel, Lattice.of(display.array), PanelFrame.of(display)
+    corners = np.array([(u, v) for u in (0.0, panel.width_px) for v in (0.0, panel.height_px)])
+    at = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(*corners.T)))
+    (low_i, high_i), (low_j, high_j) = ((int(k.min()) - 1, int(k.max()) + 2) for k in at[:2])
+    i, j = (k.ravel().astype(np.float64) for k in np.mgrid[low_i:high_i, low_j:high_j])
+    u, v = frame.pixel_from_panel(*System.of(display).centre(i, j))
+    inside = (u >= 0.0) & (u < panel.width_px) & (v >= 0.0) & (v < panel.height_px)
+    inside &= lattice.present(NumpyBackend(), i, j)
+    return i[inside], j[inside]
+
+
+def seen_px(display: Display, eye_mm: Point) -> Floats:
+    """Return the panel points (N, 2), pixels, that an eye sees through the middles of the lenslets."""
+    system, (i, j) = System.of(display), _lenslets(display)
+    x, y = system.centre(i, j)
+    aim = np.stack([x, y, np.zeros_like(x)], axis=1) - np.asarray(eye_mm)
+    aim /= np.linalg.norm(aim, axis=1, keepdims=True)
+    hits = trace_to_panel(display, np.broadcast_to(eye_mm, aim.shape), aim)
+    return hits.pixel[gets_through(hits.status)]
+
+
+def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm: Point | None = None) -> Floats:
+    """Return how far (px) the panel points that an eye sees are from those expected by a display that was found.
+
+    `solved_eye_mm` is where the calibration has this eye: with one position of the camera, it may be elsewhere.
+    """
+    expected, seen = seen_px(solved, solved_eye_mm or eye_mm), seen_px(truth, eye_mm)
+    distance, _ = KDTree(expected).query(seen)
+    # At the panel's edge, the nearest point may be one that is just beyond it in the other display.
+    edge = 0.6 * truth.array.coarsest_mm / min(truth.panel.pitches_mm)
+    size = truth.panel.width_px, truth.panel.height_px
+    inner = ((seen > edge) & (seen < np.subtract(size, edge))).all(axis=1)
+    return np.asarray(distance[inner], np.float64)
+
+
+def deviations(found: Calibration, truth: Display) -> dict[str, float]:
+    """Return the errors of the array's numbers in units of half their 95 % intervals: beyond 1 they are outside.
+
+    The offset is compared with the nearest lenslet's true centre, along the axes of the panel.
+    """
+    array, frame = truth.array, PanelFrame.of(truth)
+    turn = 90.0 if array.grid == "square" else 60.0
+    offset = [found.parameter(f"offset_{axis}").value for axis in "xy"]
+    *_, x, y = Lattice.of(array).locate(NumpyBackend(), *frame.array_from_panel(*np.array(offset)[:, None]))
+    off_x, off_y = frame.turn(x, y)
+    rotation = found.parameter("rotation").value - array.rotation_deg
+    errors = {
+        "pitch_x": found.parameter("pitch_x").value - array.pitches_mm[0],
+        "pitch_y": found.parameter("pitch_y").value - array.pitches_mm[1],
+        "shear": found.parameter("shear").value - array.shear,
+        "rotation": (rotation + 0.5 * turn) % turn - 0.5 * turn,
+        "offset_x": float(off_x[0]),
+        "offset_y": float(off_y[0]),
+        "gap": found.parameter("gap").value - truth.gap_mm,
+    }
+    return {name: error / found.parameter(name).uncertainty for name, error in errors.items()}
+
+
+def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, Any]:
+    """Solve a case's photographs; return the row: errors, how many numbers lie outside their intervals, seconds."""
+    started = time.perf_counter()
+    found = calibrate(photographs, case.nominal, bow)
+    seconds = time.perf_counter() - started
+    off = deviations(found, case.built)
+    bows = {"bow_um": sum(1000.0 * found.parameter(name).value for name in ("bow_xx", "bow_yy"))} if bow else {}
+    return {
+        "display": case.name,
+        "grid": case.built.array.grid,
+        "plano_side": case.built.array.plano_side,
+        "lenslets": len(centres_px(case.built)),
+        **judge(found.display, case.built)._asdict(),
+        "outside": sum(abs(one) > 1.0 for one in off.values()),
+        "numbers": len(off),
+        "most_intervals": max(map(abs, off.values())),
+        "seconds": seconds,
+        **bows,
+    }
+
+
+def measure(
+    folder: Path,
+    seeds: Sequence[int],
+    disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
+    solids: bool = False,
+    panel_px: int = 640,
+    jobs: int = 1,
+) -> Iterator[dict[str, Any]]:
+    """Photograph random displays, solve them, and yield a row for each; `solids` lets POV-Ray take the photographs.
+
+    `jobs` processes share the displays.
+    """
+    one = partial(measure_one, folder, disturbances=disturbances, solids=solids, panel_px=panel_px)
+    if jobs == 1:
+        yield from map(one, seeds)
+        return
+    with processes(jobs) as pool:
+        yield from pool.map(one, seeds)
+
+
+def measure_one(
+    folder: Path, seed: int, disturbances: Disturbances, solids: bool = False, panel_px: int = 640
+) -> dict[str, Any]:
+    """Photograph a random display, solve it, and return its row.
+
+    A display that is refused has a row with the reason as `refused`. The photographs are removed.
+    """
+    case = random_case(seed, panel_px, photo_width(panel_px))
+    place = folder / case.name
+    photographs = case.shoot(place, seed, disturbances, look_at_solids(seed=seed) if solids else None)
+    try:
+        return solve_case(case, photographs, bow=disturbances.bow_mm != 0.0)
+    except LippmannError as error:
+        return {"display": case.name, "refused": str(error)}
+    finally:
+        shutil.rmtree(place)
+
+
+def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Photograph the 8K display with `LENSLETS` lenslets, solve it in a process of its own, and yield its row.
+
+    `megapixels` and `photographs` are those of a camera of three positions, `peak_mb` is the process's memory.
+    """
+    nominal, rng = load_display(scenes / "displays/uhd-8k.toml"), np.random.default_rng((seed, 0x8))
+    pitch = math.sqrt(nominal.panel.width_mm * nominal.panel.height_mm / LENSLETS)
+    nominal = replace(nominal, array=replace(nominal.array, pitch_mm=pitch))
+    turn, scale, gap = LARGE_ERRORS
+    built = nominal.misaligned(rotation_deg=turn, pitch_scale=1.0 + scale, gap_mm=gap * nominal.gap_mm)
+    case = Case(nominal.name, nominal, built, _cameras(built, rng, LARGE_PHOTO_PX, POSITIONS), _sensor(rng))
+    photographs = case.shoot(folder / case.name, seed)
+    camera = case.cameras[0]
+    size = {"megapixels": camera.width_px * camera.height_px / 1e6, "photographs": _count(photographs)}
+    with processes(1) as pool:
+        yield {**pool.submit(_weighed, case, photographs).result(), **size}
+    shutil.rmtree(folder / case.name)
+
+
+def _weighed(case: Case, photographs: Path) -> dict[str, Any]:
+    return {**solve_case(case, photographs), "peak_mb": proc_mb("self/status", "VmHWM")}
+
+
+def sweep(folder: Path, seeds: Sequence[int], jobs: int = 1) -> Iterator[dict[str, Any]]:
+    """Solve random displays from more and fewer photographs, positions and with more noise; yield a row for each.
+
+    `over` is what changes, `value` what it is, `photographs` their number; `eye_px` is how far (px, rms) the panel
+    points that an eye at the first camera sees are from those expected there. `jobs` processes share the solutions.
+    """
+    tried = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
+    with processes(jobs) as pool:
+        # What all three begin with is solved once.
+        found = {one: pool.submit(_swept, folder, *one) for one in dict.fromkeys(map(_settings, tried))}
+        for one in tried:
+            display, over, value = f"case-{one[0]}", *one[1:]
+            yield {"display": display, "over": over, "value": value, **found[_settings(one)].result()}
+
+
+def _settings(tried: tuple[int, str, int]) -> tuple[int, int, int, int]:
+    """Return the seed, the number of positions, the pictures for each direction, and the factor of the noise."""
+    seed, over, value = tried
+    chosen = {"positions": POSITIONS, "steps": STEPS, "noise": 1} | {over: value}
+    return seed, chosen["positions"], chosen["steps"], chosen["noise"]
+
+
+def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> dict[str, Any]:
+    case = random_case(seed, positions=max(SWEPT["positions"]))
+    sensor = replace(
+        case.sensor, full_well_e=case.sensor.full_well_e / noise**2, read_noise_e=case.sensor.read_noise_e / noise
+    )
+    place = folder / f"{case.name}-{positions}-{steps}-{noise}"
+    photographs = replace(case, cameras=case.cameras[:positions], sensor=sensor).shoot(place, seed, steps=steps)
+    row = {"photographs": _count(photographs)}
+    try:
+        found = calibrate(photographs, case.nominal)
+    except LippmannError as error:
+        return {**row, "refused": str(error)}
+    finally:
+        shutil.rmtree(place)
+    x, y, z = found.cameras[0]["place_mm"]
+    eye = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
+    return {**row, **judge(found.display, case.built)._asdict(), "eye_px": float(np.sqrt((eye**2).mean()))}
+
+
+def _count(photographs: Path) -> int:
+    return len(list(photographs.glob("*/*.png")))
+
+
+def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> Iterator[dict[str, Any]]:
+    """Calibrate displays that are mounted a little wrong, and yield what an eye sees of the fish, in decibels.
+
+    `before_db` is the picture made for the file, `after_db` for the calibrated one, `ideal_db` for the display as
+    built. All are seen through the display as built, and compared with a picture made for it with more samples. The eye
+    is at the first camera.
+    """
+    scene = load_scene(scenes / "fish/fish.xml", Placement(SCALE))
+    for name in names:
+        nominal = load_display(scenes / f"displays/{name}.toml")
+        built = nominal.misaligned(rotation_deg=SEEN_DEG, pitch_scale=1.0 + SEEN_PITCH)
+        rng = np.random.default_rng((seed, 0xF15))
+        case = Case(name, nominal, built, _cameras(built, rng, VIEWS_PHOTO_PX, POSITIONS), _sensor(rng))
+        found = calibrate(case.shoot(folder / name, seed), nominal).display
+        eye = Eye(case.cameras[0].position_mm)
+        reference = _seen(scene, built, built, eye, Settings(samples=REFERENCE_SAMPLES, seed=seed + 1))
+        settings, made = (
+            Settings(samples=PICTURE_SAMPLES, seed=seed),
+            {"before": nominal, "after": found, "ideal": built},
+        )
+        decibels = {
+            f"{when}_db": psnr_db(_seen(scene, display, built, eye, settings), reference)
+            for when, display in made.items()
+        }
+        yield {"display": name, **judge(found, built)._asdict(), **decibels}
+
+
+def _seen(scene: Scene, made: Display, built: Display, eye: Eye, settings: Settings) -> Radiance:
+    """Return an eye's view, on a display as built, of a scene's picture that was made for another."""
+    picture = render_integral(scene, made, "exact", settings).radiance
+    return observe(np.minimum(picture, 1.0), built, eye, whole_window(built), EYE_SAMPLES).radiance

@@ -1,0 +1,258 @@
+"""`make coverage`: which lines of the RTL and of the host the quick tests execute; `make toggles`: which bits toggle.
+
+The tests run as in `make test`, for toggles those of tests/rtl; the simulations and coverage.py leave their counts in
+build/coverage/. Lines that no test executes are listed, with the reasons of code_coverage_holes.toml. A file of the RTL
+without a reason is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import click
+from lippmann.base import toml
+from lippmann.base.images import check_output
+from lippmann.base.provenance import provenance
+from lippmann.base.toml import documented, key
+from lippmann.cli import run
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import bar_charts
+from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.simulation.compilation import COVERAGE, TOGGLES
+from lippmann.simulation.toolchain import build_folder, repository
+
+HOLES = Path(__file__).with_name("code_coverage_holes.toml")
+#: What coverage.py is told: every process counts, also those that a command starts and that a signal ends.
+SETTINGS = """[run]
+source = host/lippmann
+data_file = {folder}/host
+parallel = true
+patch = subprocess
+sigterm = true
+"""
+#: A test that counting breaks: coverage.py writes its file where the test lets nothing be written.
+BROKEN = "tests/host/test_images.py::test_a_file_that_does_not_fit_is_told"
+#: A key of a point of Verilator's file, with its value.
+POINT = re.compile(r"\x01([^\x02]*)\x02([^\x01']*)")
+#: Files with a bar.
+SHOWN = 15
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Hole:
+    """Why lines of files are not executed by the quick tests, or why their bits do not toggle."""
+
+    files: Annotated[tuple[str, ...], key("the files, from the top of the checkout")]
+    why: Annotated[str, key("the reason")]
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Holes:
+    """The file of reasons."""
+
+    hole: Annotated[tuple[Hole, ...], key("")] = ()
+    still: Annotated[tuple[Hole, ...], key("")] = ()
+
+
+@dataclass
+class Counted:
+    """The points of a file, and how often each was met: lines by number, toggles by name."""
+
+    lines: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    toggles: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+
+
+def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
+    """Add up Verilator's coverage files; return the points of each file of rtl/, by its path from the top.
+
+    A line of several branches is met when one of them is.
+    """
+    counts: dict[bytes, int] = defaultdict(int)
+    for file in files:  # toggles make gigabytes of them, whose points are mostly the same
+        for text in file.read_bytes().splitlines():
+            if text.startswith(b"C "):
+                keys, _, count = text.rpartition(b" ")
+                counts[keys] += 0 if count == b"0" else int(count)
+    found: dict[str, Counted] = defaultdict(Counted)
+    for keys, met in counts.items():
+        point: dict[str, str] = dict(POINT.findall(keys.decode(errors="replace")))
+        path = Path(point.get("f", ""))
+        if not path.is_relative_to(top / "rtl"):
+            continue
+        counted = found[str(path.relative_to(top))]
+        if point["t"] == "toggle":
+            counted.toggles[f"{point['l']}:{point['o']}"] += met
+        else:
+            for line in _lines(point.get("S", point["l"])):
+                counted.lines[line] += met
+    return dict(sorted(found.items()))
+
+
+def _lines(text: str) -> Iterable[int]:
+    """Yield the numbers of a list such as 4-6,9."""
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        yield from range(int(first), int(last or first) + 1)
+
+
+def rtl_rows(found: Mapping[str, Counted]) -> list[dict[str, Any]]:
+    """Return a row for each file: lines and toggles, those met, and the lines that were not."""
+    return [
+        {
+            "file": name,
+            "lines": len(one.lines),
+            "met": sum(count > 0 for count in one.lines.values()),
+            "toggles": len(one.toggles),
+            "toggled": sum(count > 0 for count in one.toggles.values()),
+            "missing": _ranges(line for line, count in one.lines.items() if not count),
+        }
+        for name, one in found.items()
+    ]
+
+
+def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for each file of coverage.py's JSON."""
+    return [
+        {
+            "file": name,
+            "lines": one["summary"]["num_statements"],
+            "met": one["summary"]["covered_lines"],
+            "missing": _ranges(one["missing_lines"]),
+        }
+        for name, one in sorted(measured["files"].items())
+        if one["summary"]["num_statements"]
+    ]
+
+
+def _ranges(numbers: Iterable[int]) -> str:
+    """Return numbers as a list such as 4-6, 9."""
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][1] + 1:
+            parts[-1][1] = number
+        else:
+            parts.append([number, number])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in parts)
+
+
+def share(rows: Iterable[Mapping[str, Any]], met: str = "met", of: str = "lines") -> float:
+    """Return the share of lines, or toggles, that were met in all files, percent."""
+    some = list(rows)
+    return float(100.0 * sum(row[met] for row in some) / max(1, sum(row[of] for row in some)))
+
+
+def page(
+    origin: Mapping[str, str], rtl: list[dict[str, Any]], host: list[dict[str, Any]], why: Mapping[str, str]
+) -> Page:
+    """Return the page; `why` has the reasons by file."""
+    least = sorted([*rtl, *host], key=lambda row: row["met"] - row["lines"])[:SHOWN]
+    charts = {"lines that no quick test executes": [float(row["lines"] - row["met"]) for row in least]}
+    plot = bar_charts("code-coverage", [row["file"].removeprefix("host/lippmann/") for row in least], charts)
+    context = {
+        "rtl": rtl,
+        "host": host,
+        "share": {"rtl": share(rtl), "host": share(host)},
+        "holes": [{**row, "why": why.get(row["file"], "")} for row in rtl if row["missing"]]
+        + [{**row, "why": why[row["file"]]} for row in host if row["missing"] and row["file"] in why],
+    }
+    lines = [{name: value for name, value in row.items() if name not in ("toggles", "toggled")} for row in rtl]
+    tables = {"code-coverage-rtl": lines, "code-coverage-host": host}
+    return Page("code-coverage", origin, [plot], tables, context, Path(__file__).with_name("templates"))
+
+
+def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapping[str, str]) -> Page:
+    """Return the page of bits that toggle; `why` has the reasons by file."""
+    rows = [{**row, "still": row["toggles"] - row["toggled"], "why": why.get(row["file"], "")} for row in rtl]
+    least = sorted((row for row in rows if row["still"]), key=lambda row: -row["still"])
+    shown = least[:SHOWN]
+    charts = {"toggles that no bench sees": [float(row["still"]) for row in shown]}
+    plot = bar_charts("toggles", [row["file"] for row in shown], charts)
+    context = {"least": least, "share": share(rtl, "toggled", "toggles"), "toggles": sum(row["toggles"] for row in rtl)}
+    templates = Path(__file__).with_name("templates")
+    columns = ("file", "toggles", "toggled", "still")
+    table = [{name: row[name] for name in columns} for row in rows]
+    return Page("toggles", origin, [plot], {"toggles": table}, context, templates)
+
+
+def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, str]:
+    """Return why files have holes, or bits that do not toggle; raise InputError for a file that is gone."""
+    read = toml.read(Holes, toml.load(path, "holes"), str(path))
+    name, holes = ("still", read.still) if toggles else ("hole", read.hole)
+    for number, hole in enumerate(holes):
+        for file in hole.files:
+            if not (top / file).is_file():
+                raise input_error(f"{path}: {name}[{number}].files", f"there is no file {file}", "name it as it is now")
+    return {file: hole.why for hole in holes for file in hole.files}
+
+
+def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
+    """Raise InputError when files with holes, or with bits that stand still, have no reason."""
+    if unexplained := [file for file in files if file not in why]:
+        raise input_error(
+            str(HOLES), f"it does not say why {', '.join(unexplained)} has holes", f"add a {name}, or a test"
+        )
+
+
+def measure(folder: Path, jobs: int, toggles: bool) -> None:
+    """Run the quick tests with counters, into a folder that is emptied first; raise LippmannError when one fails."""
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "rtl").mkdir(parents=True)
+    tests = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile", "--no-loadscope-reorder"]
+    counted = ["tests/rtl"]
+    if not toggles:
+        settings = folder / "settings"
+        settings.write_text(SETTINGS.format(folder=folder))
+        counted = ["--cov", f"--cov-config={settings}", f"--cov-report=json:{folder / 'host.json'}"]
+        counted += [f"--deselect={BROKEN}"]
+    environment = {**os.environ, COVERAGE: str(folder / "rtl"), "LIPPMANN_SEED": "1908"}
+    environment |= {TOGGLES: "1"} if toggles else {}
+    done = subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False)
+    if done.returncode:
+        raise LippmannError("tests fail: what they execute says little; mend them first")
+
+
+@click.command()
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes of the tests.")
+@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits instead: an hour, and tens of GB.")
+@click.option("--keep", is_flag=True, help="Read what the last run counted; run no test.")
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the page.")
+def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
+    """Measure which lines the quick tests execute, or which bits they toggle, and write the page.
+
+    Example: python -m tools.code_coverage --keep --report out
+    """
+    check_output(Path(report) / ("toggles.md" if toggles else "code-coverage.md"), (".md",))
+    top, folder = repository(), build_folder() / ("toggles" if toggles else "coverage")
+    if not keep:
+        measure(folder, jobs, toggles)
+    if not (folder / "rtl").exists() or not (toggles or (folder / "host.json").exists()):
+        raise InputError(f"{folder}: nothing was measured there; leave out --keep")
+    why = reasons(top, toggles=toggles)
+    rtl = rtl_rows(read_rtl(sorted((folder / "rtl").glob("*.dat")), top))
+    if toggles:
+        toggles_page(provenance("make toggles", ("pytest",), {}), rtl, why).write(Path(report))
+        click.echo(f"RTL: {share(rtl, 'toggled', 'toggles'):.1f} % of toggles")
+        check_reasons([row["file"] for row in rtl if row["toggled"] < row["toggles"]], why, "still")
+        return
+    host = host_rows(json.loads((folder / "host.json").read_text()))
+    origin = provenance("make coverage", ("coverage", "pytest"), {})
+    page(origin, rtl, host, why).write(Path(report))
+    click.echo(f"RTL: {share(rtl):.1f} % of lines")
+    click.echo(f"host: {share(host):.1f} % of lines")
+    check_reasons([row["file"] for row in rtl if row["missing"]], why, "hole")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

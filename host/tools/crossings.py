@@ -1,0 +1,490 @@
+"""Lists and checks the clock crossings of a netlist: `python -m tools.crossings NETLIST.json`.
+
+The netlist is what yosys writes with `-json` after `synth_ecp5`, flattened. From every input that a clock samples the
+check goes back through the logic to the registers, memories and pins that drive it. Two clocks are one domain only if
+they are one net. A crossing is good if it is one of these, which are found by their shape, and by the names of the
+registers that lipp_bit_sync and lipp_reset_sync keep:
+
+| kind | rule |
+|---|---|
+| bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between: no glitch is sampled. The registers of the row share one clock and read each other only; the first is read by the second alone. |
+| pulse | The same both ways: lipp_pulse_sync's level and its acknowledgement. |
+| Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable, of which the logic before changes exactly one with each step, over the whole period. Each goes through a lipp_bit_sync of its own. |
+| memory | What lipp_async_fifo's memory holds is sampled under an enable that depends on all bits of the written pointer as the reader's clock sees them, and is written under one that depends on the read pointer so seen. |
+| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one table, in which a register of the sampling clock chooses. It is high only at a place that is counted from a synchronised bit (`i_turn`), which changes with the symbols. That the symbols are still at that place follows from the ratio of the clocks, five to one. |
+| reset | An asynchronous reset comes from a register of the clock of what it resets; only the rows of lipp_reset_sync, whose first register reads a constant, are reset from elsewhere. |
+
+Bits of one register that cross side by side through several lipp_bit_syncs are refused, and so are two bits of one clock
+that meet again in one register's logic: they may arrive in different clocks. Pins that a register samples directly are
+refused unless `--timed` names them: pins with a clock of their own, such as a memory chip's.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import fnmatch
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.errors import LippmannError
+
+from tools.gates import Bit, Cell, Netlist, Pin, Sampled, read_netlist
+
+#: Most bits of a pointer whose whole period is tried.
+MOST_POINTER_BITS = 14
+
+
+class CrossingError(LippmannError):
+    """A clock crossing is not one of the project's."""
+
+    exit_code = 4
+
+
+class Crossing(NamedTuple):
+    """A group of bits that cross: both clocks' names, the kind of the crossing, its place, and the number of bits."""
+
+    source: str
+    target: str
+    kind: str
+    place: str
+    bits: int
+
+
+@dataclass
+class Found:
+    """What the check found: crossings, and one line for each that is wrong."""
+
+    crossings: list[Crossing] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Row:
+    """The registers of a lipp_bit_sync or a lipp_reset_sync in a row: cells, first to last, and their outputs."""
+
+    place: str
+    cells: list[str]
+    outputs: list[Bit]
+    clock: Bit
+    is_reset: bool
+
+    @property
+    def last(self) -> Bit:
+        """The output of the last register."""
+        return self.outputs[-1]
+
+
+class Check:
+    """The check of one netlist; `timed` are patterns of names of pins that registers may sample."""
+
+    def __init__(self, netlist: Netlist, timed: Sequence[str] = ()) -> None:
+        """Find the rows of registers of the synchronisers."""
+        self.net, self.timed, self.found = netlist, timed, Found()
+        #: Registers that sample a pin directly, by the pin's and the clock's name.
+        self.pins: dict[tuple[str, str], list[str]] = {}
+        self.rows: list[Row] = []
+        for name, bits in sorted(netlist.synchronisers.items()):
+            row = self._row(name, bits)
+            if row is not None:
+                self.rows.append(row)
+        self.firsts = {row.cells[0]: row for row in self.rows if not row.is_reset}
+        self.of_reset = {cell for row in self.rows if row.is_reset for cell in row.cells}
+        #: For each FIFO and direction its rows, by bit.
+        self.pointers: dict[tuple[str, str], dict[int, Row]] = {}
+        for row in self.firsts.values():
+            pointer = _pointer(row)
+            if pointer is not None:
+                self.pointers.setdefault(pointer[:2], {})[pointer[2]] = row
+
+    def run(self) -> Found:
+        """Check everything."""
+        groups: dict[tuple[str, str, str, str], int] = {}
+        for one in self.net.sampled():
+            others = self.net.clocks.get(one.bit, frozenset()) - {one.clock}
+            if isinstance(one.clock, str) or not others:
+                continue
+            for source, target, kind, place in self._crossing(one):
+                groups[source, target, kind, place] = groups.get((source, target, kind, place), 0) + 1
+        for (pin, target), cells in sorted(self.pins.items()):
+            more = f" and {len(cells) - 1} more" if len(cells) > 1 else ""
+            where = self.net.described(cells[0])
+            self._is_wrong(f"the pin {pin} is sampled by {where}{more} ({target}) without a synchroniser")
+        for name, writer, reader in self.net.block_memories():
+            clocks = self.net.name(writer), self.net.name(reader)
+            if self._is_read_of_fifo(name, reader, self.net.cells[name].bit("CEB")):
+                groups[*clocks, "memory", _place(name)] = 1
+            else:
+                self._is_wrong(f"the memory {name} is written by {clocks[0]} and read by {clocks[1]}; {_ENABLES}")
+        for row in self.firsts.values():
+            self._check_row(row)
+        for (fifo, side), rows in sorted(self.pointers.items()):
+            self._check_pointer(fifo, side, rows)
+        self._check_arrays()
+        self._check_meetings()
+        for (source, target, place), bits in sorted(self._resets().items()):
+            groups[source, target, "reset", place] = bits
+        self._check_clocks()
+        self.found.crossings = [Crossing(*key, bits) for key, bits in sorted(groups.items())]
+        self.found.wrong = list(dict.fromkeys(self.found.wrong))
+        return self.found
+
+    def _is_wrong(self, line: str) -> None:
+        self.found.wrong.append(line)
+
+    # ---- rows of registers ----
+
+    def _row(self, name: str, bits: Sequence[Bit]) -> Row | None:
+        """Return the row of registers of a synchroniser; None, and a line, when it is none."""
+        place = name.rpartition(".")[0]
+        registers = [self.net.register(bit) for bit in bits]
+        cells = [register for register in registers if register is not None]
+        if len(cells) != len(bits) or len(bits) < 2:
+            self._is_wrong(f"{name}: a synchroniser of {len(cells)} registers of {len(bits)}; it needs two or more")
+            return None
+        clocks = {self.net.clock(cell.bit("CLK")) for _, cell in cells}
+        if len(clocks) != 1:
+            self._is_wrong(f"{name}: its registers have {len(clocks)} clocks; they must share one")
+            return None
+        first = cells[0][1]
+        is_reset = isinstance(first.bit("DI"), str) and first.choice("SRMODE") == "ASYNC"
+        for (_, cell), before in zip(cells[1:], bits, strict=False):
+            if cell.bit("DI") != before:
+                self._is_wrong(f"{name}: logic between its registers; each must read the one before")
+        if any(cell.choice("CEMUX") not in ("1", "") for _, cell in cells):
+            self._is_wrong(f"{name}: its registers have an enable; they must take a bit with each clock")
+        return Row(place, [cell for cell, _ in cells], list(bits), clocks.pop(), is_reset)
+
+    def _check_row(self, row: Row) -> None:
+        """Check that a row samples no glitch, and that nothing reads a register of it that may be metastable."""
+        for k, bit in enumerate(row.outputs[:-1]):
+            others = [pin for pin in self.net.readers.get(bit, []) if pin != Pin(row.cells[k + 1], "DI")]
+            if others or bit in self.net.outputs:
+                where = others[0].cell if others else "a port"
+                self._is_wrong(f"{row.place}: its register {k} is read by {where}; only the next one may read it")
+        source = self.net.straight(self.net.cells[row.cells[0]].bit("DI"))
+        if self.net.register(source) is None and self.net.before(source)[0]:
+            self._is_wrong(f"{row.place}: logic before its first register, at {self.net.name(source)}: {_GLITCH}")
+
+    def _check_arrays(self) -> None:
+        """Refuse synchronisers side by side: the bits of a bus may arrive in different clocks."""
+        arrays: dict[str, list[Row]] = {}
+        for row in self.firsts.values():
+            if self._source(row) is not None and (_pointer(row) or ("", "", 0))[:2] not in self.pointers:
+                arrays.setdefault(re.sub(r"\[\d+\]", "[]", row.place), []).append(row)
+        for place, rows in arrays.items():
+            if len(rows) > 1:
+                self._is_wrong(f"{place}: {len(rows)} bits side by side through bit synchronisers: {_SIDE_BY_SIDE}")
+
+    def _check_meetings(self) -> None:
+        """Refuse bits of one clock that come over one by one, and meet in the logic before a register."""
+        lone = {
+            row.last: (row, self.net.clock(source[1].bit("CLK")))
+            for row in self.firsts.values()
+            if _pointer(row) is None and (source := self._source(row)) is not None
+        }
+        if len(lone) < 2:
+            return
+        # The bits that logic makes of each; small sets, since few bits cross.
+        reached: dict[Pin, list[Bit]] = {}
+        ends = {one.pin for one in self.net.sampled()}
+        for last in lone:
+            todo, seen = [last], set[Bit]()
+            while todo:
+                bit = todo.pop()
+                if bit in seen:
+                    continue
+                seen.add(bit)
+                for pin in self.net.readers.get(bit, []):
+                    if pin in ends:
+                        reached.setdefault(pin, []).append(last)
+                    else:
+                        cell = self.net.cells[pin.cell]
+                        todo += [
+                            out
+                            for port, bits in cell.connections.items()
+                            for out in bits
+                            if self._drives(pin.cell, port, out)
+                        ]
+        for pin, lasts in reached.items():
+            for k, one in enumerate(lasts):
+                for other in lasts[k + 1 :]:
+                    if lone[one][1] == lone[other][1] and lone[one][0].clock == lone[other][0].clock:
+                        self._is_wrong(
+                            f"{lone[one][0].place} and {lone[other][0].place} bring bits of one clock that meet before "
+                            f"{pin.cell}: {_SIDE_BY_SIDE}"
+                        )
+
+    def _drives(self, cell: str, port: str, bit: Bit) -> bool:
+        """Tell whether a bit is an output of a cell of logic."""
+        pin = self.net.driver.get(bit)
+        return pin is not None and pin.cell == cell and pin.port == port and bool(self.net.before(bit)[0])
+
+    def _source(self, row: Row) -> tuple[str, Cell] | None:
+        """Return the register that a row reads."""
+        return self.net.register(self.net.straight(self.net.cells[row.cells[0]].bit("DI")))
+
+    # ---- crossings ----
+
+    def _crossing(self, one: Sampled) -> Iterator[tuple[str, str, str, str]]:
+        """Yield the crossings to an input: both clocks' names, kind and place."""
+        target = self.net.name(one.clock)
+        row = self.firsts.get(one.pin.cell) if one.pin.port == "DI" else None
+        for source in self.net.sources([one.bit]):
+            if source.clock == one.clock:
+                continue
+            name = "pin" if source.clock is None else self.net.name(source.clock)
+            if row is not None:
+                yield name, target, self._kind(row), _fifo_of(row)
+            elif source.clock is None:
+                if any(fnmatch.fnmatchcase(source.name, pattern) for pattern in self.timed):
+                    yield name, target, "timed", re.sub(r"\[\d+\]$", "", source.name)
+                else:
+                    self.pins.setdefault((source.name, target), []).append(one.pin.cell)
+            elif source.memory and self._samples_fifo(one, source.name):
+                yield name, target, "memory", _place(source.name)
+            elif (held := self._held(one, source.name)) is not None:
+                yield name, target, "held", held
+            else:
+                self._is_wrong(
+                    f"{source.name} ({name}) reaches {one.pin.port} of {self.net.described(one.pin.cell)} ({target}) "
+                    "without a synchroniser"
+                )
+
+    def _kind(self, row: Row) -> str:
+        pointer = _pointer(row)
+        if pointer is not None and pointer[:2] in self.pointers:
+            return "Gray"
+        return "pulse" if self._is_pulse(row) else "bit"
+
+    def _is_pulse(self, row: Row) -> bool:
+        """Tell whether a row is one of a lipp_pulse_sync's two, which answer each other."""
+        place, _, name = row.place.rpartition(".")
+        rows = {other.place: other for other in self.firsts.values()}
+        there, back = rows.get(f"{place}.i_there"), rows.get(f"{place}.i_back")
+        if name not in ("i_there", "i_back") or there is None or back is None:
+            return False
+        level, answer = self._source(there), self._source(back)
+        if level is None or answer is None:
+            return False
+        before = self.net.sources([level[1].bit("DI"), level[1].bit("CE")])
+        return answer[1].bit("DI") == there.last and any(source.name == self.net.name(back.last) for source in before)
+
+    # ---- FIFOs ----
+
+    def _check_pointer(self, fifo: str, side: str, rows: dict[int, Row]) -> None:
+        """Check that a pointer of a FIFO crosses as registers of Gray code."""
+        where = f"{fifo}: the {side} pointer"
+        registers = [self._source(rows[k]) if k in rows else None for k in range(max(rows) + 1)]
+        found = [register for register in registers if register is not None]
+        if len(found) != len(registers) or len(found) < 3:
+            self._is_wrong(f"{where} crosses with {len(found)} of {len(registers)} bits from registers")
+            return
+        controls = {(self.net.clock(cell.bit("CLK")), cell.choice("CEMUX"), cell.bit("CE")) for _, cell in found}
+        if len(controls) != 1 or len({row.clock for row in rows.values()}) != 1:
+            self._is_wrong(f"{where} is of registers with more than one clock or enable")
+            return
+        wrong = self._gray([cell.bit("Q") for _, cell in found], controls.pop())
+        if wrong:
+            self._is_wrong(f"{where} {wrong}")
+
+    def _gray(self, outputs: list[Bit], control: tuple[Bit, str, Bit]) -> str:
+        """Step registers through their whole period; return why they are no counter in Gray code, or nothing."""
+        if len(outputs) > MOST_POINTER_BITS:
+            return f"has more than {MOST_POINTER_BITS} bits"
+        # The registers that the next state depends on, all with the same clock and enable.
+        state: dict[Bit, Cell] = {}
+        todo = list(outputs)
+        while todo:
+            bit = todo.pop()
+            register = self.net.register(bit)
+            if register is None or (
+                (self.net.clock(register[1].bit("CLK")), register[1].choice("CEMUX"), register[1].bit("CE")) != control
+            ):
+                return f"depends on {self.net.name(bit)}, which steps apart from it"
+            if bit not in state:
+                state[bit] = register[1]
+                todo += self._outputs_before(register[1].bit("DI"))
+        values: dict[Bit, int] = {bit: int(cell.choice("REGSET") == "SET") for bit, cell in state.items()}
+        seen = set()
+        for step in range(1 << len(outputs)):
+            word = tuple(values[bit] for bit in outputs)
+            if word in seen:
+                return f"comes back after {step} steps"
+            seen.add(word)
+            known = dict(values)
+            try:
+                values = {bit: self.net.value(cell.bit("DI"), known) for bit, cell in state.items()}
+            except KeyError as error:
+                return f"depends on {error.args[0]}"
+            changed = sum(values[bit] != old for bit, old in zip(outputs, word, strict=True))
+            if changed != 1:
+                return f"changes {changed} bits in one step"
+        return ""
+
+    def _outputs_before(self, bit: Bit) -> list[Bit]:
+        """Return the outputs of registers, and other bits without logic, that a bit depends on."""
+        found, todo = [], [bit]
+        while todo:
+            one = todo.pop()
+            inner, sources = self.net.before(one)
+            todo += inner
+            if sources:
+                found.append(one)
+        return found
+
+    def _samples_fifo(self, one: Sampled, memory: str) -> bool:
+        """Tell whether a register samples a FIFO's memory under an enable."""
+        cell = self.net.cells[one.pin.cell]
+        enabled = one.pin.port == "DI" and cell.choice("CEMUX") in ("CE", "INV")
+        return enabled and self._is_read_of_fifo(memory, one.clock, cell.bit("CE"))
+
+    def _is_read_of_fifo(self, memory: str, clock: Bit, enable: Bit) -> bool:
+        """Tell whether a FIFO's memory is read by a clock under an enable, both sides ruled by the pointers."""
+        fifo = _place(memory)
+        written, read = self.pointers.get((fifo, "written"), {}), self.pointers.get((fifo, "read"), {})
+        if not written or not read or any(row.clock != clock for row in written.values()):
+            return False
+        # The writer's enable depends on a register that compares with the read pointer.
+        cell = self.net.cells[memory]
+        wide = cell.kind == "DP16KD" and cell.bit("WEA") == "1"
+        inner = self._outputs_before(cell.bit("WRE" if cell.kind != "DP16KD" else "ADA0" if wide else "WEA"))
+        writer = [register[1].bit("DI") for bit in inner if (register := self.net.register(bit)) is not None]
+        return self._depends([enable], written.values()) and self._depends([*inner, *writer], read.values())
+
+    def _depends(self, bits: Iterable[Bit], rows: Iterable[Row]) -> bool:
+        """Tell whether logic depends on the last registers of all rows."""
+        before = {bit for one in bits for bit in self._outputs_before(one)}
+        return all(row.last in before for row in rows)
+
+    # ---- held words ----
+
+    def _held(self, one: Sampled, source: str) -> str | None:
+        """Return the serialiser whose held symbols an input samples, or None."""
+        pin = self.net.driver.get(one.bit)
+        if one.pin.port != "DI" or pin is None or self.net.cells[pin.cell].kind != "LUT4":
+            return None
+        table = self.net.cells[pin.cell]
+        ports = {port: table.bit(port) for port in "ABCD"}
+        held = [port for port, bit in ports.items() if self.net.name(bit) == source]
+        for port, bit in ports.items():
+            register = self.net.register(bit)
+            if port in held or register is None or self.net.clock(register[1].bit("CLK")) != one.clock:
+                continue
+            if any(not _depends_on(table.number("INIT"), held, port, choice) for choice in (0, 1)):
+                place = self._counted_from(bit, one.clock)
+                if place is not None:
+                    return place
+        return None
+
+    def _counted_from(self, bit: Bit, clock: Bit) -> str | None:
+        """Return the place of the `i_turn` that a register depends on through registers of its own clock."""
+        turns = {row.last: row.place for row in self.firsts.values() if row.place.endswith("i_turn")}
+        todo, seen = [bit], {bit}
+        while todo:
+            one = todo.pop()
+            if one in turns:
+                return turns[one].removesuffix("i_turn").rstrip(".")
+            register = self.net.register(one)
+            if register is None or self.net.clock(register[1].bit("CLK")) != clock:
+                continue
+            new = set(self._outputs_before(register[1].bit("DI"))) - seen
+            seen |= new
+            todo += new
+        return None
+
+    # ---- resets and clocks ----
+
+    def _resets(self) -> dict[tuple[str, str, str], int]:
+        """Check the asynchronous resets; return the number of registers that each resets, by where it comes from."""
+        found: dict[tuple[str, str, str], int] = {}
+        for one in self.net.asynchronous_resets():
+            bit = self.net.straight(one.bit)
+            if isinstance(bit, str):
+                continue
+            target = self.net.name(one.clock)
+            register = self.net.register(bit)
+            clock = None if register is None else self.net.clock(register[1].bit("CLK"))
+            if clock != one.clock and one.pin.cell not in self.of_reset:
+                what = "logic" if self.net.before(bit)[0] else "another clock" if register is not None else "a pin"
+                self._is_wrong(
+                    f"{self.net.described(one.pin.cell)} ({target}) is reset by {self.net.name(bit)}, {what}; take a "
+                    "lipp_reset_sync's reset"
+                )
+            key = ("pin" if clock is None else self.net.name(clock), target, self.net.name(bit))
+            found[key] = found.get(key, 0) + 1
+        return found
+
+    def _check_clocks(self) -> None:
+        """Refuse clocks that logic makes."""
+        for one in self.net.sampled():
+            if isinstance(one.clock, int) and self.net.before(one.clock)[0]:
+                self._is_wrong(f"the clock {self.net.name(one.clock)} of {one.pin.cell} is made by logic")
+
+
+_GLITCH = "a glitch may be sampled"
+_ENABLES = "only a lipp_async_fifo's pointers may rule that"
+_SIDE_BY_SIDE = "they may arrive in different clocks; take a lipp_async_fifo"
+
+
+def _pointer(row: Row) -> tuple[str, str, int] | None:
+    """Return the FIFO, the direction and the bit of a row that has the name of a FIFO's pointer."""
+    found = re.fullmatch(r"(?:(.*)\.)?gen_bit\[(\d+)\]\.i_(written|read)", row.place)
+    return (found[1] or "", found[3], int(found[2])) if found else None
+
+
+def _fifo_of(row: Row) -> str:
+    """Return the place of a crossing: the FIFO or the pulse synchroniser, or the row alone."""
+    pointer = _pointer(row)
+    if pointer is not None:
+        return f"{pointer[0]} {pointer[1]}"
+    return re.sub(r"\.i_(there|back)$", "", row.place)
+
+
+def _place(memory: str) -> str:
+    """Return the FIFO that a memory's cell has the name of."""
+    return re.sub(r"\.words\..*", "", memory)
+
+
+def _depends_on(table: int, held: Sequence[str], choice: str, value: int) -> bool:
+    """Tell whether a table of four inputs depends on the held ones while the choosing input has a value."""
+    places = {port: 1 << k for k, port in enumerate("ABCD")}
+    mask = sum(places[port] for port in held)
+    outputs: dict[int, set[int]] = {}
+    for at in range(16):
+        if bool(at & places[choice]) == bool(value):
+            outputs.setdefault(at & ~mask, set()).add(table >> at & 1)
+    return any(len(some) > 1 for some in outputs.values())
+
+
+def check(netlist: Netlist, timed: Sequence[str] = ()) -> Found:
+    """Check all crossings of a netlist."""
+    return Check(netlist, timed).run()
+
+
+@click.command()
+@click.argument("netlist", type=click.Path(path_type=Path))
+@click.option("--top", help="Module of the netlist.  [default: its top]")
+@click.option("--timed", multiple=True, metavar="PATTERN", help="Pins that registers may sample, such as 'sdram_d*'.")
+def main(netlist: Path, top: str | None, timed: tuple[str, ...]) -> None:
+    """List the clock crossings of a netlist; exit 4 when one is not a synchroniser of the project.
+
+    Example: python -m tools.crossings build/netlist.json --timed 'sdram_d*'
+    """
+    found = check(read_netlist(netlist, top), timed)
+    for one in found.crossings:
+        click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
+    for line in found.wrong[1:20]:
+        log(line)
+    if found.wrong:
+        more = f" (and {len(found.wrong) - 1} more)" if len(found.wrong) > 1 else ""
+        raise CrossingError(f"{found.wrong[0]}{more}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

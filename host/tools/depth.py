@@ -1,0 +1,163 @@
+"""Depths that the founding paper's set-ups show, by the parallax of a moving eye (`tools.bench depth`).
+
+A soft bright mark on the axis, at the depth of each object of the fish scene, is captured and shown. An eye moves along
+x, and the centre of its view is followed across the plane of the display. A point at depth z moves by -z / (E - z) for
+each mm that an eye at distance E moves: the slope of the fitted line gives the depth.
+
+There are three eyes. The first sees each lenslet through its centre and stays near the axis, as the lens equations
+assume. The second sees through whole, exact lenslets: where the gap is not their focal length, they spread its view
+over a wide part of the imaging lens, whose spherical aberration adds an error. The third sees through the centres and
+moves far.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lippmann.base.images import Radiance
+from lippmann.base.variant import mitsuba
+from lippmann.capturing.capture import capture
+from lippmann.capturing.depths import shown_depth
+from lippmann.capturing.setup import Setup, load_setup
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Floats, Model
+from lippmann.rendering.renderer import Settings
+from lippmann.scenes.placement import Placement, placement_beside
+from lippmann.scenes.scene import Scene, load_scene
+
+#: Depths of the fish scene's objects in its own frame, mm: the middle of the fish, and the stems.
+OBJECTS = {"fish": 6.0, "stem 1": -20.0, "stem 2": -45.0, "stem 3": -70.0, "stem 4": -100.0, "stem 5": -115.0}
+SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
+EYE_DISTANCE_MM = 600.0
+#: The eye's places along x, mm: so near the axis that rays stay in the middle of the imaging lens.
+EYES_MM = np.linspace(-5.0, 5.0, 9)
+#: Places of an eye that moves as far as viewers do: its rays reach the outer parts of the imaging lens.
+WIDE_EYES_MM = np.linspace(-30.0, 30.0, 9)
+#: The part of the display that shows a mark, in lenslets, and the pixels across each lenslet: a whole number, so that
+#: rotation is exact, and finer than the print's, where such a small move of an eye shifts the view by a pixel or two.
+STRIP, PIXELS = (25, 1), 240
+#: Where rays to marks start, mm before the object's centre: one plane for all marks, so that one program renders all.
+NEAR_MM = 100.0
+#: Standard deviation of a mark's image, mm: small, yet too smooth for lenslets of 1 mm to alias it; and where it ends.
+MARK_MM = 0.8
+MARK_SIGMAS = 3.5
+MARK_TEXELS = 256
+#: Bound on the error of a depth, as a share of its magnitude.
+SHARE = 0.05
+#: The eye's places for the views of the fish, mm.
+VIEW_EYES_MM = (-10.0, 10.0)
+
+#: A moving eye: it sees through the lenslets' centres ("pinhole") or whole lenslets ("exact"), from places on x, mm.
+Look = tuple[Model, Floats]
+CENTRES: Look = ("pinhole", EYES_MM)
+LENSLETS: Look = ("exact", EYES_MM)
+WIDE: Look = ("pinhole", WIDE_EYES_MM)
+
+
+def judged(row: dict[str, Any]) -> dict[str, Any]:
+    """Add to a depth the errors, per cent of its magnitude, of the eye near the axis and of the one that moves far.
+
+    `kept` tells whether the depth near the axis has the right sign and a magnitude within the bound.
+    """
+    error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
+    return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
+
+
+def mark_scene(setup: Setup, z_mm: float) -> Scene:
+    """Return a scene of one soft mark on the axis at a depth (below NEAR_MM) of the object's frame, facing the lens."""
+    mi = mitsuba()
+    x = (np.arange(MARK_TEXELS) + 0.5) * (2.0 / MARK_TEXELS) - 1.0
+    profile = np.exp(-0.5 * (MARK_SIGMAS * x) ** 2).astype(np.float32)
+    brightness = np.repeat(np.outer(profile, profile)[:, :, None], 3, axis=2)
+    half_mm = MARK_SIGMAS * MARK_MM / abs(setup.magnification)
+    mark = {
+        "type": "rectangle",
+        "to_world": mi.ScalarTransform4f().translate([0.0, 0.0, z_mm]).scale(half_mm),
+        "emitter": {"type": "area", "radiance": {"type": "bitmap", "bitmap": mi.Bitmap(brightness), "raw": True}},
+    }
+    scene = mi.load_dict({"type": "scene", "mark": mark})
+    return Scene(Path("mark"), scene, Placement(near_mm=NEAR_MM, far_mm=z_mm))
+
+
+def measure_depths(
+    setup: Setup, z_mm: float, rotated: bool, looks: tuple[Look, ...] = (CENTRES,), seed: int = 0
+) -> list[float]:
+    """Return the depth (mm, positive in front of the display) at which each of some moving eyes sees a captured point.
+
+    The point is on the axis, at `z_mm` in the object's frame; the set-up's display shows its picture. `rotated` tells
+    whether elemental images are rotated by 180 degrees.
+    """
+    settings = Settings(integrator="direct", seed=seed)
+    picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).radiance
+    display = setup.display
+    window = whole_window(display, 5 * round(display.panel.width_mm / display.array.pitches_mm[0]))
+    x = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
+    depths = []
+    for model, eyes_mm in looks:
+        centres = []
+        for eye in eyes_mm:
+            view = observe(picture, display, Eye((float(eye), 0.0, EYE_DISTANCE_MM)), window, model=model)
+            light = view.radiance.sum(axis=(0, 2), dtype=np.float64)
+            centres.append(float((light * x).sum() / light.sum()))
+        slope = float(np.polyfit(eyes_mm, centres, 1)[0])
+        depths.append(EYE_DISTANCE_MM * slope / (slope - 1.0))
+    return depths
+
+
+def strip_of(setup: Setup) -> Setup:
+    """Return the set-up with a strip from the middle of its display, in finer pixels."""
+    width_px, height_px = (count * PIXELS for count in STRIP)
+    pitch_mm = setup.display.array.pitches_mm[0] / PIXELS
+    panel = replace(setup.display.panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch_mm)
+    return replace(setup, display=replace(setup.display, panel=panel))
+
+
+def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure every object in every set-up, with elemental images rotated and as captured.
+
+    Depths of images are in mm before the display: by the lens equations, and for each of the eyes.
+    """
+    for name in SETUPS:
+        setup = strip_of(load_setup(folder / f"setups/{name}.toml"))
+        placement = setup.subject.placement
+        for rotated, (thing, z) in itertools.product((True, False), OBJECTS.items()):
+            z_mm = placement.scale * z + placement.offset_mm[2]
+            centres_mm, lenslets_mm, wide_mm = measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
+            yield judged(
+                {
+                    "setup": name,
+                    "array_position_mm": setup.position_mm,
+                    "gap_mm": setup.display.gap_mm,
+                    "rotated": rotated,
+                    "thing": thing,
+                    "object_mm": setup.subject.distance_mm - z_mm,
+                    "image_mm": float(setup.image_distance(z_mm)),
+                    "theory_mm": float(shown_depth(setup, z_mm, rotated)),
+                    "centres_mm": centres_mm,
+                    "lenslets_mm": lenslets_mm,
+                    "wide_mm": wide_mm,
+                }
+            )
+
+
+def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
+    """Return two eyes' views of the fish in every set-up, once also without rotation; and captions."""
+    path = folder / "fish/fish.xml"
+    views, captions = [], []
+    for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
+        setup = load_setup(folder / f"setups/{name}.toml")
+        scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
+        picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).radiance
+        # One pixel for each lenslet, magnified.
+        window = whole_window(setup.display)
+        for x in VIEW_EYES_MM:
+            seen = observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance
+            views.append(np.kron(seen, np.ones((3, 3, 1), np.float32)))
+            note = "" if rotated else ", not rotated"
+            captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{note}")
+    return views, captions

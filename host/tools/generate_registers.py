@@ -1,0 +1,255 @@
+"""Generates RTL, host data and documentation from rtl/registers.rdl, the one definition of the registers.
+
+`python -m tools.generate_registers` (`make registers`) writes them.
+"""
+
+# Nothing here imports lippmann.fixed.register_map: a missing or broken data file must not stop its own generator.
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import tempfile
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import jinja2
+from lippmann.cli import run
+from lippmann.errors import InputError, MissingLibraryError
+from lippmann.simulation.toolchain import PREFIX, repository
+
+SOURCE = Path("rtl/registers.rdl")
+RTL = Path("rtl/registers")
+DATA = Path("host/lippmann/registers")
+PAGES = Path("docs/reference")
+_BY = f"Generated from {SOURCE} by `make registers`; do not edit."
+_SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
+
+
+class _Map(NamedTuple):
+    """An address map of the definition, and the files that are made from it."""
+
+    name: str
+    rtl_map: str  # the part of the map that becomes SystemVerilog
+    data: str  # in DATA
+    page: str  # in PAGES; also the name of its template
+    base: int  # its address on the board
+
+
+_MAPS = (
+    _Map("optics_block", "optics_registers", "optics.json", "registers.md", 0x200),
+    _Map("board_registers", "board_registers", "board.json", "board-registers.md", 0x000),
+    _Map("scene_block", "scene_registers", "scene.json", "scene-registers.md", 0x400),
+)
+
+#: A register or a field, as lippmann.fixed.register_map reads it; items with their default values are left out.
+_Entry = dict[str, Any]
+
+
+def generate(top: Path, into: Path) -> list[Path]:
+    """Write every file that is made from the definition in `top` into `into`; return the files, relative.
+
+    Raises InputError when the definition is wrong: PeakRDL has printed where; MissingLibraryError without PeakRDL.
+    """
+    try:
+        from peakrdl_regblock.udps import ALL_UDPS  # type: ignore[import-untyped]
+        from systemrdl.compiler import RDLCompiler
+        from systemrdl.messages import RDLCompileError
+    except ImportError:
+        raise MissingLibraryError("PeakRDL is missing; run make setup") from None
+    texts: dict[Path, str] = {}
+    writable: set[int] = set()
+    try:
+        compiler = RDLCompiler()
+        for definition in ALL_UDPS:
+            compiler.register_udp(definition, soft=True)
+        compiler.compile_file(str(top / SOURCE))
+        for part in _MAPS:
+            texts |= _rtl(compiler.elaborate(part.rtl_map))
+            whole = compiler.elaborate(part.name).top
+            registers = dict(_registers(whole))
+            texts[DATA / part.data] = json.dumps({"comment": _BY, "registers": registers}, indent=1) + "\n"
+            texts[PAGES / part.page] = _page(part.page, whole, registers)
+            writable |= {
+                part.base + register["address"] + 4 * entry
+                for register in registers.values()
+                if "write" in register["access"]
+                for entry in range(register.get("entries", 1))
+            }
+    except RDLCompileError:
+        raise InputError(f"{SOURCE} is wrong: see the messages above") from None
+    texts[RTL / f"{PREFIX}board_map_pkg.sv"] = _board_map(writable)
+    for path, text in texts.items():
+        (into / path).parent.mkdir(parents=True, exist_ok=True)
+        (into / path).write_text(text)
+    return list(texts)
+
+
+def _rtl(root: Any) -> dict[Path, str]:
+    """Return the register block, an APB4 completer, and its package."""
+    from peakrdl_regblock import RegblockExporter  # type: ignore[import-untyped]
+    from peakrdl_regblock.cpuif.apb4 import APB4_Cpuif_flattened  # type: ignore[import-untyped]
+
+    with tempfile.TemporaryDirectory() as work:
+        RegblockExporter().export(
+            root,
+            work,
+            cpuif_cls=APB4_Cpuif_flattened,
+            module_name=PREFIX + root.top.inst_name,
+            default_reset_activelow=True,
+            default_reset_async=True,
+            reuse_hwif_typedefs=False,
+            retime_read_fanin=True,
+            err_if_bad_addr=True,
+            err_if_bad_rw=True,
+        )
+        texts = {made.name: made.read_text().rstrip() for made in sorted(Path(work).iterdir())}
+    block = f"{PREFIX}{root.top.inst_name}.sv"
+    texts[block] = _registered_decode(texts[block])
+    return {RTL / name: f"{_SPDX}// {_BY}\n{text}\n" for name, text in texts.items()}
+
+
+def _registered_decode(block: str) -> str:
+    """Return PeakRDL's register block with a register behind its address decoder.
+
+    The enables of all the fields hang on the decoder, across the whole device: without the register this way limits
+    the clock. An access takes a clock more; address and data stand still until it is answered. The register of a
+    strobe is set for writes alone, for reads do not look at it; the data are masked in the same clock.
+    """
+    before, rest = block.split("    // Address Decode\n")
+    decode, after = rest.split("    // Field logic\n")
+    decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
+    decode = re.sub(r"(decoded_reg_strb\S* <= [^;]*\))(?: & cpuif_req_is_wr)?;", r"\1 & cpuif_req_is_wr;", decode)
+    if re.search(r"decoded_reg_strb\S* <= (?![^;]*cpuif_req_is_wr;)", decode):
+        raise InputError("PeakRDL-regblock's address decoder has another form: a strobe tells no write from a read")
+    after = re.sub(r"(decoded_reg_strb\S*) && decoded_req_is_wr\)", r"\1)", after)
+    after = re.sub(r"\((decoded_wr_data\S*) & decoded_wr_biten\S*\);", r"\1;", after)
+    for old, new in (
+        ("always_comb begin", "always_ff @(posedge clk) begin"),
+        (" & decoded_req;", " & cpuif_req_masked;"),
+        (
+            "    assign decoded_req = cpuif_req_masked;\n    assign decoded_req_is_wr = cpuif_req_is_wr;\n",
+            "    always_ff @(posedge clk or negedge arst_n) begin\n"
+            "        if(~arst_n) {decoded_req, decoded_req_is_wr} <= '0;\n"
+            "        else {decoded_req, decoded_req_is_wr} <= {cpuif_req_masked, cpuif_req_masked & cpuif_req_is_wr};\n"
+            "    end\n",
+        ),
+        (
+            "    assign decoded_wr_data = cpuif_wr_data;\n    assign decoded_wr_biten = cpuif_wr_biten;\n",
+            "    always_ff @(posedge clk) begin\n"
+            "        decoded_wr_data <= cpuif_wr_data & cpuif_wr_biten;\n"
+            "        decoded_wr_biten <= cpuif_wr_biten;\n"
+            "    end\n",
+        ),
+    ):
+        if not counts or decode.count(old) != 1:
+            raise InputError(f"PeakRDL-regblock's address decoder has another form: no {old.strip()!r}")
+        decode = decode.replace(old, new)
+    return f"{before}    // Address Decode\n{decode}    // Field logic\n{after}"
+
+
+def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[str, _Entry]]:
+    """Yield name and entry of each register and memory of an address map, or of a group of one."""
+    from systemrdl.node import AddrmapNode, MemNode, RegfileNode
+
+    for child in node.children(unroll=True):
+        heading = child.get_property("name") if "name" in child.list_properties() else ""
+        if isinstance(child, AddrmapNode):
+            yield from _registers(child)
+            continue
+        if isinstance(child, RegfileNode):
+            yield from _registers(child, child.inst_name, heading)
+            continue
+        name = f"{group}_{child.inst_name}" if group else child.inst_name
+        entry = {"address": child.absolute_address, "group": group, "title": title or heading}
+        if isinstance(child, MemNode):
+            entry["access"] = _access(child.is_sw_readable, child.is_sw_writable)
+            entry["entries"] = child.get_property("mementries")
+            entry["description"] = _line(child.get_property("desc") or "")
+        else:
+            entry["access"] = _access(child.has_sw_readable, child.has_sw_writable)
+            entry["fields"] = {field.inst_name: _field(field, entry["access"]) for field in child.fields()}
+        yield name, _without_defaults(entry)
+
+
+def _access(readable: bool, writable: bool) -> str:
+    return ", ".join(["read"] * readable + ["write"] * writable)
+
+
+def _field(node: Any, access: str) -> _Entry:
+    description = node.get_property("desc")
+    if not description:
+        raise InputError(f"{SOURCE}: field {node.get_path()} has no desc")
+    if _access(node.is_sw_readable, node.is_sw_writable) != access:
+        raise InputError(f"{SOURCE}: field {node.get_path()} has not the access of its register, {access}")
+    names = [(member.value, member.name) for member in node.get_property("encode") or ()]
+    if names:
+        description += f" {', '.join(f'{value} {name}' for value, name in names)}."
+    entry = {
+        "low": node.low,
+        "width": node.width,
+        "reset": node.get_property("reset"),
+        "signed": bool(node.get_property("is_signed")),
+        "fraction": node.get_property("fraction"),
+        "unit": node.get_property("unit"),
+        "description": _line(description),
+        "names": names,
+    }
+    return _without_defaults(entry, keep=("low", "reset"))
+
+
+def _without_defaults(entry: _Entry, keep: tuple[str, ...] = ("address",)) -> _Entry:
+    return {key: value for key, value in entry.items() if value or (key in keep and value is not None)}
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _board_map(writable: set[int]) -> str:
+    """Return the package that tells which words can be written, as ranges of addresses."""
+    firsts = sorted(at for at in writable if at - 4 not in writable)
+    lasts = sorted(at for at in writable if at + 4 not in writable)
+    ranges = ",\n      ".join(f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True))
+    return (
+        f"{_SPDX}// {_BY}\n/// Which words of a board with every block and layer can be written, byte addresses.\n"
+        f"package {PREFIX}board_map_pkg;\n"
+        f"  function automatic logic writable(logic [10:0] at);\n    return at inside {{\n      {ranges}\n    }};\n"
+        "  endfunction\nendpackage\n"
+    )
+
+
+def _page(template: str, top: Any, registers: dict[str, _Entry]) -> str:
+    """Return the documentation's page: a table for each group of registers."""
+    templates = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return templates.get_template(template).render(
+        by=_BY,
+        name=top.get_property("name").lower(),
+        description=_line(top.get_property("desc")),
+        sections=[(title, list(some)) for title, some in groupby(registers.items(), lambda item: item[1]["title"])],
+    )
+
+
+@click.command()
+@click.argument("folder", required=False, type=click.Path(path_type=Path))
+def main(folder: Path | None) -> None:
+    """Write every file that is made from rtl/registers.rdl into the checkout, or into FOLDER with the same paths.
+
+    Example: python -m tools.generate_registers
+    """
+    checkout = repository()
+    for path in generate(checkout, folder or checkout):
+        click.echo(path)
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,235 @@
+"""`make mutation-host`: puts faults into the host's Python one at a time and counts how many the quick tests catch.
+
+A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops
+a statement. It is made in a copy of the checkout. The tests of tests/host that execute the faulty line run, up to the
+first failure; then those of `LAST`, which simulate the RTL. A fault is caught when a test fails that passes without it.
+Tests that execute the line in another process alone do not run: a fault that only they see counts as a survivor.
+
+Docstrings, annotations, decorators and the texts of errors stay as they are.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import click
+import coverage
+from asttokens import ASTText
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.simulation.toolchain import repository
+
+from tools.source_faults import FEW, Fault, Scratch, options, report_faults
+
+PACKAGE = Path("host/lippmann")
+#: Parts of the package that get as many faults as each other.
+AREAS = (("display.py",), ("optics",), ("fixed",), ("link", "board"), ("rendering",))
+#: Tests that run last, by the part of the package: they simulate the RTL.
+LAST = {
+    "fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"),
+    "link": ("tests/system",),
+    "board": ("tests/system",),
+}
+#: The tests that run first, but for this program's own, and how they are measured.
+TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
+MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
+
+#: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
+SAME = {
+    ("display.py", "0.5 * math.hypot(top, px + shear * top)"): "the legs of a triangle in either order",
+    ("optics/exact.py", "ray._replace(z=0.0 / ray.z"): "the rays are at the last face, whose z is not 0: 0 either way",
+    ("optics/pixel_rays.py", "FARTHEST_LENSLETS = 1 << 29"): "the indices of twice that distance fit into 32 bits too",
+    ("display.py", "return pitch_mm[1] if isinstance(pitch_mm, tuple)"): "the first of two equal numbers is the second",
+    ("rendering/remarks.py", "settings.seed ^ 2"): "any other seed",
+    ("board/drawn_loop.py", "in zip(wanted, shown, "): "pixels that differ, whichever frame comes first",
+}
+
+#: Operators, and the wrong one in place of each.
+SWAPS: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.FloorDiv: ("//", "*"),
+    ast.Mod: ("%", "*"), ast.Pow: ("**", "*"), ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"),
+    ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"), ast.BitXor: ("^", "|"), ast.And: ("and", "or"),
+    ast.Or: ("or", "and"), ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">"),
+    ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="), ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"),
+    ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
+}  # fmt: skip
+
+#: Begin and end in a file, and the text that comes there.
+Edit = tuple[int, int, str]
+
+
+def faults_of(path: Path, file: str) -> list[Fault]:
+    """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
+    source, found = path.read_text(), []
+    tree = ast.parse(source)
+    for begin, end, new in sorted(set(_edits(source, ASTText(source, tree).get_text_range, tree))):
+        first, last = source.rfind("\n", 0, begin) + 1, source.find("\n", end)
+        now = source[first:begin] + new + source[end:last]
+        found.append(Fault(file, source.count("\n", 0, first) + 1, source[first:last], now))
+    return found
+
+
+def differs(fault: Fault, text: str) -> bool:
+    """Tell whether a fault makes another program of a file's text, and one that is Python."""
+    try:
+        return ast.dump(ast.parse(fault.changed(text))) != ast.dump(ast.parse(text))
+    except SyntaxError:
+        return False
+
+
+def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AST) -> Iterator[Edit]:
+    """Yield the edits of a node and of the nodes below it; `span` tells where a node begins and ends in the source."""
+
+    def text(part: ast.AST) -> str:
+        return source[slice(*span(part))]
+
+    for left, operator, right in _operators(node):
+        was, now = SWAPS.get(type(operator), ("", ""))
+        begin = span(left)[1]
+        found = re.search(re.escape(was).replace(r"\ ", r"\s+"), source[begin : span(right)[0]])
+        if was and found:
+            yield begin + found.start(), begin + found.end(), now
+    match node:
+        case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
+            yield *span(node), "pass"
+        case ast.UnaryOp(operand=operand):
+            yield *span(node), text(operand)
+        case ast.Constant(value=bool(value)):
+            yield *span(node), str(not value)
+        case ast.Constant(value=int(value)):
+            yield *span(node), str(value + 1)
+        case ast.Constant(value=float(value)):
+            yield *span(node), repr(1.1 * value or 1.0)
+        case ast.Call(args=arguments) if not _is_cast(node):
+            for one, two in pairwise(arguments):
+                if not isinstance(one, ast.Starred) and not isinstance(two, ast.Starred):
+                    (begin, end), (start, stop) = span(one), span(two)
+                    yield begin, stop, f"{text(two)}{source[end:start]}{text(one)}"
+        case ast.If(test=test) | ast.While(test=test) | ast.IfExp(test=test) if text(test) != "TYPE_CHECKING":
+            yield *span(test), f"not ({text(test)})"
+    for child in _below(node):
+        yield from _edits(source, span, child)
+
+
+def _operators(node: ast.AST) -> Iterable[tuple[ast.AST, ast.AST, ast.AST]]:
+    """Return a node's own operators, each between its operands."""
+    match node:
+        case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
+            return [(left, op, right)]
+        case ast.Compare(left=left, ops=ops, comparators=right):
+            return zip([left, *right], ops, right, strict=False)
+        case ast.BoolOp(op=op, values=values):
+            return [(left, op, right) for left, right in pairwise(values)]
+    return ()
+
+
+def _is_cast(node: ast.Call) -> bool:
+    return isinstance(node.func, ast.Name) and node.func.id == "cast"
+
+
+def _below(node: ast.AST) -> Iterable[ast.AST]:
+    """Return the nodes below one that may have faults: no annotations, decorators, or texts of errors."""
+    match node:
+        case ast.Raise() | ast.JoinedStr() | ast.AnnAssign(value=None):  # 3.11 does not place the parts of f-strings
+            return ()
+        case ast.AnnAssign(value=ast.AST() as value):
+            return (value,)
+        case ast.FunctionDef(args=arguments, body=body):
+            return *arguments.defaults, *filter(None, arguments.kw_defaults), *body
+        case ast.ClassDef(body=body):
+            return body
+        case ast.Call() if _is_cast(node):
+            return (node.args[1],)
+    return ast.iter_child_nodes(node)
+
+
+# ---- which tests execute a line ----
+
+
+class Reach:
+    """The tests that execute each line of the package, from one run of them without a fault."""
+
+    def __init__(self, scratch: Scratch) -> None:
+        log("running the tests once, to see which of them execute each line")
+        scratch.run([*MEASURED, *TESTS], scratch.jobs)
+        self._data = coverage.CoverageData(str(scratch.folder / ".coverage"))
+        self._data.read()
+        self._folder = scratch.folder
+        # A test that executes little of the package is quick, and says most about what it executes.
+        self._lines = Counter(
+            test
+            for file in self._data.measured_files()
+            for contexts in self._data.contexts_by_lineno(file).values()
+            for test in map(_test_of, contexts)
+        )
+
+    def tests(self, fault: Fault) -> list[str]:
+        """Return the tests that execute a line of a fault, those that execute least of the package first.
+
+        Of a line that runs when its file is imported, a constant: those that execute any line of the file.
+        """
+        contexts = self._data.contexts_by_lineno(str(self._folder / fault.file))
+        lines = range(fault.line, fault.line + fault.was.count("\n") + 1)
+        found = {_test_of(context) for line in lines for context in contexts.get(line, ())} - {""}
+        found = found or {_test_of(context) for each in contexts.values() for context in each} - {""}
+        return sorted(found, key=lambda test: (self._lines[test], test))
+
+
+@cache
+def _reach(scratch: Scratch) -> Reach:
+    return Reach(scratch)
+
+
+def _test_of(context: str) -> str:
+    """Return the test of a context such as "tests/host/test_glass.py::test_index|run"."""
+    return context.rpartition("|")[0]
+
+
+def _last(file: str) -> list[str]:
+    """Return the tests of a file that simulate the RTL."""
+    area, stem = Path(file).relative_to(PACKAGE).parts[0], Path(file).stem
+    own = repository() / "tests" / "rtl" / stem
+    return [*([f"tests/rtl/{stem}"] if area == "fixed" and own.is_dir() else []), *LAST.get(area, ())]
+
+
+# ---- trying a fault ----
+
+
+def fate(fault: Fault, scratch: Scratch) -> str:
+    """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
+    if not differs(fault, (scratch.folder / fault.file).read_text()):
+        return "refused"
+    near = _reach(scratch).tests(fault)
+    return scratch.fate(fault, [near[:FEW], near[FEW:]], [_last(fault.file)])
+
+
+def groups(top: Path) -> dict[str, list[Fault]]:
+    """Return the faults of each area."""
+    files = [path.relative_to(top) for path in sorted((top / PACKAGE).rglob("*.py"))]
+    return {
+        ", ".join(parts): [
+            fault for file in files if file.parts[2] in parts for fault in faults_of(top / file, str(file))
+        ]
+        for parts in AREAS
+    }
+
+
+@click.command(params=options(60))
+def main(**chosen: Any) -> None:
+    """Put faults into the host's Python and report how many the quick tests catch.
+
+    Example: python -m tools.host_mutation --count 5 --report out
+    """
+    report_faults("host_mutation", groups(repository()), fate, SAME, **chosen)
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,82 @@
+"""Lints every RTL module alone with Verilator: `python -m tools.lint`, a part of `make lint`."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import click
+from lippmann.board.fpga_boards import FpgaBoard, fpga_boards
+from lippmann.cli import run
+from lippmann.cli.output import log
+from lippmann.simulation.toolchain import PREFIX, needed, repository, rtl_folders, rtl_sources, verilator_environment
+
+
+def folder_of_modules() -> dict[str, str]:
+    """Return the hand-written modules of rtl/, without their prefix, each with its folder."""
+    paths = (path for path in rtl_sources(repository()) if path.parent.name != "registers")
+    return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
+
+
+def elaborated(
+    module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int | str], timeout: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Elaborate a module with Verilator; packages come first in `files`. The time-out is in seconds."""
+    command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
+    command += [f"-G{name}={value}" for name, value in parameters.items()]
+    command += map(str, files)
+    environment = verilator_environment()
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=timeout)
+
+
+def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subprocess.CompletedProcess[str]:
+    """Elaborate a module alone, with all warnings, from the files that it needs.
+
+    Only its folder is searched, and those that it may build upon. Raises MissingLibraryError without Verilator, and
+    subprocess.TimeoutExpired after a minute: a refused module must not compute its tables first.
+    """
+    top = repository()
+    found: list[Path] = []
+    for some in rtl_folders(top).values():
+        found += some
+        if any(path.stem == PREFIX + module for path in some):
+            break
+    packages_first = sorted(found, key=lambda path: not path.stem.endswith("_pkg"))
+    files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, packages_first)]
+    return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
+
+
+def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
+    """Elaborate the top of an FPGA board, with all warnings; of its vendor's cells only the ports are known."""
+    top = repository()
+    own = {path.stem: path for folder in board.folders for path in sorted(folder.glob("*.sv"))}
+    settings = [top / "rtl" / folder / "lint.vlt" for folder in ("registers", "ecp5")]
+    files = needed(board.top, {path.stem: path for path in rtl_sources(top)} | own)
+    return elaborated(board.top, [*settings, *files, top / "rtl" / "ecp5" / "black_boxes.v"], "-Wall", parameters={})
+
+
+@click.command()
+def main() -> None:
+    """Lint every module, and every FPGA board, with its default parameters; exit 1 when Verilator warns about one.
+
+    Example: python -m tools.lint
+    """
+    modules, boards = sorted(folder_of_modules()), fpga_boards()
+    bad = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = [*pool.map(lint, modules), *pool.map(lint_board, boards.values())]
+    for name, done in zip([*modules, *boards], found, strict=True):
+        if done.returncode or done.stderr.strip():
+            bad.append(name)
+            click.echo(done.stderr, err=True)
+    said = f"{len(modules)} RTL modules and {len(boards)} boards: no warning"
+    log(f"{', '.join(bad)}: mend the warnings above" if bad else said)
+    sys.exit(bool(bad))
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

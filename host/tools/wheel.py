@@ -1,0 +1,43 @@
+"""Puts the RTL, and the C++ of its simulations, into the wheel and the source archive (pyproject.toml)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools.command.build_py import build_py
+
+#: What an installed package needs of the checkout: patterns of files.
+CARRIED = ("rtl/*", "rtl/*/*", "rtl/board/*/*", "sim/batch/*", "sim/board/*")
+#: Their folder in the package; `lippmann.simulation.toolchain.hardware` returns it. setuptools imports this file alone,
+#: without the package, so the name is written twice.
+INSTALLED = "hardware"
+
+
+def carried() -> list[str]:
+    """Return the files, relative to the checkout, which is the working directory during a build."""
+    return sorted(str(path) for pattern in CARRIED for path in Path().glob(pattern) if path.is_file())
+
+
+class BuildPy(build_py):  # type: ignore[misc]
+    """setuptools' command with the RTL's files behind the package's own."""
+
+    def run(self) -> None:
+        """Copy the package, then the RTL. An editable installation uses the checkout's."""
+        super().run()
+        for source, target in self._pairs():
+            self.mkpath(str(Path(target).parent))
+            self.copy_file(source, target)
+
+    def get_source_files(self) -> list[str]:
+        """Return the files of a source archive."""
+        return [*super().get_source_files(), *carried()]
+
+    def get_outputs(self, include_bytecode: bool = True) -> list[str]:
+        """Return the files that the command makes."""
+        return [*super().get_outputs(include_bytecode), *(target for _, target in self._pairs())]
+
+    def _pairs(self) -> list[tuple[str, str]]:
+        if self.editable_mode:
+            return []
+        place = Path(self.build_lib, "lippmann", INSTALLED)
+        return [(source, str(place / source)) for source in carried()]
