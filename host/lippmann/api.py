@@ -20,6 +20,7 @@ import numpy as np
 from lippmann import __version__
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
+from lippmann.base.progress import Progress
 from lippmann.base.variant import VARIANTS, own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
@@ -43,7 +44,7 @@ from lippmann.optics.rays import Engine, Model
 from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
 from lippmann.rendering.integral_image import IntegralImage, check_image
 from lippmann.rendering.remarks import overridden
-from lippmann.rendering.renderer import Progress, Settings, Shading, check_memory
+from lippmann.rendering.renderer import Settings, Shading, check_memory
 from lippmann.rendering.samples import colours_of
 from lippmann.rendering.sources import Aperture, Window
 from lippmann.scenes.arrange import arranged

@@ -50,6 +50,14 @@ class NoSpaceError(LippmannError):
     exit_code = 3
 
 
+class LippmannWarning(UserWarning):
+    """A remark on a result that is valid but may not be what the user wants: `warnings.warn(text, LippmannWarning)`.
+
+    The command line shows it on stderr as "note: text". What a command does by itself goes to
+    `logging.getLogger("lippmann")` instead, at level INFO, and is shown as it is.
+    """
+
+
 #: The errors whose line says where, what and the remedy.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 

@@ -1,15 +1,17 @@
 """What files and names bring to the terminal, and to other programs."""
 
-import itertools
+import logging
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import click
 import numpy as np
 import pytest
 from lippmann import errors
-from lippmann.cli import output, run
+from lippmann.base import progress as work_progress
+from lippmann.cli import output, progress_bar, run
 from lippmann.motion.video import write_video
 from lippmann.rendering import cluster
 
@@ -58,19 +60,62 @@ def test_ordinary_text_stays():
     assert errors.printable(text) == text
 
 
-def test_long_work_tells_its_progress_in_a_log(monkeypatch):
-    """A render that goes on after a quarter, by a clock that moves on ten seconds at each look."""
-    clock = itertools.count(0.0, 10.0)
-    monkeypatch.setattr(output.time, "monotonic", lambda: next(clock))
-    lines = []
-    monkeypatch.setattr(output, "log", lines.append)
-    with click.Context(click.Command("x"), info_name="x") as context:
-        context.params["as_json"] = True
-        with output.progress_bar("render") as progress:
-            for rows in (100, 150, 200, 250, 300, 400):
-                progress(rows, 400)
-    # Looks at 10 (100 rows were there), 20, 30 (100 new in 30 s), 40, 50, and 60 s.
-    assert lines == ["render: 50 % after 30 s, about 60 s left", "render: 100 % after 60 s, about 0 s left"]
+@pytest.fixture
+def log_lines(monkeypatch):
+    """The lines that a progress bar logs, by a clock that moves on ten seconds at each report."""
+    clock, lines = {"s": 0.0}, []
+    monkeypatch.setattr(progress_bar.time, "monotonic", lambda: clock["s"])
+    monkeypatch.setattr(progress_bar, "log", lines.append)
+
+    def lines_of(reports, total, starts_s=0.0):
+        clock["s"] = 0.0
+        with click.Context(click.Command("x"), info_name="x") as context:
+            context.params["as_json"] = True
+            with progress_bar.progress_bar("render") as progress:
+                clock["s"] = starts_s
+                for done in reports:
+                    clock["s"] += 10.0
+                    progress(done, total)
+        return lines
+
+    return lines_of
+
+
+def test_long_work_tells_its_progress_in_a_log(log_lines):
+    """A render that goes on after a quarter: 50 rows in ten seconds, and what an earlier run did took no time."""
+    assert log_lines((100, 150, 200, 250, 300, 400), 400) == [
+        "render: 50 % after 30 s, about 40 s left",
+        "render: 100 % after 60 s, about 0 s left",
+    ]
+
+
+def test_the_remaining_time_is_not_estimated_from_what_comes_before_the_work(log_lines):
+    """A stream whose board is compiled for 33 s first: the first reports say nothing of 33,000 tiles."""
+    lines = log_lines((0, 1000, 2000, 3000), 33_000, starts_s=33.0)
+    assert lines == ["render: 3 % after 53 s, about 320 s left"]
+
+
+def test_no_remaining_time_before_there_is_a_rate(log_lines, monkeypatch):
+    monkeypatch.setattr(work_progress, "MIN_RATE_S", 15.0)
+    assert log_lines((0, 6), 33_000, starts_s=25.0) == ["render: 0 % after 45 s"]
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_the_command_line_writes_logs_and_warnings_to_stderr(as_json, capsys):
+    @click.command()
+    @click.option("--json", "as_json", is_flag=True)
+    def command(as_json):
+        logging.getLogger("lippmann").info("placed by \x1b[1mhand")
+        for _ in range(2):
+            warnings.warn("the scene has no light", errors.LippmannWarning, stacklevel=1)
+        output.emit({"rows": 3}, "3 rows")
+
+    assert run(["--json"] if as_json else [], command) == 0
+    out, err = capsys.readouterr()
+    assert out == ('{"rows": 3}\n' if as_json else "3 rows\n")
+    assert err == "placed by \\x1b[1mhand\n" + 2 * "note: the scene has no light\n"
+    logging.getLogger("lippmann").info("no command runs")
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("name", ["a:b.mkv", "-x.mkv", "concat:a|b.mkv", "%03d.mkv", "http://x.mkv"])

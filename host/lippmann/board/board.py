@@ -11,12 +11,13 @@ from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import MAX_PACKET, REPLY, RESET_VERSION, VERSIONS, Kind, ReplyStatus, packed
 from lippmann.board.panel_frames import image_frame
 from lippmann.board.port import DEFAULT_BAUD, SEND_S, Line
 from lippmann.board.round_trip import RoundTrip
-from lippmann.board.streaming import Progress, Sent, send_frame
+from lippmann.board.streaming import Sent, send_frame
 from lippmann.board.tiles import TILE, Crcs, TileGrid
 from lippmann.errors import DeviceError, InputError, LippmannError, NoBoardError
 from lippmann.fixed.build import Build

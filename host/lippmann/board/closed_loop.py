@@ -10,10 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 
 from lippmann.base.files import scratch_folder
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.board import Board
 from lippmann.board.check_rays import Check, check_rays
-from lippmann.board.streaming import Progress, Sent, send_frame
+from lippmann.board.streaming import Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.display.description import Display
 from lippmann.fixed.scene_build import SceneBuild

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import numpy as np
 
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.closed_loop import capturing
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import Played, load_textures, play_film
-from lippmann.board.streaming import Progress
 from lippmann.board.tiles import Pixels
 from lippmann.display.description import Display
 from lippmann.fixed.drawn_frame import draw

@@ -12,11 +12,11 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.board import END_SCENE, QUERY_S, SCENE_BASE, UPDATE, Board
 from lippmann.board.packets import SCENE_VERSION, Kind, ReplyStatus
 from lippmann.board.request_window import Flight, Window
-from lippmann.board.streaming import Progress
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration

@@ -6,9 +6,9 @@ import time
 from dataclasses import dataclass, fields
 from typing import Annotated
 
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
-from lippmann.board.streaming import Progress
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.scene_build import CURVE_SLOT

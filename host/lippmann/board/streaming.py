@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.request_window import Flight, Window
@@ -26,9 +26,6 @@ MAX_ROUNDS = 8
 
 TILE_REQUEST = struct.Struct("<HHB")
 TILE_REPLY = struct.Struct("<H")
-
-#: Called with (tiles done, tiles of the frame).
-Progress = Callable[[int, int], None]
 
 
 @documented

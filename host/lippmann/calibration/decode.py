@@ -7,7 +7,6 @@ most one doubtful bit of Gray code in each direction: next to an edge of the cod
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
+from lippmann.base.progress import Progress
 from lippmann.calibration.codes import Pattern, PatternSet
 from lippmann.calibration.doubts import Samples, check_marks, check_samples
 from lippmann.calibration.photographs import Light, Position, read_photograph
@@ -34,8 +34,6 @@ LEAST_LIGHT = 0.02
 #: Number of pixels whose values in all photographs are kept, to judge the photographs.
 SAMPLES = 8000
 SEED = 1908
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import encoded_values
+from lippmann.base.progress import Progress
 from lippmann.calibration.codes import PatternSet
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError
 
 Pixels = npt.NDArray[np.uint8]
-Progress = Callable[[int, int], None]
 #: Frames that a camera has in its buffers when the picture changes, which are dropped.
 STALE_FRAMES = 4
 

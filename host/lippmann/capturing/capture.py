@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from lippmann.base.progress import Progress
 from lippmann.capturing.depths import shown_depth
 from lippmann.capturing.rays import capture_source
 from lippmann.capturing.rotation import rotated, rotation_map
 from lippmann.capturing.setup import Setup
 from lippmann.errors import InputError
-from lippmann.rendering.renderer import Progress, Rendered, Settings, render_rays
+from lippmann.rendering.renderer import Rendered, Settings, render_rays
 from lippmann.scenes.placement import Placement, placement_beside
 from lippmann.scenes.scene import Scene
 

@@ -12,6 +12,7 @@ import click
 from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.files import is_full, made, no_space, remove_empty
+from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, printable, to_install
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
@@ -72,7 +73,8 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
         return MissingLibraryError.exit_code
     made.clear()
     try:
-        code = command.main(args=arguments, prog_name=name, standalone_mode=False)
+        with logs_on_stderr():
+            code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except SystemExit:
         raise
     except BrokenPipeError:

@@ -11,12 +11,14 @@ import click
 from lippmann import api
 from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
 from lippmann.base.images import check_output, encoded_values
+from lippmann.base.progress import report_each
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.panel_frames import panel_values
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
 from lippmann.cli.options.rendering import RENDERING
-from lippmann.cli.output import counted, emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -112,7 +114,7 @@ def command(
         write_video(video, frames, panel.width_px, panel.height_px, film.frames_per_second)
     if view is not None and looker is not None:
         with progress_bar("view") as progress:
-            images = _images(folder, counted(range(film.frames), progress), display)
+            images = _images(folder, report_each(range(film.frames), progress), display)
             _write_view(images, looker, seen, view, film.frames_per_second)
     result = {
         "folder": str(folder),

@@ -14,6 +14,7 @@ import click
 
 from lippmann.base.files import make_folder
 from lippmann.base.fullscreen import full_screen
+from lippmann.base.progress import report_each
 from lippmann.base.variant import own_variant
 from lippmann.board.board import Board
 from lippmann.board.streaming import send_frame
@@ -21,7 +22,8 @@ from lippmann.calibration.codes import FILE, PatternSet, write_patterns
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, check_board, chosen_port
-from lippmann.cli.output import counted, emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.zones import status_share
@@ -78,7 +80,7 @@ def patterns_command(
         from lippmann.calibration.shoot import frame_of
 
         with _panel(display, display_path, port, baud, 0) as show, progress_bar("patterns") as progress:
-            for place in counted(range(len(files)), progress):
+            for place in report_each(range(len(files)), progress):
                 show(frame_of(patterns, place, display))
                 log(f"shown: {patterns.patterns[place].stem}")
                 time.sleep(wait_s)

@@ -17,7 +17,8 @@ from lippmann.capturing.setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import display_text
 from lippmann.errors import input_error
 from lippmann.rendering.renderer import Shading, peak_memory_mb

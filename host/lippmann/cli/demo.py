@@ -12,12 +12,14 @@ from lippmann import api
 from lippmann.base.animation import write_animation, write_contact_sheet
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import Radiance, decode, psnr_db
+from lippmann.base.progress import report_each
 from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.panel_frames import panel_values
 from lippmann.cli.demo_drawn import EYE_DISTANCE_MM, REACH_MM, draw_films
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
-from lippmann.cli.output import counted, emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window
@@ -138,7 +140,7 @@ def _views(scene: Scene, image: IntegralImage, out: Path, device: str) -> tuple[
 
     eyes = [(float(x), 0.0, EYE_DISTANCE_MM) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
     with progress_bar("observe") as progress:
-        views = [seen(eye, window) for eye in counted(eyes, progress)]
+        views = [seen(eye, window) for eye in report_each(eyes, progress)]
     write_animation(out / "views.gif", views)
     chosen = range(0, FRAMES, (FRAMES - 1) // 2)
     directs = [Direct(eyes[k], direct(eyes[k], window, 4)) for k in chosen]

@@ -11,8 +11,10 @@ import numpy as np
 from lippmann import api
 from lippmann.base.animation import write_animation
 from lippmann.base.images import decode
+from lippmann.base.progress import report_each
 from lippmann.board.drawn_loop import draw_on_virtual_board
-from lippmann.cli.output import counted, log, progress_bar
+from lippmann.cli.output import log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.eye.observer import whole_window
 from lippmann.fixed.scene_build import SceneBuild
@@ -50,7 +52,7 @@ def draw_films(scenes: Path, out: Path, device: str) -> dict[str, dict[str, Any]
         with progress_bar("observe") as progress:
             views = [
                 api.observe(panels[k % len(panels)], _eye(k / count), window=window, device=device).radiance
-                for k in counted(range(count), progress)
+                for k in report_each(range(count), progress)
             ]
         write_animation(out / f"drawn-{name}.gif", views, there_and_back=False)
         results[name] = {

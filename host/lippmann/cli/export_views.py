@@ -13,12 +13,14 @@ import numpy as np
 
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import SUFFIXES, check_output, write_picture
+from lippmann.base.progress import report_each
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
-from lippmann.cli.output import counted, emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.many_views import Sight, eyes_of, focus_depths, of_image, of_scene
@@ -108,7 +110,7 @@ def quilt(
         "give a smaller --width or fewer views",
     )
     with progress_bar("views") as progress:
-        picture = tiled(map(seen.sight, counted(eyes, progress)), columns, rows)
+        picture = tiled(map(seen.sight, report_each(eyes, progress)), columns, rows)
     note = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
     write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name, **note})
     result = {
@@ -230,6 +232,6 @@ def _write_folder(seen: _Seen, eyes: Sequence[Eye], folder: Path, stem: str, lin
             str(folder), f"holds {others[0]} of another export", "choose another -o, or remove the folder"
         )
     with progress_bar("views") as progress:
-        for name, eye in zip(names, counted(eyes, progress), strict=True):
+        for name, eye in zip(names, report_each(eyes, progress), strict=True):
             write_picture(folder / name, seen.sight(eye), {})
     return names

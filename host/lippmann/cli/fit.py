@@ -12,7 +12,8 @@ from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED, Finite, Slot, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error

@@ -11,9 +11,11 @@ import numpy as np
 from lippmann import api
 from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_animation, write_contact_sheet
 from lippmann.base.images import SUFFIXES, check_output, encoded_values
+from lippmann.base.progress import report_each
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
-from lippmann.cli.output import counted, emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, whole_window
@@ -89,7 +91,7 @@ def command(
                 image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
                 crosstalk=not no_crosstalk, seed=seed, device=device,
             )
-            for one in counted(eyes, progress)
+            for one in report_each(eyes, progress)
         ]  # fmt: skip
     if sweep is None:
         views[0].metadata["view_of"] = Path(image_path).name

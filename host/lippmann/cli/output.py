@@ -1,21 +1,19 @@
-"""Output of the commands: logs and progress on stderr, the result on stdout as text or as one JSON object."""
+"""Output of the commands: logs and warnings on stderr, the result on stdout as text or as one JSON object."""
 
 from __future__ import annotations
 
 import json
-import sys
-import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+import logging
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, TextIO
 
 import click
 
-from lippmann.errors import printable
+from lippmann.errors import LippmannWarning, printable
 
-Item = TypeVar("Item")
-#: Seconds between two lines about a long work's progress.
-LOGGED_S = 30.0
+logger = logging.getLogger("lippmann")
 
 
 def log(message: str) -> None:
@@ -38,46 +36,41 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str]) -> None:
         click.echo(printable(text if isinstance(text, str) else "\n".join(text)))
 
 
+class _StderrLines(logging.Handler):
+    """Writes each record as one line to stderr; a warning begins with "note:"."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record."""
+        prefix = "note: " if record.levelno >= logging.WARNING else ""
+        log(prefix + record.getMessage())
+
+
 @contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
-    """Provide a callback (done, total) that draws a bar with the remaining time.
+def logs_on_stderr() -> Iterator[None]:
+    """Write what the package logs from level INFO on, and its warnings, to stderr while a command runs."""
+    handler, level = _StderrLines(), logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", LippmannWarning)
+        show_others = warnings.showwarning
 
-    With --json, or where stderr is no terminal, it logs a line now and then.
-    """
-    if as_json() or not sys.stderr.isatty():
-        yield _logged(label)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, LippmannWarning):
+                logger.warning("%s", message)
+            else:
+                show_others(message, category, filename, lineno, file, line)
 
-    percent = "{task.percentage:>3.0f}%"
-    columns = "{task.description}", BarColumn(), percent, TimeElapsedColumn(), "ETA", TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-def _logged(label: str) -> Callable[[int, int], None]:
-    """Return a callback (done, total) that logs a line every `LOGGED_S` seconds."""
-    started = told = time.monotonic()
-    done_before: int | None = None  # what an earlier run did: it took this one no time
-
-    def line(done: int, total: int) -> None:
-        nonlocal told, done_before
-        now = time.monotonic()
-        if done_before is None:
-            done_before = done
-        if now - told < LOGGED_S or done <= done_before:
-            return
-        told = now
-        left = (now - started) * (total - done) / (done - done_before)
-        log(f"{label}: {100 * done // total} % after {now - started:.0f} s, about {left:.0f} s left")
-
-    return line
-
-
-def counted(items: Collection[Item], progress: Callable[[int, int], None]) -> Iterator[Item]:
-    """Yield the items, and tell how many are done."""
-    for done, item in enumerate(items, 1):
-        yield item
-        progress(done, len(items))
+        warnings.showwarning = show
+        try:
+            yield
+        finally:
+            logger.removeHandler(handler)
+            logger.setLevel(level)

@@ -12,7 +12,8 @@ from lippmann.board.film_player import Played, load_textures, play_film
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import input_error
 from lippmann.layers.depth_remarks import depth_remarks

@@ -13,11 +13,13 @@ from click.core import ParameterSource
 
 from lippmann import api
 from lippmann.base.images import check_output
+from lippmann.base.progress import Progress
 from lippmann.base.variant import current_device, start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
 from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.layers.depth_remarks import depth_remarks
@@ -39,7 +41,7 @@ from lippmann.rendering.bands import (
 from lippmann.rendering.cluster import check_scheduler, local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import Progress, peak_memory_mb, process_seconds
+from lippmann.rendering.renderer import peak_memory_mb, process_seconds
 from lippmann.scenes.scene import Scene, check_scene_file
 
 #: Options that only scenes have.

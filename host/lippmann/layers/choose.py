@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.layers.cost import Cost, cost_of, decibels, full_views, row_of, streamed
-from lippmann.layers.cut import Cut, Progress, check_slot, cut_scene
+from lippmann.layers.cut import Cut, check_slot, cut_scene
 from lippmann.layers.drawing import FILTERS, Filter, exit_lines
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.renderer import Settings

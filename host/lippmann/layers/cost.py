@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.images import Radiance, decode, psnr_db
+from lippmann.base.progress import Progress
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.layers.cut import Cut, Progress, Reach, cut_scene, reach_of
+from lippmann.layers.cut import Cut, Reach, cut_scene, reach_of
 from lippmann.layers.drawing import ExitLines, Filter, draw_golden, panel_bytes
 from lippmann.layers.stack import COLOURS, LayerStack
 from lippmann.rendering.pixel_filter import MOST_SAMPLES

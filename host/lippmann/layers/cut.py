@@ -8,12 +8,12 @@ underneath the nearer one, as far as a moving eye can look behind that layer's e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from lippmann.base.progress import Progress
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, whole_number
@@ -25,8 +25,6 @@ from lippmann.optics.rays import Status
 from lippmann.optics.zones import half_width, middle_eye, viewing_distance
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.scene import Scene
-
-Progress = Callable[[int, int], None]
 
 #: Texels of a slot across and down, unless others are given.
 SLOT = (256, 192)

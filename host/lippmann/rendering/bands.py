@@ -21,12 +21,13 @@ import numpy as np
 
 from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
+from lippmann.base.progress import Progress
 from lippmann.display.description import Display
 from lippmann.errors import NoSpaceError, input_error
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
 from lippmann.rendering.integral_image import metadata_of
-from lippmann.rendering.renderer import Progress, Renderer, bands_of, check_memory_mb, memory_mb
+from lippmann.rendering.renderer import Renderer, bands_of, check_memory_mb, memory_mb
 from lippmann.rendering.samples import colours_of
 from lippmann.scenes.arrange import load_placed
 from lippmann.scenes.placement import Arrange, Placement

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from lippmann import __version__
+from lippmann.base.progress import Progress
 from lippmann.base.provenance import pixel_versions
 from lippmann.display.description import Display
 from lippmann.errors import InputError
@@ -21,7 +22,7 @@ from lippmann.optics.model_choice import TOLERANCE, choose_model
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.remarks import remarks
-from lippmann.rendering.renderer import Progress, Renderer, Settings, render_integral
+from lippmann.rendering.renderer import Renderer, Settings, render_integral
 from lippmann.rendering.sources import display_source
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene

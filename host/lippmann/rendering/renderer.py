@@ -23,6 +23,7 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.images import BAND_ROWS, Radiance, psnr_db
 from lippmann.base.memory import free_memory_mb, proc_mb
+from lippmann.base.progress import Progress
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError, whole_number
@@ -136,9 +137,6 @@ class Rendered:
     def measured(self) -> dict[str, float]:
         """The times by name, for reports."""
         return {name: getattr(self, name) for name in ("seconds", "prepare_seconds", "samples_per_second")}
-
-
-Progress = Callable[[int, int], None]
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Any:

@@ -1,0 +1,59 @@
+"""Progress on the terminal: a bar with the remaining time, or a line now and then."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from lippmann.base.progress import Progress, RemainingTime
+from lippmann.cli.output import as_json, log
+
+#: Seconds between two lines about a long work's progress.
+LOGGED_S = 30.0
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Progress]:
+    """Provide a callback that draws a bar with the remaining time.
+
+    With --json, or where stderr is no terminal, it logs a line now and then.
+    """
+    if as_json() or not sys.stderr.isatty():
+        yield _progress_lines(label)
+        return
+    from rich import progress as rich_progress
+    from rich.console import Console
+
+    columns = (
+        "{task.description}",
+        rich_progress.BarColumn(),
+        "{task.percentage:>3.0f}%",
+        rich_progress.TimeElapsedColumn(),
+        "ETA",
+        rich_progress.TimeRemainingColumn(),
+    )
+    with rich_progress.Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(label, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _progress_lines(label: str) -> Progress:
+    """Return a callback that logs a line every `LOGGED_S` seconds in which something was done."""
+    started = logged = time.monotonic()
+    done_before: int | None = None
+    remaining = RemainingTime()
+
+    def log_line(done: int, total: int) -> None:
+        nonlocal logged, done_before
+        now, remaining_s = time.monotonic(), remaining.estimate_s(done, total)
+        if done_before is None:
+            done_before = done
+        if now - logged < LOGGED_S or done <= done_before:
+            return
+        logged = now
+        estimate = "" if remaining_s is None else f", about {remaining_s:.0f} s left"
+        log(f"{label}: {100 * done // total} % after {now - started:.0f} s{estimate}")
+
+    return log_line
