@@ -62,7 +62,7 @@ optics/lipp_enter_dome.sv
 optics/lipp_leave_flat.sv
 optics/lipp_exit_flat.sv
 optics/lipp_ray_pipeline.sv
-optics/lipp_ray_lenslet.sv
+optics/lipp_ray_stream.sv
 optics/lipp_optics_block.sv
 scene/lipp_exit_line.sv
 scene/lipp_layer_coordinate.sv
@@ -72,7 +72,7 @@ scene/lipp_texel_fetch.sv
 scene/lipp_texel_blend.sv
 scene/lipp_composite.sv
 scene/lipp_sample_mean.sv
-scene/lipp_panel_curve.sv
+scene/lipp_curve_table.sv
 scene/lipp_scene.sv
 scene/lipp_scene_block.sv
 bus/lipp_axil_to_apb.sv

@@ -36,7 +36,7 @@ FIRST = (
     "test_dev_commands.py", "test_parallax.py", "test_raster.py", "test_golden_analytic.py", "test_images.py",
     "test_golden_pictures.py", "test_layers_cut.py", "test_integral_image.py", "test_arrange.py",
     "test_file_declarations.py", "test_packet_out.py", "test_patterns.py", "test_conditioning_fixed.py",
-    "test_ray_lenslet.py", "test_cobs_encoder.py", "test_layers_bench.py", "test_scene_twin.py", "test_sqrt.py",
+    "test_ray_stream.py", "test_cobs_encoder.py", "test_layers_bench.py", "test_scene_twin.py", "test_sqrt.py",
     "test_exit_line.py", "test_frame_check.py", "test_wheel.py", "test_link_faults.py", "test_blend.py",
     "test_cobs_decoder.py", "test_meet_dome.py", "test_uart_tx.py", "test_move_lenslet.py", "test_fifo.py",
     "test_reply_writer.py", "test_composite.py", "test_frame_gate.py",

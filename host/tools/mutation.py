@@ -43,7 +43,7 @@ WITHIN = {
     ),
     "link_pkg": "packet_out",
     "math_pkg": "multiplier",
-    "optics_pkg": "ray_lenslet",
+    "optics_pkg": "ray_stream",
     "panel_pkg": "test_pattern",
 }
 

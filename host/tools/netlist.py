@@ -42,7 +42,7 @@ from lippmann.fixed.raster import Raster
 from lippmann.fixed.register_file import optics_writes, raster_writes
 from lippmann.fixed.register_map import OPTICS_REGISTERS, SCENE_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_configuration import curve_table, slot_bytes
+from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation import virtual_board
 from lippmann.simulation.compilation import NETLIST, UNCHECKED, kept, verilated
@@ -406,7 +406,7 @@ def _ask_wrongly(link: Patient) -> None:
 def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
     """Load a stack, and draw it."""
     scene = SceneBoard(link)
-    contents = {CURVE_SLOT: curve_table(display).tobytes()}
+    contents = {CURVE_SLOT: build_curve_table(display).tobytes()}
     contents |= {slot: slot_bytes(layer, scene.build).tobytes() for slot, layer in enumerate(stack.layers)}
     for slot, content in contents.items():
         blocks = [content[at : at + BLOCK_BYTES] for at in range(0, len(content), BLOCK_BYTES)]

@@ -1,6 +1,6 @@
 """Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
-A configuration is placed as the engine `ray_lenslet`; some also as the block with registers, and as the whole board at
+A configuration is placed as the engine `ray_stream`; some also as the block with registers, and as the whole board at
 two sizes of panel. `python -m tools.synthesis` (`make synth`) writes docs/reports/synthesis.md, and
 synthesis-drawing.md of designs that draw a scene. Results are kept under build/synth/ by a hash of their inputs: a
 design is placed and routed again only when its sources have changed.

@@ -186,7 +186,7 @@ module lipp_optics_block #(
       {walked_u, walked_v, walked_a, walked_b, walked_first, walked_last};
 
   // ---- the optics ----
-  lipp_ray_lenslet #(.Build(Build)) i_lenslet (
+  lipp_ray_stream #(.Build(Build)) i_lenslet (
     .clk_i, .rst_ni, .config_i(optics), .apply_i(take), .busy_o(busy), .idle_o(idle),
     .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),
     .exit_valid_o, .exit_ready_i, .exit_i_o, .exit_j_o, .exit_x_o, .exit_y_o, .exit_z_o,

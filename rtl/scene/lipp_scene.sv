@@ -14,7 +14,7 @@
 /// the module does not check it.
 ///
 /// Steps: `lipp_exit_line`, for each layer `lipp_layer_coordinate`, then `lipp_texel_fetch`, for each layer
-/// `lipp_texel_blend`, then `lipp_composite`, `lipp_sample_mean`, `lipp_panel_curve`. A ray with another status than
+/// `lipp_texel_blend`, then `lipp_composite`, `lipp_sample_mean`, `lipp_curve_table`. A ray with another status than
 /// ok or crosstalk is black. Latency scene_latency(F, Scene) + 5 clocks when nothing stalls.
 module lipp_scene #(
   parameter int F = 16,  // fraction bits of the optics' build
@@ -166,7 +166,7 @@ module lipp_scene #(
     curve_at_q <= write_at_i[CurveBits-1:0];
     curve_data_q <= write_data_i;
   end
-  lipp_panel_curve i_curve (
+  lipp_curve_table i_curve (
     .clk_i, .write_i(curve_q), .write_at_i(curve_at_q), .write_data_i(curve_data_q),
     .light_i(pixel_light), .rgb_o(rgb)
   );

@@ -167,7 +167,7 @@ package lipp_scene_pkg;
     return samples_bits == 0 ? 0 : 2;
   endfunction
 
-  /// Latency of `lipp_panel_curve`.
+  /// Latency of `lipp_curve_table`.
   function automatic int curve_latency();
     return 3;
   endfunction

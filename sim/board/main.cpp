@@ -33,7 +33,7 @@
 
 #include "Vtop.h"
 #include "Vtop___024root.h"
-#include "line.h"
+#include "host_socket.h"
 #include "screen.h"
 #include "sdram.h"
 #include "uart.h"
@@ -97,7 +97,7 @@ Options parse(int count, char** words) {
 }
 
 // Written under another name and renamed: a waiting process never reads half a file.
-void announce(const Options& options, const Line& line) {
+void announce(const Options& options, const HostSocket& line) {
   const std::string part = options.ready + ".part";
   std::FILE* file = std::fopen(part.c_str(), "w");
   if (file == nullptr) throw std::system_error(errno, std::generic_category(), part);
@@ -286,7 +286,7 @@ class Board {
     spoke_ = clocks_;
     answered_ = false;
     // The thread waits while there is no room; it is woken when half the buffer is free.
-    if (line_.from_host().room() == Line::kPlaces / 2) line_.ring();
+    if (line_.from_host().room() == HostSocket::kPlaces / 2) line_.ring();
   }
 
   void send(uint8_t byte) {
@@ -304,7 +304,7 @@ class Board {
   VerilatedFstC trace_;
 #endif
   Memory memory_{top_};
-  Line line_;
+  HostSocket line_;
   Uart uart_;
   Screen screen_;
   int64_t clocks_ = 0, in_ = 0, out_ = 0, lost_ = 0;

@@ -31,7 +31,7 @@
 
 #include "Vtop.h"
 #include "dvi.h"
-#include "line.h"
+#include "host_socket.h"
 #include "screen.h"
 #include "sdram.h"
 #include "uart.h"
@@ -179,7 +179,7 @@ class Board {
         uart_.send(static_cast<uint8_t>(byte));
         line_.from_host().drop();
         ++in_;
-        if (line_.from_host().room() == Line::kPlaces / 2) line_.ring();
+        if (line_.from_host().room() == HostSocket::kPlaces / 2) line_.ring();
       }
     }
     top_.ftdi_txd = uart_.wire();
@@ -230,7 +230,7 @@ class Board {
 #define X(port, divider) {&top_.port, divider, divider},
   std::vector<Clock> clocks_of_{LIPPMANN_CLOCKS};
 #undef X
-  Line line_;
+  HostSocket line_;
   Uart uart_;
   Screen screen_;
   dvi::Receiver receiver_{kTiming};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route: `lipp_ray_lenslet` between registers that a few pins fill and read.
+/// The top for place-and-route: `lipp_ray_stream` between registers that a few pins fill and read.
 ///
 /// Every input of the engine comes from a register or a shift register, and every output is
 /// combined into a register: no logic is optimised away, and no timing path ends at a pin.
@@ -43,7 +43,7 @@ module probe_top #(
     bit_o <= fold_q[OutBits+3];
   end
 
-  lipp_ray_lenslet #(.Build(Build)) i_lenslet (
+  lipp_ray_stream #(.Build(Build)) i_lenslet (
     .clk_i, .rst_ni(!reset_q[1]), .config_i(config_q), .apply_i(apply_q), .busy_o(busy),
     .idle_o(idle), .ray_valid_i(valid_q), .ray_ready_o(ready),
     .ray_u_i(ray_q[2*W+PixelBits+:PixelBits]), .ray_v_i(ray_q[2*W+:PixelBits]),

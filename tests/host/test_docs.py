@@ -465,7 +465,7 @@ def test_twin_and_rtl_state_the_same_formulas():
     assert found >= 10
 
 
-@pytest.mark.parametrize("module", ["aim", "fifo", "optics_block", "raster", "ray_lenslet"])
+@pytest.mark.parametrize("module", ["aim", "fifo", "optics_block", "raster", "ray_stream"])
 def test_ports_carry_their_meaning(module):
     """A comment behind each; or behind the one before, of a pair or a triple; clock, handshake and bus say enough."""
     (source,) = (TOP / "rtl").glob(f"*/{PREFIX}{module}.sv")

@@ -16,15 +16,15 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.composite import composite
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words
+from lippmann.fixed.curve_table import curve_table, entry_light
 from lippmann.fixed.drawn_frame import draw, sample_words
 from lippmann.fixed.exit_line import exit_line
 from lippmann.fixed.layer_coordinate import coefficient_bits, layer_coordinate
-from lippmann.fixed.panel_curve import entry_light, panel_curve
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.sample_mean import sample_mean
 from lippmann.fixed.scene import scene_light
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_words import LayerWords, SceneWords
 from lippmann.fixed.texel_blend import texel_blend
 from lippmann.fixed.texel_fetch import texel_fetch
@@ -218,7 +218,7 @@ def test_pixels_are_those_of_golden_rays(rng, name, f, samples, bilinear):
         config = configured(display, build)
         exits = ray_pipeline(u, v, np.zeros_like(u), np.zeros_like(u), config, build)
         light = sample_mean(scene_light(exits, words, slots, scene_build, f), scene_build.samples_bits)
-        got = panel_curve(light, curve_table(display)).astype(np.int64)
+        got = curve_table(light, build_curve_table(display)).astype(np.int64)
         exact = float_light(stack, float_lines(rays), draws, bilinear).reshape(count, samples, 3).mean(axis=1)
         wanted = encoded_values(exact[None], display.panel.transfer, 8)[0].astype(np.int64)
         within += int((np.abs(got - wanted) <= 1).sum())
@@ -358,17 +358,17 @@ def test_mean_and_curve_by_hand():
     table = (np.arange(8192) % 251).astype(np.uint8)
     lights = np.array([[0, 4095, 4096], [4111, 4112, 65535]])
     index = [[0, 4095, 4096 + 256], [4096 + 256, 4096 + 257, 4096 + 4095]]
-    assert panel_curve(lights, table).tolist() == [[k % 251 for k in row] for row in index]
+    assert curve_table(lights, table).tolist() == [[k % 251 for k in row] for row in index]
 
 
 def test_curve_of_a_panel():
     """An entry's byte is that of each of its words: within half a level where it stands for one, else within one."""
     display = load_display(DISPLAYS / "vga-square.toml")
-    table = curve_table(display).astype(int)
+    table = build_curve_table(display).astype(int)
     assert (table[0], table[4096 + 4064]) == (0, 255)
     words = np.arange(65026)
     exact = encoded_values(words[None, :, None] / 65025, display.panel.transfer, 8)[0, :, 0].astype(int)
-    got = panel_curve(words, curve_table(display)).astype(int)
+    got = curve_table(words, build_curve_table(display)).astype(int)
     assert (got[:4096] == exact[:4096]).all()
     assert np.abs(got - exact).max() <= 1
     assert len(entry_light()) == 8192

@@ -201,7 +201,7 @@ def test_sources_of_the_probe():
     files = sources(TOP)
     names = [path.name for path in files]
     assert names[:2] == ["lipp_math_pkg.sv", "lipp_optics_pkg.sv"]
-    assert {"probe_top.sv", "lipp_ray_lenslet.sv"} <= set(names)
+    assert {"probe_top.sv", "lipp_ray_stream.sv"} <= set(names)
     assert {"lipp_optics_block.sv", "lipp_optics_registers.sv"}.isdisjoint(names)
     assert len(CELLS) == 8
     # Products in rows of carry chains are of the drawing.
@@ -214,7 +214,7 @@ def test_sources_of_the_probe():
 def test_yosys_is_given_paths_that_hold_in_any_checkout(name):
     """In a checkout below the system's temporary folder, which yosys does not see, too."""
     said = source(DESIGNS[name]).commands
-    heart = "optics/lipp_ray_lenslet.sv" if DESIGNS[name].top != "probe_scene" else "scene/lipp_scene.sv"
+    heart = "optics/lipp_ray_stream.sv" if DESIGNS[name].top != "probe_scene" else "scene/lipp_scene.sv"
     assert f" rtl/{heart} " in said
     assert str(TOP) not in said
 

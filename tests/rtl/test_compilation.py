@@ -92,7 +92,7 @@ def test_a_build_is_given_the_files_that_its_top_needs():
     files = rtl_sources(TOP)
     names = [path.stem for path in needed("lipp_ring", files)]
     assert names == ["lipp_ring"]
-    names = [path.stem for path in needed("lipp_ray_lenslet", files)]
+    names = [path.stem for path in needed("lipp_ray_stream", files)]
     assert names[:2] == ["lipp_math_pkg", "lipp_optics_pkg"]
     assert {"lipp_ray_pipeline", "lipp_fifo", "lipp_config_bank"} <= set(names)
     assert "lipp_optics_block" not in names

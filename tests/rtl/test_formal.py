@@ -57,8 +57,8 @@ PROOFS = [
     "frame_gate cover",
     "pulse_sync prove",
     "pulse_sync cover",
-    "ray_lenslet prove",
-    "ray_lenslet cover",
+    "ray_stream prove",
+    "ray_stream cover",
     "sdram_arbiter prove",
     "sdram_arbiter cover",
     "wishbone_to_apb prove",
@@ -185,13 +185,13 @@ FAULTS = {
     "pulse accepted while one is on its way": (
         "pulse_sync bmc", "pulse_sync.sv", "from_pulse_i && !from_busy_o", "from_pulse_i", "one_for_one|way|late"),
     "copy taken while rays are on the way": (
-        "ray_lenslet bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
+        "ray_stream bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
         "copy_idle|only_idle|one_configuration"),
     "request forgotten": (
-        "ray_lenslet bmc", "config_bank.sv", "apply_i || (pending_q && !copy_q)", "pending_q && !copy_q",
+        "ray_stream bmc", "config_bank.sv", "apply_i || (pending_q && !copy_q)", "pending_q && !copy_q",
         "steady|taken_over"),
     "no copy after reset": (
-        "ray_lenslet bmc", "config_bank.sv", "pending_q <= 1'b1;", "pending_q <= 1'b0;",
+        "ray_stream bmc", "config_bank.sv", "pending_q <= 1'b1;", "pending_q <= 1'b0;",
         "steady|taken_over"),
     "show waits as long as write has transactions": (
         "sdram_arbiter bmc", "sdram_arbiter.sv", "!(shown_q && write_valid_i)", "!write_valid_i", "show"),

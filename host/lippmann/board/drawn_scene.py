@@ -23,7 +23,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.register_file import optics_writes, write
 from lippmann.fixed.register_map import SCENE_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_configuration import curve_table, layer_words, scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import build_curve_table, layer_words, scene_words, slot_bytes
 from lippmann.fixed.scene_words import LayerWords, SceneWords
 from lippmann.layers.folder import check_depth, check_for_display
 from lippmann.layers.stack import Layer, LayerStack
@@ -182,7 +182,7 @@ class SceneBoard:
 
     def load_curve(self, display: Display) -> Loaded:
         """Load the table of the panel's curve of a display, unless the board holds it. No scene may be shown."""
-        return self.load({CURVE_SLOT: curve_table(display).tobytes()})
+        return self.load({CURVE_SLOT: build_curve_table(display).tobytes()})
 
     def load_stack(
         self,

@@ -12,7 +12,7 @@ from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.scene_build import CURVE_SLOT
-from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.motion.layer_film import LayerFilm
 
 
@@ -54,7 +54,7 @@ def load_textures(
     scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)
     textures = scene.load(dict(zip(slots, contents, strict=True)), progress)
-    curve = curve_table(display).tobytes()
+    curve = build_curve_table(display).tobytes()
     if CURVE_SLOT in scene.status().slots and not scene.holds(CURVE_SLOT, curve):
         scene.draw(False)
     table = scene.load({CURVE_SLOT: curve})

@@ -16,7 +16,7 @@ from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.scene import scene
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_words import SceneWords
 from lippmann.fixed.words import Ints
 from lippmann.optics.rays import Model
@@ -60,7 +60,7 @@ def draw(
     registers = configuration(display, build, build.model if model is None else model)
     words = scene_words(display, stack, scene_build)
     slots = {k: slot_bytes(layer, scene_build) for k, layer in enumerate(stack.layers)}
-    table = curve_table(display)
+    table = build_curve_table(display)
     parts = enumerate(sample_words(panel.width_px, panel.height_px, scene_build.samples))
     one_at_a_time, stopped = threading.Lock(), threading.Event()
 

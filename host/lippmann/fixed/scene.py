@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.fixed.composite import composite
+from lippmann.fixed.curve_table import curve_table
 from lippmann.fixed.exit_line import exit_line
 from lippmann.fixed.layer_coordinate import layer_coordinate
-from lippmann.fixed.panel_curve import panel_curve
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.sample_mean import sample_mean
 from lippmann.fixed.scene_build import SceneBuild
@@ -40,7 +40,7 @@ def scene(
     build, f
         The build of the drawing, and F.
     """
-    return panel_curve(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
+    return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
 
 
 def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:

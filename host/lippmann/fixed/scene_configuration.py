@@ -18,8 +18,8 @@ import numpy.typing as npt
 from lippmann.base.images import encoded_values
 from lippmann.display.description import Display
 from lippmann.errors import InputError
+from lippmann.fixed.curve_table import WHITE, entry_light
 from lippmann.fixed.exit_line import LATTICE_FRACTION
-from lippmann.fixed.panel_curve import WHITE, entry_light
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_words import (
     COEFFICIENT_FRACTION,
@@ -132,7 +132,7 @@ def slot_bytes(layer: Layer, build: SceneBuild) -> Bytes:
     return np.concatenate([layer.padded(build.width, build.height).ravel(), layer.palette.ravel()])
 
 
-def curve_table(display: Display) -> Bytes:
+def build_curve_table(display: Display) -> Bytes:
     """Return the table of a panel's curve, 8192 bytes; a panel of fewer than 8 bits has its values spread."""
     panel = display.panel
     return encoded_values(entry_light(), panel.transfer, min(panel.bits, _BOARD_BITS)).astype(np.uint8)

@@ -91,11 +91,11 @@ def parameters(build: Build) -> dict[str, str]:
 def _compiled(build: Build, flags: Sequence[str]) -> Path:
     """Return the library of a build, compiled unless it is there."""
     top = hardware()
-    sources = needed("lipp_ray_lenslet", optics_sources(top))
+    sources = needed("lipp_ray_stream", optics_sources(top))
     flags = [*flags, f"-DLIPPMANN_NEAR={build.near}"]
 
     def make(path: Path) -> None:
-        verilated(path, "lipp_ray_lenslet", sources, [top / MAIN], parameters(build), options=UNCHECKED, flags=flags)
+        verilated(path, "lipp_ray_stream", sources, [top / MAIN], parameters(build), options=UNCHECKED, flags=flags)
 
     inputs: list[Path | str] = [*sources, top / MAIN, repr(build), *flags, Path(__file__)]
     return kept(build_folder() / "sim" / f"rays-{build.grid}-{build.model}-{build.fraction_bits}", inputs, make, ".so")

@@ -81,7 +81,7 @@ def timed(cas=3, mrd=2):
 FRAMES = [{"Width": w, "Height": h} for w, h in ((2, 1), (34, 5), (1280, 720), (1920, 1080))]
 SCENES = [drawn(), drawn(1, 1, 5, 32, samples_bits=2), drawn(8, 15, 10, 254, bilinear=1, samples_bits=1)]
 #: Every module of rtl/common, rtl/math, rtl/optics, rtl/scene; those of other folders where their defaults are not all.
-#: optics_block holds a ray_lenslet, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
+#: optics_block holds a ray_stream, and that a ray_pipeline, of the same parameters: each kind of ray is linted once.
 PARAMETERS = {
     "aim": GRID_SETS,
     "async_fifo": [{"Width": w, "AddressBits": b, "Stages": s} for w, b, s in ((1, 2, 2), (40, 9, 3))],
@@ -157,7 +157,7 @@ PARAMETERS = {
     "texel_blend": [{"Taps": n} for n in (1, 4)],
     "composite": [{"Layers": n} for n in (1, 2, 8)],
     "sample_mean": [{"SamplesBits": n} for n in (0, 1, 2)],
-    "panel_curve": [{}],
+    "curve_table": [{}],
     "scene": [{"F": 23, **SCENES[1]}, {"F": 14, **SCENES[2]}],
     "multiplier": [
         {"Wa": a, "Wb": b, "Drop": d, "Square": s, "CrossCells": c}
@@ -172,7 +172,7 @@ PARAMETERS = {
     "pulse_sync": [{"Stages": s} for s in (2, 4)],
     "quadratic": [{"F": f, "Root": r} for f in (14, 18, 23) for r in (0, 1)],
     "raster": F_SETS,
-    "ray_lenslet": RAYS[-2:-1],
+    "ray_stream": RAYS[-2:-1],
     "ray_pipeline": RAYS[:-2],
     "draw_frame": [{**panel, "SamplesBits": k % 3} for k, panel in enumerate(PANELS)],
     "register_access": [{"Layers": n} for n in (1, 8)],
@@ -369,8 +369,8 @@ REFUSED = [
     ("quadratic", {"Root": 2}, "quadratic: Root must be RootReciprocal or RootSquare"),
     ("optics_block", built(F=24, Model=0), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
     ("optics_block", built(F=0), "raster: F must be 14 to 23"),
-    ("ray_lenslet", built(F=13), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
-    ("ray_lenslet", built(Model=1, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
+    ("ray_stream", built(F=13), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
+    ("ray_stream", built(Model=1, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
     ("ray_pipeline", built(Model=0, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
     ("ray_pipeline", built(Model=3), "ray_pipeline: Build.model must be ModelPinhole, ModelParaxial or ModelExact"),
     (
@@ -494,8 +494,8 @@ def test_a_warning_of_one_set_of_parameters_is_found(tmp_path, monkeypatch):
 
 #: Checks of two limits in one condition: at every commit a value below, the others with the exhaustive tests.
 BEYOND = [(module, limit) for module in STEPS for limit in ({"F": 24}, {"F": 99}, {"Grid": 2})]
-#: What is handed on: optics_block's F goes through ray_lenslet, and tests of frames fail with a wrong Grid.
-BEYOND += [("ray_lenslet", built(F=13))]
+#: What is handed on: optics_block's F goes through ray_stream, and tests of frames fail with a wrong Grid.
+BEYOND += [("ray_stream", built(F=13))]
 
 #: Boards that are elaborated side by side, one for each message: Verilator gives a line's message once. The one of no
 #: height, the last of its message, stops it early.

@@ -15,7 +15,7 @@ from lippmann.fixed.drawn_frame import sample_words
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.scene import scene
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_configuration import curve_table, scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_words import LayerWords, SceneWords
 from lippmann.simulation.compilation import FAST, SHORT
 from lippmann.simulation.scene_harness import SceneHarness, rtl_scene
@@ -121,7 +121,7 @@ def test_no_pixel_differs(built, f):
             held[slot] = slot_bytes(layer, built)
             harness.load(slot, held[slot])
         if number == 3:
-            table = curve_table(display)
+            table = build_curve_table(display)
             harness.load(CURVE_SLOT, table)
         free = [slot for slot in range(built.slots_built) if slot not in slots]
         meanwhile = None
@@ -173,7 +173,7 @@ def test_whole_frames(file, size, f, built, angle):
     build = Build.of(display, "exact", f, aims=False)
     config = configuration(display, build, "exact")
     harness = SceneHarness(built, f, FAST)
-    table = curve_table(display)
+    table = build_curve_table(display)
     harness.load(CURVE_SLOT, table)
     parts = [
         ray_pipeline(u, v, np.zeros_like(u), np.zeros_like(u), config, build)

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_ray_lenslet` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is idle.
+/// `lipp_ray_stream` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is idle.
 ///
 /// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes, and
 /// a number of rays inside, which leave at any time and are missed at any later time. That is what the
 /// proof `lipp_flow_control` says of it. The properties say that all rays inside see one configuration, which does not change.
-module ray_lenslet_properties #(
+module ray_stream_properties #(
   parameter int Width = 2  // of the configuration
 ) (
   input logic             clk_i,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host's end of the line: a Unix socket, a TCP port on loopback, or a pty, served by its own thread.
+// The host's socket: a Unix socket, a TCP port on loopback, or a pty, served by its own thread.
 //
 // One host at a time. A second one is disconnected at once, unless the first has been silent for a while. Only this
 // user's programs get in: the Unix socket has mode 0600; over TCP a host first sends a line with the token that is in a
@@ -16,16 +16,16 @@
 
 #include "ring.h"
 
-class Line {
+class HostSocket {
  public:
   static constexpr size_t kPlaces = 1 << 14;
 
   // "unix": a socket at the path `place`. "tcp": port 0 chooses a free one; the token is in `place`/tcp-PORT.token.
   // "pty". A host that is silent for `idle_s` makes room for another one. Throws std::system_error.
-  Line(const std::string& kind, int port, const std::string& place, int idle_s);
-  ~Line();
-  Line(const Line&) = delete;
-  Line& operator=(const Line&) = delete;
+  HostSocket(const std::string& kind, int port, const std::string& place, int idle_s);
+  ~HostSocket();
+  HostSocket(const HostSocket&) = delete;
+  HostSocket& operator=(const HostSocket&) = delete;
 
   // URL for the host: a device, unix://PATH, or socket://127.0.0.1:PORT.
   const std::string& url() const { return url_; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "line.h"
+#include "host_socket.h"
 
 #include <fcntl.h>
 #include <netinet/in.h>
@@ -63,7 +63,7 @@ bool same(const std::string& one, const std::string& other) {
 
 }  // namespace
 
-Line::Line(const std::string& kind, int port, const std::string& place, int idle_s)
+HostSocket::HostSocket(const std::string& kind, int port, const std::string& place, int idle_s)
     : pty_(kind == "pty"), idle_s_(idle_s) {
   checked(pipe(bell_), "pipe");
   never_wait(bell_[0]);
@@ -80,10 +80,10 @@ Line::Line(const std::string& kind, int port, const std::string& place, int idle
   } else {
     listen_on(port, place);
   }
-  thread_ = std::thread(&Line::serve, this);
+  thread_ = std::thread(&HostSocket::serve, this);
 }
 
-void Line::listen_at(const std::string& path) {
+void HostSocket::listen_at(const std::string& path) {
   listener_ = checked(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
   narrow(listener_);
   sockaddr_un address{};
@@ -100,7 +100,7 @@ void Line::listen_at(const std::string& path) {
   url_ = "unix://" + path;
 }
 
-void Line::listen_on(int port, const std::string& folder) {
+void HostSocket::listen_on(int port, const std::string& folder) {
   listener_ = checked(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), "socket");
   const int yes = 1;
   checked(setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes), "setsockopt");
@@ -125,7 +125,7 @@ void Line::listen_on(int port, const std::string& folder) {
   if (close(file) != 0 || !written) throw std::system_error(errno, std::generic_category(), path);
 }
 
-Line::~Line() {
+HostSocket::~HostSocket() {
   stop_ = true;
   rung_ = false;
   ring();
@@ -135,14 +135,14 @@ Line::~Line() {
   if (!file_.empty()) unlink(file_.c_str());
 }
 
-void Line::ring() {
+void HostSocket::ring() {
   if (!rung_.exchange(true)) {
     const char byte = 0;
     if (write(bell_[1], &byte, 1) < 0) return;  // the pipe is full: the thread is being woken
   }
 }
 
-void Line::serve() {
+void HostSocket::serve() {
   while (!stop_) {
     pollfd wait[3] = {{bell_[0], POLLIN, 0}, {-1, 0, 0}, {-1, 0, 0}};
     if (host_ >= 0) {
@@ -183,7 +183,7 @@ void Line::serve() {
   }
 }
 
-void Line::accept_host() {
+void HostSocket::accept_host() {
   host_ = accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (host_ < 0) return;
   const int yes = 1;
@@ -196,7 +196,7 @@ void Line::accept_host() {
 
 // Takes the next bytes of the token's line; a wrong one ends the connection. It is judged whole: a guess of its first
 // letters is told nothing. Nothing of it reaches the board.
-bool Line::read_token() {
+bool HostSocket::read_token() {
   char bytes[64];
   const ssize_t count = read(host_, bytes, std::min(sizeof bytes, token_.size() - told_.size()));
   if (count == 0) return false;
@@ -206,7 +206,7 @@ bool Line::read_token() {
   return let_in_ = same(told_, token_);
 }
 
-bool Line::read_some() {
+bool HostSocket::read_some() {
   if (!let_in_) return read_token();
   uint8_t bytes[4096];
   const size_t room = std::min(from_host_.room(), sizeof bytes);
@@ -219,7 +219,7 @@ bool Line::read_some() {
   return true;
 }
 
-bool Line::write_some() {
+bool HostSocket::write_some() {
   uint8_t bytes[4096];
   const size_t count = to_host_.copy(bytes, sizeof bytes);
   if (count == 0) return true;
@@ -230,14 +230,14 @@ bool Line::write_some() {
   return true;
 }
 
-void Line::hang_up() {
+void HostSocket::hang_up() {
   if (pty_) return;
   close(host_);
   host_ = -1;
   expects_ = false;
 }
 
-bool Line::leaving() const {
+bool HostSocket::leaving() const {
   pollfd host{host_, POLLRDHUP, 0};
   return poll(&host, 1, 0) > 0;
 }

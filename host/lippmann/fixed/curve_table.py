@@ -1,4 +1,4 @@
-"""The panel's byte of linear light, by a table (rtl/scene/lipp_panel_curve.sv)."""
+"""The panel's byte of linear light, by a table (rtl/scene/lipp_curve_table.sv)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COARSE_FROM = 1 << 12
 WHITE = 255 * 255
 
 
-def panel_curve(light: Ints, table: Bytes) -> Bytes:
+def curve_table(light: Ints, table: Bytes) -> Bytes:
     """Return the bytes of light.
 
     With L a word of light

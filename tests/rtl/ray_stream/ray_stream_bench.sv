@@ -1,5 +1,5 @@
-/// ray_lenslet with its words packed, first port highest, and the latency that it claims.
-module ray_lenslet_bench #(
+/// ray_stream with its words packed, first port highest, and the latency that it claims.
+module ray_stream_bench #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
 ) (
@@ -28,7 +28,7 @@ module ray_lenslet_bench #(
   assign {u, v, a, b} = ray_i;
   assign exit_o = {i, j, x, y, z, dx, dy, dz, status};
   assign latency_o = ray_latency(Build) + 5;
-  lipp_ray_lenslet #(.Build(Build)) i_engine (
+  lipp_ray_stream #(.Build(Build)) i_engine (
     .clk_i, .rst_ni, .config_i(config_i), .apply_i, .busy_o, .idle_o,
     .ray_valid_i(valid_i), .ray_ready_o(ready_o),
     .ray_u_i(u), .ray_v_i(v), .ray_a_i(a), .ray_b_i(b),

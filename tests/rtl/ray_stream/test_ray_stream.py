@@ -1,4 +1,4 @@
-"""ray_lenslet: rays in order and equal to the twin's, whatever the stalls, across resets and changes of the display."""
+"""ray_stream: rays in order and equal to the twin's, whatever the stalls, across resets and changes of the display."""
 
 import json
 import tempfile
@@ -13,7 +13,7 @@ from lippmann.simulation.ray_harness import packed, parameters
 from optics import random_configuration, ray_words, within
 from runner import compiled, seed, simulate
 
-BENCH = Path(__file__).with_name("ray_lenslet_bench.sv")
+BENCH = Path(__file__).with_name("ray_stream_bench.sv")
 BUILDS = [
     Build(14, "square", "paraxial", aims=True),
     pytest.param(Build(16, "hex", "exact", aims=True, max_cell_steps=1, cross_cells=True), marks=pytest.mark.full),
@@ -22,7 +22,7 @@ BUILDS = [
 
 
 @pytest.mark.parametrize("build", BUILDS, ids=lambda b: f"{b.fraction_bits}-{b.grid}-{b.model}")
-def test_ray_lenslet(build):
+def test_ray_stream(build):
     s = seed()
     rng = np.random.default_rng(s)
     near, far = build.near, build.near + 2
@@ -40,8 +40,8 @@ def test_ray_lenslet(build):
         "rays": pack(inputs, dict(zip("uvab", rays, strict=True))),
         "exits": [pack(outputs, ray_pipeline(*rays, d, build)._asdict()) for d in displays],
     }
-    program = compiled("ray_lenslet_bench", parameters(build), BENCH.read_text())
+    program = compiled("ray_stream_bench", parameters(build), BENCH.read_text())
     with tempfile.NamedTemporaryFile("w", dir=program.parent, suffix=".json") as file:
         json.dump(plan, file)
         file.flush()
-        simulate(program, "ray_lenslet_bench", "cocotb_ray_lenslet", s, {"LIPPMANN_PLAN": file.name})
+        simulate(program, "ray_stream_bench", "cocotb_ray_stream", s, {"LIPPMANN_PLAN": file.name})

@@ -7,7 +7,7 @@
 ///
 /// Entries 4096 to 4351 are never read. Dark light, where the curve is steep, has an entry for each word.
 /// Each channel has its own copy of the table. Latency curve_latency().
-module lipp_panel_curve (
+module lipp_curve_table (
   input  logic                                      clk_i,
   input  logic                                      write_i,  // a byte of the table
   input  logic [lipp_scene_pkg::CurveBits-1:0]      write_at_i,

@@ -1,4 +1,4 @@
-"""ray_lenslet in the simulator: what went in, what must come out under each of two displays."""
+"""ray_stream in the simulator: what went in, what must come out under each of two displays."""
 
 import json
 import os
@@ -117,7 +117,7 @@ async def forgets_all_at_reset(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("ray_lenslet", PLAN["case"])
+    seen = Coverage("ray_stream", PLAN["case"])
     for name, count in SEEN.items():
         seen.point(name, count)
     seen.close()

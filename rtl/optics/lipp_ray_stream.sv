@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The ray-lenslet engine: pixels in, exit rays out, one ray every clock, valid/ready on both
-/// sides.
+/// The stream around `lipp_ray_pipeline`: pixels in, exit rays out, one ray every clock, valid/ready
+/// on both sides.
 ///
 /// Rays leave in the order in which they entered. The optics in use are a copy of config_i. apply_i
 /// requests a new copy; it is made as soon as all rays inside have left. Until then busy_o is high
 /// and the input closed, so that no frame is traced with two displays. Reset requests a copy.
 ///
 /// Words as in `lipp_ray_pipeline`. Latency ray_latency(...) + 5 clocks when nothing stalls.
-module lipp_ray_lenslet #(
+module lipp_ray_stream #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
   localparam int F = int'(Build.fraction_bits)
 ) (
