@@ -68,7 +68,7 @@ toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/re
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
-lint: $(READY) ## style, format, types and import layers; every RTL module alone
+lint: $(READY) ## style, format, types, import layers, bounds of size; every RTL module alone
 	@$(MAKE) --no-print-directory -k -j2 lint-host lint-imports lint-rtl
 
 lint-host:
@@ -78,6 +78,9 @@ lint-host:
 
 lint-imports:
 	@said=$$($(BIN)/lint-imports --no-logo --no-cache) || { echo "$$said"; exit 1; }
+
+lint-house:
+	@$(BIN)/python -m tools.house
 
 lint-rtl:
 	$(BIN)/python -m tools.lint

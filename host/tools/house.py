@@ -1,0 +1,189 @@
+"""Checks the shape of the house: `python -m tools.house`, a part of `make lint`.
+
+It counts lines, files, long functions, `Any` and refused names, and compares them with the bounds of house.toml. It looks
+at the rooms: which there are, which files they share by name, and how long the longest chain of imports between them is.
+Import layers are import-linter's (pyproject.toml).
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import sys
+import tokenize
+import tomllib
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lippmann.simulation.toolchain import repository
+
+BOUNDS = Path(__file__).with_name("house.toml")
+FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+@dataclass
+class Sizes:
+    """What is counted in a folder's Python files."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    #: "file:line name, lines" of each long function, and of each refused name.
+    long_functions: list[str] = field(default_factory=list)
+    refused_names: list[str] = field(default_factory=list)
+
+    @property
+    def mean_line(self) -> float:
+        """Characters a line."""
+        return self.counts["characters"] / max(self.counts["lines"], 1)
+
+    @property
+    def comment_share(self) -> float:
+        """Comments a line."""
+        return self.counts["comments"] / max(self.counts["lines"], 1)
+
+
+def measure_sizes(folder: Path, function_lines: int, refused: frozenset[str]) -> Sizes:
+    """Count lines, files, comments, uses of `Any`, long functions and refused names below a folder."""
+    sizes = Sizes()
+    for path in sorted(folder.rglob("*.py")):
+        text = path.read_text()
+        place = path.relative_to(folder.parent)
+        sizes.counts["files"] += 1
+        sizes.counts["lines"] += text.count("\n")
+        sizes.counts["characters"] += len(text) - text.count("\n")
+        tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+        sizes.counts["comments"] += sum(token.type == tokenize.COMMENT for token in tokens)
+        for node in ast.walk(ast.parse(text)):
+            sizes.counts["any"] += isinstance(node, ast.Name) and node.id == "Any"
+            if isinstance(node, FUNCTIONS):
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                if lines > function_lines:
+                    sizes.long_functions.append(f"{place}:{node.lineno} {node.name}, {lines} lines")
+            name = bound_name(node)
+            if name is not None and name.lstrip("_") in refused:
+                sizes.refused_names.append(f"{place}:{getattr(node, 'lineno', 0)} {name}")
+    return sizes
+
+
+def bound_name(node: ast.AST) -> str | None:
+    """Return the name that a node of the syntax tree gives to a function, class, parameter or variable."""
+    if isinstance(node, FUNCTIONS | ast.ClassDef):
+        return node.name
+    if isinstance(node, ast.arg):
+        return node.arg
+    return node.id if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else None
+
+
+def compare_sizes(name: str, sizes: Sizes, bounds: Mapping[str, int]) -> Iterator[str]:
+    """Yield a line for each count of a folder that is over its bound."""
+    counts = {
+        **sizes.counts,
+        "long_functions": len(sizes.long_functions),
+        "refused_names": len(sizes.refused_names),
+    }
+    for key, bound in bounds.items():
+        if counts[key] > bound:
+            what = key.replace("_", " ")
+            yield f"{name}: {counts[key]} {what}, at most {bound}: remove code, or say why not in {BOUNDS.name}"
+            yield from (f"  {place}" for place in getattr(sizes, key, ()))
+
+
+def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
+    """Yield a line where the package became denser: longer lines, or fewer comments."""
+    if sizes.mean_line > style["mean_line"]:
+        yield f"package: {sizes.mean_line:.2f} characters a line, at most {style['mean_line']}"
+    if sizes.comment_share < style["comment_share"]:
+        yield f"package: {sizes.comment_share:.4f} comments a line, at least {style['comment_share']}"
+
+
+def check_rooms(package: Path, rooms: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line for each folder, loose file or file name that the rooms do not allow."""
+    loose = {path.stem for path in package.glob("*.py")}
+    for name in sorted(loose ^ set(rooms["loose"])):
+        yield f"{name}.py: loose files of the package are {', '.join(rooms['loose'])}"
+    folders = {path.parent.relative_to(package).as_posix() for path in package.rglob("*.py")} - {"."}
+    for folder in sorted(folders ^ set(rooms["names"])):
+        yield f"{folder}: the rooms are {', '.join(rooms['names'])}, without folders of Python inside"
+    places = defaultdict(list)
+    for path in sorted(package.rglob("*.py")):
+        if path.stem != "__init__" and path.parent != package:
+            places[path.stem].append(path.parent.name)
+    for stem, found in sorted(places.items()):
+        if len(set(found) - {"cli"}) > 1:  # a command's file bears the command's name
+            yield f"{stem}.py stands in the rooms {' and '.join(found)}: give one of them another name"
+
+
+def room_imports(package: Path) -> dict[str, set[str]]:
+    """Return the rooms that each room imports, those for annotations only aside."""
+    rooms: dict[str, set[str]] = defaultdict(set)
+    for path in package.rglob("*.py"):
+        room = path.relative_to(package).parts[0].removesuffix(".py")
+        tree = ast.parse(path.read_text())
+        for_types = {id(inner) for node in ast.walk(tree) if is_type_checking(node) for inner in ast.walk(node)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module and id(node) not in for_types:
+                parts = node.module.split(".")
+                if parts[0] == package.name:
+                    rooms[room] |= {parts[1]} if len(parts) > 1 else {alias.name for alias in node.names}
+    return {room: (imports & rooms.keys()) - {room} for room, imports in rooms.items()}
+
+
+def is_type_checking(node: ast.AST) -> bool:
+    """Tell whether a node is `if TYPE_CHECKING:`."""
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def longest_chain(imports: Mapping[str, set[str]], names: frozenset[str]) -> list[str]:
+    """Return the longest chain of rooms, each importing the next; loose files count as no room of their own."""
+
+    @cache
+    def chain(room: str) -> list[str]:
+        below = longest([chain(other) for other in sorted(imports.get(room, ()))])
+        return [room, *below] if room in names else below
+
+    def longest(chains: list[list[str]]) -> list[str]:
+        return max(chains, key=len, default=[])
+
+    return longest([chain(room) for room in sorted(imports)])
+
+
+def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
+    """Return what is wrong with the house below a checkout's top folder, a line each."""
+    style, refused = bounds["style"], frozenset(bounds["names"]["refused"])
+    folders = {"package": top / "host/lippmann", "tools": top / "host/tools", "tests": top / "tests"}
+    sizes = {name: measure_sizes(folder, style["function_lines"], refused) for name, folder in folders.items()}
+    faults = [line for name in sizes for line in compare_sizes(name, sizes[name], bounds[name])]
+    faults += check_style(sizes["package"], style)
+    faults += check_rooms(folders["package"], bounds["rooms"])
+    chain = longest_chain(room_imports(folders["package"]), frozenset(bounds["rooms"]["names"]))
+    if len(chain) > bounds["rooms"]["chain"]:
+        faults.append(
+            f"{len(chain)} rooms in a chain of imports, at most {bounds['rooms']['chain']}: {' > '.join(chain)}"
+        )
+    print(describe_sizes(**sizes), f"longest chain {len(chain)} rooms")
+    return faults
+
+
+def describe_sizes(package: Sizes, tools: Sizes, tests: Sizes) -> str:
+    """Return the sizes in one line."""
+    return (
+        f"house: {package.counts['lines']} lines in {package.counts['files']} files, {package.mean_line:.2f} "
+        f"characters and {package.comment_share:.4f} comments a line, {package.counts['any']} Any, {len(package.refused_names)} "
+        f"refused names; tools {tools.counts['lines']}, "
+        f"tests {tests.counts['lines']} lines;"
+    )
+
+
+def main() -> int:
+    """Print what is wrong; return 1 if anything is."""
+    faults = check_house(repository(), tomllib.loads(BOUNDS.read_text()))
+    for line in faults:
+        print(line, file=sys.stderr)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
