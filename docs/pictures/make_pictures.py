@@ -9,7 +9,7 @@ from pathlib import Path
 import lippmann as lp
 import numpy as np
 from lippmann import load_display, parse_display, trace
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.base.variant import own_variant
 from lippmann.display.description import Display
 from lippmann.eye.observer import whole_window

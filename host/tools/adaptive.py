@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.base.images import encode
+from lippmann.base.tones import encode
 from lippmann.conformance.test_pictures import middle
 from lippmann.display.description import Display, load_display
 from lippmann.rendering.renderer import Settings, render_rays

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from lippmann.base.animation import write_contact_sheet
 from lippmann.base.images import Radiance
-from lippmann.base.processor import has_avx512
+from lippmann.base.machine import has_avx512
 from lippmann.conformance import fixed_errors, plots
 from lippmann.conformance.configurations import SYNTHESIS
 from lippmann.conformance.figures import groups, read_csv

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from lippmann.base.images import Radiance, psnr_db
-from lippmann.base.memory import proc_mb
+from lippmann.base.images import Radiance
+from lippmann.base.machine import proc_mb
+from lippmann.base.tones import psnr_db
 from lippmann.calibration.codes import STEPS, PatternSet, write_patterns
 from lippmann.calibration.result import Calibration
 from lippmann.calibration.simulated_camera import Camera, Point, framed

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.base.images import Radiance, psnr_db, read_picture
+from lippmann.base.images import Radiance, read_picture
+from lippmann.base.tones import psnr_db
 from lippmann.display.description import Display, load_display
 from lippmann.eye.many_views import eyes_of
 from lippmann.eye.observer import Eye, observe, whole_window

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.base.provenance import gpu_name
+from lippmann.base.machine import gpu_name
 from lippmann.base.variant import current_device
 from lippmann.display.description import load_display
 from lippmann.motion.hand import Hand

@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.base.images import Radiance, encode
+from lippmann.base.images import Radiance
+from lippmann.base.tones import encode
 from lippmann.base.variant import mitsuba
 from lippmann.capturing.povray_export import Exported, write_folder
 from lippmann.capturing.povray_optics import setup_view

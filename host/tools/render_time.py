@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.base.provenance import gpu_name
+from lippmann.base.machine import gpu_name
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.figures import in_turn
 from lippmann.conformance.renderer_speed import ROUNDS, separately, timed

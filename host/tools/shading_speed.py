@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.base.images import Radiance, psnr_db
+from lippmann.base.images import Radiance
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import drjit, mitsuba
 from lippmann.capturing.capture import capture, placement_before
 from lippmann.capturing.setup import load_setup

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.base.images import Radiance, psnr_db
+from lippmann.base.images import Radiance
+from lippmann.base.tones import psnr_db
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.rendering.renderer import Settings, render_integral, render_view

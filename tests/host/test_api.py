@@ -20,7 +20,8 @@ import mitsuba
 import numpy as np
 import pytest
 from jupyter_client.manager import start_new_kernel
-from lippmann.base.images import encoded_values, read_picture
+from lippmann.base.images import read_picture
+from lippmann.base.tones import encoded_values
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
 from model_board import ModelBoard

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import lippmann
 import numpy as np
 import pytest
-from lippmann.base.images import psnr_db, read_picture
+from lippmann.base.images import read_picture
+from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.motion.film import load_film

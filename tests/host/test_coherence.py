@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from lippmann.base import processor
+from lippmann.base import machine
 from lippmann.base.variant import current_device
 from lippmann.rendering import coherence
 from lippmann.rendering.renderer import Settings, render_integral
@@ -30,9 +30,9 @@ vmx flags\t: vnmi
 )
 def test_only_rays_of_the_display_with_avx512_are_coherent(mi, monkeypatch, flags, name, hint):
     told = "\n".join(CPUINFO.format(k, flags) for k in range(2))
-    monkeypatch.setattr(processor, "_information", lambda: told)
-    assert processor.features() == {"fpu", "sse2", *flags.split()}
-    assert processor.processor_name() == name
+    monkeypatch.setattr(machine, "_information", lambda: told)
+    assert machine.features() == {"fpu", "sse2", *flags.split()}
+    assert machine.processor_name() == name
     assert list(np.array(mi.Bool(coherence.coherence_hint(mi.UInt32([0, 1])))) & [True, True]) == hint
 
 
@@ -47,7 +47,7 @@ def test_packets_are_those_of_the_programs_that_drjit_writes(mi):
         dr.eval(dr.opaque(mi.Float, 2.0, 100) * 3.0)
         (written,) = (k["ir"].getvalue() for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT)
     widest = max(int(width) for width in re.findall(r"<(\d+) x float>", written))
-    assert processor.has_avx512() == (widest == 16)
+    assert machine.has_avx512() == (widest == 16)
 
 
 @pytest.mark.parametrize("shading", ["each", "shared"])

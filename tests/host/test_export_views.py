@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from lippmann.base.images import psnr_db, read_picture
+from lippmann.base.images import read_picture
+from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError

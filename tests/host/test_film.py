@@ -12,7 +12,8 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from lippmann.base.images import encode, psnr_db, read_picture
+from lippmann.base.images import read_picture
+from lippmann.base.tones import encode, psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError

@@ -13,7 +13,8 @@ import OpenImageIO as oiio
 import pytest
 from lippmann.base.animation import FRAME_MS, write_animation, write_contact_sheet
 from lippmann.base.files import replacing
-from lippmann.base.images import PREFIX, check_output, decode, encode, read_picture, write_picture
+from lippmann.base.images import PREFIX, check_output, read_picture, write_picture
+from lippmann.base.tones import decode, encode
 from lippmann.board.panel_frames import Target, load_frame
 from lippmann.errors import InputError
 from PIL import Image

@@ -8,7 +8,8 @@ import sys
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from lippmann.base.images import encoded_values, read_picture, write_picture
+from lippmann.base.images import read_picture, write_picture
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import display_text
 from lippmann.errors import InputError
 from lippmann.rendering.integral_image import IntegralImage

@@ -9,7 +9,7 @@ import re
 import lippmann as lp
 import numpy as np
 import pytest
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.eye.observer import observe, whole_window

@@ -7,7 +7,8 @@ import math
 import lippmann as lp
 import numpy as np
 import pytest
-from lippmann.base.images import encoded_values, read_picture
+from lippmann.base.images import read_picture
+from lippmann.base.tones import encoded_values
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.layers.drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, scene_build_of

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lippmann.base.images import encoded_values, psnr_db
+from lippmann.base.tones import encoded_values, psnr_db
 from lippmann.board.board import Board
 from lippmann.board.live_sender import Sender
 from lippmann.board.panel_frames import panel_values

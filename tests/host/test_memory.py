@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from lippmann.base import memory
-from lippmann.base.memory import free_memory_mb, group_memory_mb
+from lippmann.base import machine
+from lippmann.base.machine import free_memory_mb, group_memory_mb
 
 MB = 1_000_000
 #: A limit, and what is used.
@@ -68,14 +68,14 @@ def test_without_control_groups_there_is_no_limit(tmp_path):
 
 
 def test_free_memory_counts_what_caches_give_back(monkeypatch):
-    monkeypatch.setattr(memory, "group_memory_mb", lambda: iter(()))  # these tests may run in a container
+    monkeypatch.setattr(machine, "group_memory_mb", lambda: iter(()))  # these tests may run in a container
     lines = Path("/proc/meminfo").read_text().splitlines()
     available = next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable")) * 1024 / 1e6
     assert free_memory_mb() == pytest.approx(available, rel=0.2)
 
 
 def test_the_least_counts(monkeypatch):
-    monkeypatch.setattr(memory, "proc_mb", lambda *_: 1000.0)
+    monkeypatch.setattr(machine, "proc_mb", lambda *_: 1000.0)
     for groups, least in (([], 1000.0), ([1e12], 1000.0), ([1e12, 123.0, 200.0], 123.0)):
-        monkeypatch.setattr(memory, "group_memory_mb", lambda groups=groups: iter(groups))
+        monkeypatch.setattr(machine, "group_memory_mb", lambda groups=groups: iter(groups))
         assert free_memory_mb() == least

@@ -6,7 +6,7 @@ import math
 import lippmann
 import numpy as np
 import pytest
-from lippmann.base.stored_rows import StoredRows
+from lippmann.base.images import StoredRows
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, View, observe, whole_window
 from lippmann.optics.rays import MODELS

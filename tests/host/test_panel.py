@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lippmann.base.images import decode, encode, encoded_values, read_picture
+from lippmann.base.images import read_picture
+from lippmann.base.tones import decode, encode, encoded_values
 from lippmann.board.panel_frames import Target, image_frame, load_frame
 from lippmann.capturing.rotation import rotation_map
 from lippmann.cli import run

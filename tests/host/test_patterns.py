@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.board.panel_frames import Target, load_frame
 from lippmann.cli import run
 from lippmann.display.description import display_text

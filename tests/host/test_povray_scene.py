@@ -7,7 +7,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from lippmann.base.images import encode
+from lippmann.base.tones import encode
 from lippmann.capturing import povray_program
 from lippmann.capturing.povray_export import MAX_RAYS, export_display, export_view
 from lippmann.cli import run

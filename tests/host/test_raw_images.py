@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from lippmann.base.raw_images import read_numbers
+from lippmann.base.images import read_numbers
 from lippmann.errors import InputError
 from PIL import Image
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import lippmann
 import numpy as np
 import pytest
-from lippmann.base.images import psnr_db
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device
 from lippmann.engines import trace
 from lippmann.errors import InputError

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.base.images import decode
+from lippmann.base.tones import decode
 from lippmann.conformance import configurations, engine_speeds, processor_load, renderer_speed
 from lippmann.conformance.fifty_digits import true_rays
 from lippmann.conformance.figures import Figures, Measured

@@ -8,7 +8,8 @@ import plyfile
 import pytest
 import trimesh
 from lippmann import api
-from lippmann.base.images import decode, psnr_db, read_picture, write_picture
+from lippmann.base.images import read_picture, write_picture
+from lippmann.base.tones import decode, psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError

@@ -9,7 +9,7 @@ import os
 import numpy as np
 import pytest
 from layer_cases import float_coordinates, float_light, random_stack
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError

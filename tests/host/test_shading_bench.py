@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lippmann.base.images import psnr_db
+from lippmann.base.tones import psnr_db
 from lippmann.rendering.pixel_filter import share_of_noise
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.sources import display_source

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lippmann.base.images import psnr_db
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device
 from lippmann.cli import run
 from lippmann.errors import InputError

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.base.images import decode
+from lippmann.base.tones import decode
 from lippmann.calibration.simulated_camera import Camera, corners_mm, framed
 from lippmann.calibration.simulated_disturbances import Disturbances, disturbed, hidden
 from lippmann.calibration.simulated_photographs import photograph_folder

@@ -6,7 +6,8 @@ import time
 import numpy as np
 import pytest
 from fault_line import Proxy
-from lippmann.base.images import decode, write_picture
+from lippmann.base.images import write_picture
+from lippmann.base.tones import decode
 from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.fixed.register_map import BOARD_REGISTERS, SCENE_REGISTERS

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.base.images import decode, write_picture
+from lippmann.base.images import write_picture
+from lippmann.base.tones import decode
 from lippmann.cli import run
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from full_disk import full_disk
-from lippmann.base.images import encode, read_picture, write_picture
+from lippmann.base.images import read_picture, write_picture
+from lippmann.base.tones import encode
 from lippmann.board.live_sender import Sender
 from lippmann.cli import run
 from lippmann.cli.board_start import _option_words, start_command

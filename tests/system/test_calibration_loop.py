@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from lippmann.base.images import decode, encoded_values, psnr_db, write_picture
+from lippmann.base.images import write_picture
+from lippmann.base.tones import decode, encoded_values, psnr_db
 from lippmann.board.check_rays import check_rays
 from lippmann.board.closed_loop import capturing
 from lippmann.board.streaming import send_frame

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.base.memory import proc_mb
+from lippmann.base.machine import proc_mb
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
 from lippmann.board.drawn_scene import SceneBoard

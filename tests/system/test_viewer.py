@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.base.images import decode, encode, psnr_db, write_picture
+from lippmann.base.images import write_picture
+from lippmann.base.tones import decode, encode, psnr_db
 from lippmann.base.variant import mitsuba, start_mitsuba
 from lippmann.display.description import Array, Display, Panel, load_display
 from lippmann.engines import trace

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from lippmann.base.files import replacing
-from lippmann.base.images import Radiance, check_output, encoded_values
+from lippmann.base.images import Radiance, check_output
+from lippmann.base.tones import encoded_values
 
 if TYPE_CHECKING:
     import PIL.Image

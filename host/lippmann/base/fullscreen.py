@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.stderr import silent_stderr
+from lippmann.base.programs import silent_stderr
 from lippmann.errors import DeviceError, InputError
 
 Pixels = npt.NDArray[np.uint8]

@@ -10,7 +10,9 @@ import contextlib
 import io
 import os
 import re
+import struct
 import tempfile
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -24,8 +26,8 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.files import clean_before_writing, not_written, refused, replacing
 from lippmann.base.limits import check_expanded, png_chunks
-from lippmann.base.stderr import silent_stderr
-from lippmann.base.tones import Transfer, curve_of, transfer_text
+from lippmann.base.programs import silent_stderr
+from lippmann.base.tones import BAND_ROWS, Transfer, decode, encoded_values, transfer_text
 from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, not_there, path_of, to_install
 
 #: Formats with linear radiance, and with panel values.
@@ -40,8 +42,6 @@ HALF_MAX = 65504.0
 MAX_CHANNELS = 4
 #: Most bytes of compressed texts in a PNG: each may expand a thousandfold, and all are read at once.
 MAX_TEXT_BYTES = 1 << 18
-#: Rows that are encoded, written and compared at once: a multiple of EXR's 16, so that no block is split.
-BAND_ROWS = 64
 #: Names by which OpenImageIO writes a PNG's gamma chunk for each transfer curve: 1/2.2 for sRGB too, beside its own.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
 #: Neighbouring pixels of an integral image belong to distant views: without row filters its files are as small, and
@@ -62,37 +62,6 @@ class Picture:
     metadata: dict[str, str]
 
 
-def encode(linear: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
-    """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
-    light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
-    if (measured := curve_of(transfer)) is not None:
-        return np.interp(light, measured[:, 1], measured[:, 0]).astype(np.float32)
-    if transfer == "linear":
-        return light
-    if transfer == "gamma2.2":
-        return np.asarray(light ** (1.0 / 2.2), np.float32)
-    if transfer == "srgb":
-        curve = 1.055 * light ** (1.0 / 2.4) - 0.055
-        return np.asarray(np.where(light <= 0.0031308, 12.92 * light, curve), np.float32)
-    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
-
-
-def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
-
-    Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
-    """
-    levels = (1 << bits) - 1
-    kind = np.uint8 if bits <= 8 else np.uint16
-    values = np.empty(radiance.shape, kind)
-    for first in range(0, len(values), BAND_ROWS):
-        rows = slice(first, first + BAND_ROWS)
-        level = np.rint(encode(radiance[rows], transfer) * levels)
-        # In double: float32 would round the spread levels of 9 to 15 bits twice.
-        values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
-    return values
-
-
 def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
     """Return linear radiance (height, width, 3) as a PNG file for screens: sRGB, 8 bits."""
     from PIL import Image
@@ -100,28 +69,6 @@ def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
     stream = io.BytesIO()
     Image.fromarray(encoded_values(radiance, "srgb", 8)).save(stream, "PNG")
     return stream.getvalue()
-
-
-def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_] | None = None) -> float:
-    """Return the peak signal-to-noise ratio, dB, of two linear images, compared as sRGB values."""
-    difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
-    mean = difference.mean() if mask is None else difference[mask].mean()
-    return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))
-
-
-def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
-    """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
-    v = np.asarray(values, np.float32)
-    if (measured := curve_of(transfer)) is not None:
-        return np.interp(v, measured[:, 0], measured[:, 1]).astype(np.float32)
-    if transfer == "linear":
-        return v
-    if transfer == "gamma2.2":
-        return np.asarray(v**2.2, np.float32)
-    if transfer == "srgb":
-        curve = ((v + 0.055) / 1.055) ** 2.4
-        return np.asarray(np.where(v <= 0.04045, v / 12.92, curve), np.float32)
-    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
@@ -413,3 +360,131 @@ def openimageio() -> Any:
     except ImportError as error:
         raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); {to_install()}") from None
     return OpenImageIO
+
+
+class StoredRows:
+    """Linear radiance (height, width, 3) float32 that stays in its file: only the rows that are asked for are read.
+
+    It is indexed like an array, by rows first. What it returns cannot be written; `numpy.asarray` reads it whole.
+    """
+
+    dtype, ndim = np.dtype(np.float32), 3
+
+    def __init__(
+        self, path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None] | None = None
+    ) -> None:
+        """Open an image file; see `read_picture`, whose errors this raises too."""
+        self._oiio, self._path = openimageio(), check_input(path)
+        self._first, self._rows = 0, np.empty((0, limit[0], 3), np.float32)
+        with self._quiet():
+            self._open = contextlib.ExitStack()
+            self._source, self.metadata = self._open.enter_context(opened(self._oiio, self._path, limit, accept))
+        self.shape = (limit[1], limit[0], 3)
+        self.size = 3 * limit[0] * limit[1]
+
+    @contextlib.contextmanager
+    def _quiet(self) -> Iterator[None]:
+        try:
+            with silent_stderr():
+                yield
+        except UnicodeDecodeError:  # OpenImageIO quotes a broken header
+            raise input_error(str(self._path), "is broken", "render it again") from None
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, index: Any, /) -> Radiance:
+        """Return a part; a row, or a range of rows, is all that is read of the file."""
+        rows, *rest = index if isinstance(index, tuple) else (index,)
+        if isinstance(rows, int | np.integer):
+            row = range(self.shape[0])[rows]  # or IndexError
+            return np.asarray(self._read(row, row + 1)[(0, *rest)], np.float32)
+        if not isinstance(rows, slice) or rows.step not in (None, 1):
+            return np.asarray(np.asarray(self)[index], np.float32)
+        first, last, _ = rows.indices(self.shape[0])
+        found = self._read(first, max(first, last))
+        return np.asarray(found[(slice(None), *rest)], np.float32) if rest else found
+
+    def _read(self, first: int, last: int) -> Radiance:
+        """Return rows; those of the last call are not read again, so that reading goes forwards."""
+        kept = self._rows[max(0, first - self._first) :] if first >= self._first else self._rows[:0]
+        start = first + len(kept)
+        parts = [kept[: last - first]]
+        with self._quiet():
+            for low in range(start, last, BAND_ROWS):
+                high = min(low + BAND_ROWS, last)
+                pixels = self._source.read_scanlines(
+                    0, 0, low, high, 0, 0, self._source.spec().nchannels, self._oiio.FLOAT
+                )
+                if pixels is None:
+                    raise broken(self._path, self._source)
+                values = three_colours(pixels)
+                decode_rows(self._path, values, self.metadata)
+                parts.append(values)
+        self._first, self._rows = first, np.concatenate(parts)
+        self._rows.setflags(write=False)
+        return self._rows
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """Return all rows."""
+        height, width, _ = self.shape
+        check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
+        whole = self._read(0, height)
+        self._rows = whole[:0]  # the caller's memory now, and not this object's too
+        if copy is None:  # where the type asks for it
+            return np.asarray(whole, dtype)
+        return np.array(whole, dtype, copy=copy)
+
+
+#: Kinds of files, by Pillow's names: what OpenCV reads beside them has other claims, which nothing here checks.
+FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
+
+
+def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> npt.NDArray[Any]:
+    """Return the numbers of an image (height, width) or (height, width, channels BGR or BGRA), of the file's own type.
+
+    Raises InputError, with `what` and `remedy`, for a file that is no image of `FORMATS` or is broken, and for one of
+    more pixels than `most_pixels`.
+    """
+    import cv2
+
+    refused = input_error(str(path), what, remedy)
+    # OpenCV takes the memory that a file claims before it reads the pixels.
+    size = _claimed_size(path, refused)
+    if size > most_pixels:
+        raise input_error(str(path), f"has more than {most_pixels / 1e6:g} megapixels", "give a smaller one")
+    _check_chunks(path, refused)
+    try:
+        with silent_stderr():
+            numbers: Any = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        numbers = None
+    if numbers is None:
+        raise refused
+    return np.asarray(numbers)
+
+
+def _claimed_size(path: Path, refused: InputError) -> float:
+    """Return how many pixels a file claims to have."""
+    from PIL import Image, UnidentifiedImageError
+
+    if not path.is_file():
+        raise input_error(str(path), not_there(path), "give a PNG, JPEG or TIFF file")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of large pictures, and of odd metadata
+            with Image.open(path, formats=FORMATS) as picture:
+                return picture.width * picture.height
+    except Image.DecompressionBombError:
+        return np.inf
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, OverflowError, struct.error):
+        raise refused from None
+
+
+def _check_chunks(path: Path, refused: InputError) -> None:
+    """Refuse a PNG with a chunk that ends behind the file: up to 4 GB are claimed for it."""
+    for kind, _, whole in png_chunks(path):
+        if not whole:
+            raise refused
+        if kind == b"IEND":
+            return

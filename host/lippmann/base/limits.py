@@ -15,7 +15,7 @@ from xml.parsers import expat
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.memory import free_memory_mb
+from lippmann.base.machine import free_memory_mb
 from lippmann.errors import InputError, input_error, reason
 
 #: Most bytes of a TOML file; a scene's XML; a table of pixels or words as text.

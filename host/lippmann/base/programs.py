@@ -1,4 +1,4 @@
-"""Other programs that a command runs and waits for: they end with it, and print any bytes."""
+"""Programs that a command runs and waits for: they end with it, and print any bytes; C libraries that print."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -81,3 +82,20 @@ def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
         with contextlib.suppress(subprocess.TimeoutExpired):
             return process.communicate(timeout=GRACE_S)
     return "", ""
+
+
+@contextlib.contextmanager
+def silent_stderr() -> Iterator[None]:
+    """Redirect the process's stderr to /dev/null."""
+    if sys.stderr is None:  # closed; file number 2 may belong to another file
+        yield
+        return
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

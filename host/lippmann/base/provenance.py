@@ -1,4 +1,4 @@
-"""Provenance of a measurement: machine, date, command and versions."""
+"""What a result depends on: the hash of the code and the versions in cached frames; the provenance of a report."""
 
 from __future__ import annotations
 
@@ -6,31 +6,11 @@ import datetime
 import functools
 import hashlib
 import importlib.metadata
-import os
-import platform
-import shutil
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
 from lippmann import __version__
-from lippmann.base.processor import processor_name
-
-
-def machine_name() -> str:
-    """Return processor and cores, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
-    cores = len(os.sched_getaffinity(0))
-    return f"{processor_name()}, {cores} cores, {platform.system()} {platform.machine()}"
-
-
-def gpu_name() -> str:
-    """Return the names of the GPUs that the driver tells; "" without its program."""
-    program = shutil.which("nvidia-smi")
-    if program is None:
-        return ""
-    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
-    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
-    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
+from lippmann.base.machine import machine_name
 
 
 def pixel_versions() -> dict[str, str]:

@@ -1,10 +1,11 @@
-"""The measured curve between panel value and light: a table in a display file or in an image's metadata."""
+"""Tones: the transfer curve between linear light and panel values, named or measured, and the quantised values."""
 
 from __future__ import annotations
 
 import json
 import zlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,8 @@ Curve = tuple[tuple[float, float], ...]
 #: A curve's name, a measured curve, or the text of a measured curve in an image's metadata.
 Transfer = str | Curve
 
+#: Rows that are encoded, written and compared at once: a multiple of EXR's 16, so that no block is split.
+BAND_ROWS = 64
 #: Most pairs of a curve: one for each level of 12 bits.
 MAX_PAIRS = 4096
 
@@ -73,3 +76,56 @@ def transfer_name(transfer: Transfer) -> str:
     if not text.startswith("["):
         return text
     return f"a curve of {text.count('[') - 1} points ({zlib.crc32(text.encode()):08x})"
+
+
+def encode(linear: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+    """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
+    light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
+    if (measured := curve_of(transfer)) is not None:
+        return np.interp(light, measured[:, 1], measured[:, 0]).astype(np.float32)
+    if transfer == "linear":
+        return light
+    if transfer == "gamma2.2":
+        return np.asarray(light ** (1.0 / 2.2), np.float32)
+    if transfer == "srgb":
+        curve = 1.055 * light ** (1.0 / 2.4) - 0.055
+        return np.asarray(np.where(light <= 0.0031308, 12.92 * light, curve), np.float32)
+    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+
+
+def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+    """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
+    v = np.asarray(values, np.float32)
+    if (measured := curve_of(transfer)) is not None:
+        return np.interp(v, measured[:, 0], measured[:, 1]).astype(np.float32)
+    if transfer == "linear":
+        return v
+    if transfer == "gamma2.2":
+        return np.asarray(v**2.2, np.float32)
+    if transfer == "srgb":
+        curve = ((v + 0.055) / 1.055) ** 2.4
+        return np.asarray(np.where(v <= 0.04045, v / 12.92, curve), np.float32)
+    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+
+
+def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
+    """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
+
+    Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
+    """
+    levels = (1 << bits) - 1
+    kind = np.uint8 if bits <= 8 else np.uint16
+    values = np.empty(radiance.shape, kind)
+    for first in range(0, len(values), BAND_ROWS):
+        rows = slice(first, first + BAND_ROWS)
+        level = np.rint(encode(radiance[rows], transfer) * levels)
+        # In double: float32 would round the spread levels of 9 to 15 bits twice.
+        values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
+    return values
+
+
+def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_] | None = None) -> float:
+    """Return the peak signal-to-noise ratio, dB, of two linear images, compared as sRGB values."""
+    difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
+    mean = difference.mean() if mask is None else difference[mask].mean()
+    return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, encoded_values, read_picture
-from lippmann.base.tones import Transfer, transfer_name, transfer_text
+from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, read_picture
+from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
 from lippmann.board.tiles import Pixels
 from lippmann.display.description import Panel, TransferName
 from lippmann.errors import input_error

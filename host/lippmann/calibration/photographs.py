@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import decode
-from lippmann.base.raw_images import read_numbers
+from lippmann.base.images import read_numbers
+from lippmann.base.tones import decode
 from lippmann.calibration.codes import FILE, Pattern, PatternSet, read_patterns
 from lippmann.display.description import Display
 from lippmann.errors import input_error, not_there

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder, replacing
-from lippmann.base.images import encoded_values
 from lippmann.base.progress import Progress
+from lippmann.base.tones import encoded_values
 from lippmann.calibration.codes import PatternSet
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError

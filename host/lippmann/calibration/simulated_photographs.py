@@ -13,7 +13,7 @@ from PIL import Image
 
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder, replacing
-from lippmann.base.images import decode
+from lippmann.base.tones import decode
 from lippmann.calibration.simulated_camera import Camera
 from lippmann.calibration.simulated_disturbances import (
     Disturbances,

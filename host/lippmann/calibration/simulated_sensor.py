@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import encoded_values
-from lippmann.base.tones import Transfer
+from lippmann.base.tones import Transfer, encoded_values
 from lippmann.calibration.simulated_projection import Light
 
 #: The brightest pixels of a white panel that the exposure does not count, percent.

@@ -10,8 +10,9 @@ import click
 
 from lippmann import api
 from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
-from lippmann.base.images import check_output, encoded_values
+from lippmann.base.images import check_output
 from lippmann.base.progress import report_each
+from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.panel_frames import panel_values
 from lippmann.cli.frame import argument, make_command, option

@@ -11,8 +11,9 @@ import numpy as np
 from lippmann import api
 from lippmann.base.animation import write_animation, write_contact_sheet
 from lippmann.base.files import make_folder, replacing
-from lippmann.base.images import Radiance, decode, psnr_db
+from lippmann.base.images import Radiance
 from lippmann.base.progress import report_each
+from lippmann.base.tones import decode, psnr_db
 from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.panel_frames import panel_values
 from lippmann.cli.demo_drawn import EYE_DISTANCE_MM, REACH_MM, draw_films

@@ -10,8 +10,8 @@ import numpy as np
 
 from lippmann import api
 from lippmann.base.animation import write_animation
-from lippmann.base.images import decode
 from lippmann.base.progress import report_each
+from lippmann.base.tones import decode
 from lippmann.board.drawn_loop import draw_on_virtual_board
 from lippmann.cli.output import log
 from lippmann.cli.progress_bar import progress_bar

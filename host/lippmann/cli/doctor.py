@@ -8,8 +8,7 @@ import sys
 from typing import Any
 
 from lippmann import __version__
-from lippmann.base.memory import free_memory_mb
-from lippmann.base.provenance import machine_name
+from lippmann.base.machine import free_memory_mb, machine_name
 from lippmann.base.variant import mitsuba, start_mitsuba
 from lippmann.board.discovery import baud_of_board
 from lippmann.board.fpga_boards import board_of_port, fpga_boards

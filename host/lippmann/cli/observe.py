@@ -10,8 +10,9 @@ import numpy as np
 
 from lippmann import api
 from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_animation, write_contact_sheet
-from lippmann.base.images import SUFFIXES, check_output, encoded_values
+from lippmann.base.images import SUFFIXES, check_output
 from lippmann.base.progress import report_each
+from lippmann.base.tones import encoded_values
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
 from lippmann.cli.output import emit, log

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import psnr_db
+from lippmann.base.tones import psnr_db
 from lippmann.calibration.check import rings
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, drawn, finish

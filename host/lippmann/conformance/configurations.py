@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import Radiance, psnr_db
+from lippmann.base.images import Radiance
+from lippmann.base.tones import psnr_db
 from lippmann.conformance.engine_speeds import errors, random_rays
 from lippmann.conformance.figures import Figures, Measured, groups, in_turn, read_csv
 from lippmann.conformance.report_plan import Plan

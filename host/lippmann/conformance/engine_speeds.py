@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.base.images import psnr_db
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
 from lippmann.conformance.figures import Figures, Measured, in_turn

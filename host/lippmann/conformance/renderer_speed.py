@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.base.images import Radiance, psnr_db
+from lippmann.base.images import Radiance
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.figures import Figures, Measured, groups, in_turn
 from lippmann.conformance.report_plan import Plan

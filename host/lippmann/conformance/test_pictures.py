@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import Radiance, encode
+from lippmann.base.images import Radiance
+from lippmann.base.tones import encode
 from lippmann.base.variant import mitsuba
 from lippmann.conformance.report_plan import Plan
 from lippmann.display.description import Display

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lippmann.base.animation import FRAME_MS, animation_png, write_animation
 from lippmann.base.fullscreen import show_frames
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.eye.observer import View
 from lippmann.rendering.integral_image import in_notebook, shown_or_said
 

@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.images import Radiance, write_picture
-from lippmann.base.stored_rows import StoredRows
+from lippmann.base.images import Radiance, StoredRows, write_picture
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.display.subpixels import layout_of

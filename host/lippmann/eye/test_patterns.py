@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lippmann import __version__
 from lippmann.base import interrupts
-from lippmann.base.images import decode
+from lippmann.base.tones import decode
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.curve_table import WHITE, entry_light

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import Radiance, decode, psnr_db
+from lippmann.base.images import Radiance
 from lippmann.base.progress import Progress
+from lippmann.base.tones import decode, psnr_db
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.layers.cut import Cut, Reach, cut_scene, reach_of

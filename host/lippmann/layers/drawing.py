@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import decode, encoded_values
+from lippmann.base.tones import decode, encoded_values
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error

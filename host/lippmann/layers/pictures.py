@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import toml
-from lippmann.base.images import decode
 from lippmann.base.toml import documented, key
+from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
 from lippmann.errors import input_error, likely_file, not_there, reason
 from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for

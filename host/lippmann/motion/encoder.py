@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.fullscreen import Pixels
-from lippmann.base.images import encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.base.variant import mitsuba
 from lippmann.display.description import Panel
 

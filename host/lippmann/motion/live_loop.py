@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from lippmann.base import interrupts
 from lippmann.base.fullscreen import Pixels
-from lippmann.base.images import encoded_values
 from lippmann.base.toml import documented, key
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe
 from lippmann.motion.hand import Hand

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from lippmann.base.fullscreen import Pixels
-from lippmann.base.images import BAND_ROWS, Radiance
+from lippmann.base.images import Radiance
+from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.motion.encoder import Encoder

@@ -12,7 +12,7 @@ Pictures differ only where a ray meets two surfaces at one place.
 
 from typing import Any
 
-from lippmann.base.processor import has_avx512
+from lippmann.base.machine import has_avx512
 
 
 def coherence_hint(depth: Any) -> Any:

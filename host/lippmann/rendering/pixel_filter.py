@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lippmann.base.images import BAND_ROWS
+from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel

@@ -21,9 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.images import BAND_ROWS, Radiance, psnr_db
-from lippmann.base.memory import free_memory_mb, proc_mb
+from lippmann.base.images import Radiance
+from lippmann.base.machine import free_memory_mb, proc_mb
 from lippmann.base.progress import Progress
+from lippmann.base.tones import BAND_ROWS, psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError, whole_number

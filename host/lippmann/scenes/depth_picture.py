@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import toml
+from lippmann.base.images import read_numbers
 from lippmann.base.limits import read_limited
-from lippmann.base.raw_images import read_numbers
 from lippmann.base.toml import documented, key
 from lippmann.errors import input_error, not_there
 from lippmann.scenes.mesh_file import write_surface

@@ -19,8 +19,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lippmann.base.images import decode, encode
 from lippmann.base.limits import read_limited
+from lippmann.base.tones import decode, encode
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes.mesh_file import write_surface

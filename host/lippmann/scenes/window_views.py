@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import LINEAR_SUFFIXES, decode, read_picture
+from lippmann.base.images import LINEAR_SUFFIXES, read_picture
 from lippmann.base.limits import read_limited
+from lippmann.base.tones import decode
 from lippmann.errors import InputError, input_error
 from lippmann.scenes.xml import add_light_field, new_scene, plugin, to_world, write
 

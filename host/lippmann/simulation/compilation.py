@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from lippmann.base.files import is_full, moved, no_space, partial_folder
-from lippmann.base.processor import features
+from lippmann.base.machine import features
 from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version

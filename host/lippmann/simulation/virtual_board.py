@@ -25,7 +25,8 @@ import numpy as np
 
 from lippmann.base import interrupts
 from lippmann.base.files import listening, new_file, private_folder, scratch_folder
-from lippmann.base.images import decode, write_picture
+from lippmann.base.images import write_picture
+from lippmann.base.tones import decode
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, device_error, input_error
 from lippmann.fixed.build import Build

@@ -1,9 +1,13 @@
-"""The memory that this process may still take: of the machine, and of the control groups that limit it."""
+"""The machine: its processor and GPU, and the memory that this process may still take."""
 
 from __future__ import annotations
 
+import functools
 import os
+import platform
 import re
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -63,3 +67,44 @@ def proc_mb(file: str, entry: str) -> float | None:
         return None
     kib = int(found[1])  # which Linux calls kB
     return kib * 1024 / 1e6
+
+
+def processor_name() -> str:
+    """Return its name and vectors, where Linux tells them, such as "AMD EPYC with AVX2" or "... with AVX-512"."""
+    named = re.search(r"^model name\s*:(.*)$", _information(), re.MULTILINE)
+    name = named[1].strip() if named else platform.processor() or "unknown processor"
+    vectors = " with AVX-512" if has_avx512() else " with AVX2" if "avx2" in features() else ""
+    return name + vectors
+
+
+def has_avx512() -> bool:
+    """Tell whether the processor has AVX-512VL: Dr.Jit then computes 16 floats at once, else 8 or 4."""
+    return "avx512vl" in features()
+
+
+def features() -> frozenset[str]:
+    """Return the flags of /proc/cpuinfo: those of Linux on x86, none elsewhere."""
+    told = re.findall(r"^flags\s*:(.*)$", _information(), re.MULTILINE)
+    return frozenset(word for line in told for word in line.split())
+
+
+@functools.cache
+def _information() -> str:
+    path = Path("/proc/cpuinfo")
+    return path.read_text() if path.exists() else ""
+
+
+def machine_name() -> str:
+    """Return processor and cores, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
+    cores = len(os.sched_getaffinity(0))
+    return f"{processor_name()}, {cores} cores, {platform.system()} {platform.machine()}"
+
+
+def gpu_name() -> str:
+    """Return the names of the GPUs that the driver tells; "" without its program."""
+    program = shutil.which("nvidia-smi")
+    if program is None:
+        return ""
+    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
+    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
+    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
