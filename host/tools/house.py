@@ -1,8 +1,8 @@
 """Checks the shape of the house: `python -m tools.house`, a part of `make lint`.
 
-It counts lines, files, long functions, `Any` and refused names, and compares them with the bounds of house.toml. It looks
-at the rooms: which there are, which files they share by name, and how long the longest chain of imports between them is.
-Import layers are import-linter's (pyproject.toml).
+It counts lines, files, long functions, `Any` and refused names, and compares them with the bounds of house.toml. It
+looks at the rooms: which there are, which files they share by name, and how long the longest chain of imports between
+them is. Import layers are import-linter's (pyproject.toml).
 """
 
 from __future__ import annotations
@@ -169,11 +169,11 @@ def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
 
 def describe_sizes(package: Sizes, tools: Sizes, tests: Sizes) -> str:
     """Return the sizes in one line."""
+    counts = package.counts
     return (
-        f"house: {package.counts['lines']} lines in {package.counts['files']} files, {package.mean_line:.2f} "
-        f"characters and {package.comment_share:.4f} comments a line, {package.counts['any']} Any, {len(package.refused_names)} "
-        f"refused names; tools {tools.counts['lines']}, "
-        f"tests {tests.counts['lines']} lines;"
+        f"house: {counts['lines']} lines in {counts['files']} files, {package.mean_line:.2f} characters and "
+        f"{package.comment_share:.4f} comments a line, {counts['any']} Any, {len(package.refused_names)} refused names; "
+        f"tools {tools.counts['lines']}, tests {tests.counts['lines']} lines;"
     )
 
 
