@@ -172,8 +172,8 @@ def describe_sizes(package: Sizes, tools: Sizes, tests: Sizes) -> str:
     counts = package.counts
     return (
         f"house: {counts['lines']} lines in {counts['files']} files, {package.mean_line:.2f} characters and "
-        f"{package.comment_share:.4f} comments a line, {counts['any']} Any, {len(package.refused_names)} refused names; "
-        f"tools {tools.counts['lines']}, tests {tests.counts['lines']} lines;"
+        f"{package.comment_share:.4f} comments a line, {counts['any']} Any, "
+        f"{len(package.refused_names)} refused names; tools {tools.counts['lines']}, tests {tests.counts['lines']} lines;"
     )
 
 
