@@ -1,6 +1,6 @@
 """The four engines: `trace` takes a display, pixels, aperture points, a model and an engine, and returns rays.
 
-Golden and fast share `lippmann.optics.pixel_rays`; twin and RTL share `trace_fixed`.
+Golden and fast share `lippmann.optics.trace`; twin and RTL share `trace_fixed`.
 """
 
 from __future__ import annotations

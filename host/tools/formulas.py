@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from lippmann.conformance.fifty_digits import FiftyDigits, exact_array, mp
-from lippmann.optics.aim import Ray
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.dome import Dome, meet
-from lippmann.optics.flat import refract_flat
+from lippmann.optics.faces import Dome, Ray, meet, refract_flat
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import exact_rotation
+from lippmann.optics.panel_frame import exact_rotation
 
 Values = npt.NDArray[Any]
 

@@ -3,7 +3,7 @@
 `python -m tools.generate_registers` (`make registers`) writes them.
 """
 
-# Nothing here imports lippmann.fixed.register_map: a missing or broken data file must not stop its own generator.
+# Nothing here imports lippmann.fixed.registers: a missing or broken data file must not stop its own generator.
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _MAPS = (
     _Map("scene_block", "scene_registers", "scene.json", "scene-registers.md", 0x400),
 )
 
-#: A register or a field, as lippmann.fixed.register_map reads it; items with their default values are left out.
+#: A register or a field, as lippmann.fixed.registers reads it; items with their default values are left out.
 _Entry = dict[str, Any]
 
 

@@ -45,8 +45,8 @@ MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", 
 #: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
 SAME = {
     ("display.py", "0.5 * math.hypot(top, px + shear * top)"): "the legs of a triangle in either order",
-    ("optics/exact.py", "ray._replace(z=0.0 / ray.z"): "the rays are at the last face, whose z is not 0: 0 either way",
-    ("optics/pixel_rays.py", "FARTHEST_LENSLETS = 1 << 29"): "the indices of twice that distance fit into 32 bits too",
+    ("optics/models.py", "ray._replace(z=0.0 / ray.z"): "the rays are at the last face, whose z is not 0: 0 either way",
+    ("optics/trace.py", "FARTHEST_LENSLETS = 1 << 29"): "the indices of twice that distance fit into 32 bits too",
     ("display.py", "return pitch_mm[1] if isinstance(pitch_mm, tuple)"): "the first of two equal numbers is the second",
     ("rendering/remarks.py", "settings.seed ^ 2"): "any other seed",
     ("board/drawn_loop.py", "in zip(wanted, shown, "): "pixels that differ, whichever frame comes first",

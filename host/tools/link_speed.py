@@ -17,7 +17,7 @@ from lippmann.board.board import Board
 from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.streaming import send_frame
 from lippmann.display.description import Display, load_display
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board
 
 #: Baud rate, clock of the board, panel.

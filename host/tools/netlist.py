@@ -39,8 +39,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.raster import Raster
-from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.fixed.register_map import OPTICS_REGISTERS, SCENE_REGISTERS
+from lippmann.fixed.registers import OPTICS_REGISTERS, SCENE_REGISTERS, optics_writes, raster_writes
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
 from lippmann.layers.stack import Layer, LayerStack

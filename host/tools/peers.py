@@ -35,7 +35,7 @@ from lippmann.conformance.plots import Plot
 from lippmann.conformance.test_pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.sources import Lines, RaySource
 from lippmann.scenes.scene import Scene

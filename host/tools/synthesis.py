@@ -29,7 +29,7 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import bar_charts
 from lippmann.conformance.word_sets import frame_words
 from lippmann.errors import InputError, LippmannError
-from lippmann.fixed.named_builds import CONFIGURATIONS, Named
+from lippmann.fixed.build import CONFIGURATIONS, Named
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation.ray_harness import parameters
 from lippmann.simulation.scene_harness import scene_parameters

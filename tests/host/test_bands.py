@@ -272,7 +272,7 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     """Whose bands, frames and workers must not be mixed."""
     package = tmp_path / "lippmann"
     shutil.copytree(Path(provenance.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    changed = package / "optics/dome.py"
+    changed = package / "optics/faces.py"
     digests = []
 
     def found():

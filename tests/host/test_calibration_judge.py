@@ -8,7 +8,7 @@ import pytest
 from lippmann.calibration.result import Calibration, Parameter
 from lippmann.calibration.simulated_camera import corners_mm
 from lippmann.display.description import load_display
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 from tools.calibration_accuracy import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
 
 

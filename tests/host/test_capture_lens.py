@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens, refract_face
-from lippmann.optics.aim import Ray
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
+from lippmann.optics.faces import Ray
 from scene_cases import generator
 
 CONVEX = ("in", "out", "image", "object")

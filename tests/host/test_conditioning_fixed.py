@@ -4,6 +4,7 @@ import dataclasses
 import importlib
 import itertools
 import pkgutil
+import sys
 
 import lippmann.fixed
 import numpy as np
@@ -28,19 +29,16 @@ MODULES = [
 
 @pytest.fixture
 def overflows(monkeypatch):
-    """Watches every word that is cut to its bits: a list of (module, bits, bool array over the rays)."""
+    """Watches every word that is cut to its bits: a list of (function, bits, bool array over the rays)."""
     seen = []
 
-    def watcher(module):
-        def watched(x, bits):
-            seen.append((module.__name__.split(".")[-1], bits, ~fits(np.asarray(x), bits)))
-            return wrapped(x, bits)
-
-        return watched
+    def watched(x, bits):
+        seen.append((sys._getframe(1).f_code.co_name, bits, ~fits(np.asarray(x), bits)))
+        return wrapped(x, bits)
 
     for module in MODULES:
         if hasattr(module, "wrapped"):
-            monkeypatch.setattr(module, "wrapped", watcher(module))
+            monkeypatch.setattr(module, "wrapped", watched)
     return seen
 
 
@@ -59,7 +57,7 @@ def test_no_word_wraps_unseen(grid, side, fraction_bits, overflows):
         overflows.clear()
         out = ray_pipeline(*case.words, case.registers, case.build)
         # leave_flat cuts one near word: the cosine in the glass, which only a reflected ray keeps, far below 1 then.
-        cuts = [cut for module, bits, cut in overflows if (module, bits) != ("leave_flat", fraction_bits + 2)]
+        cuts = [cut for function, bits, cut in overflows if (function, bits) != ("leave_flat", fraction_bits + 2)]
         over = np.any([np.broadcast_to(cut, out.status.shape) for cut in cuts], axis=0)
         assert not (over & gets_through(out.status)).any(), rays.name
         traced += len(over)

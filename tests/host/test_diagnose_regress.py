@@ -17,7 +17,7 @@ from lippmann.conformance.lens_faults import fitted_together
 from lippmann.conformance.ray_search import random_aims, random_pixels
 from lippmann.conformance.vectors import INPUTS
 from lippmann.display.description import display_text, load_display
-from lippmann.fixed import leave_dome
+from lippmann.fixed import leave_glass
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
 from lippmann.simulation.toolchain import repository
@@ -556,7 +556,7 @@ def test_right_words(written, capsys):
 def test_truncation_for_rounding(written, capsys, monkeypatch):
     """The last rounding of the direction left out: floor(x) for floor(x + 1/2)."""
     case, judge_words = written
-    monkeypatch.setattr(leave_dome, "guarded", lambda x: x >> 3)
+    monkeypatch.setattr(leave_glass, "guarded", lambda x: x >> 3)
     out = case.traced()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)
@@ -567,7 +567,7 @@ def test_truncation_for_rounding(written, capsys, monkeypatch):
 
 def test_wrapped_word(written, capsys, monkeypatch):
     case, judge_words = written
-    monkeypatch.setattr(leave_dome, "saturate", wrapped)
+    monkeypatch.setattr(leave_glass, "saturate", wrapped)
     out = case.traced()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)

@@ -16,10 +16,9 @@ import pytest
 from lippmann.conformance import fixed_errors, stage_errors, word_sets
 from lippmann.display.description import load_display
 from lippmann.engines import trace, trace_fixed
-from lippmann.fixed.build import Build
+from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, turned_over
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
-from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, turned_over
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3

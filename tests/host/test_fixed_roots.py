@@ -8,9 +8,7 @@ import re
 import mpmath
 import numpy as np
 import pytest
-from lippmann.fixed.quadratic import root_table
-from lippmann.fixed.rsqrt import rsqrt
-from lippmann.fixed.sqrt import sqrt
+from lippmann.fixed.roots import root_table, rsqrt, sqrt
 from lippmann.fixed.words import FRACTIONS
 from lippmann.simulation.toolchain import repository
 

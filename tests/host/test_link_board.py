@@ -33,8 +33,7 @@ from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import Write
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS, Write
 from lippmann.rendering.integral_image import IntegralImage
 from model_board import ABORT, APPLY, BUSY, CONTROL, OPTICS_BUILD, SIGN_RUNS, SOURCE, STALE, START, ModelBoard
 from optics_cases import display_of

@@ -15,8 +15,7 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
-from lippmann.fixed.register_file import build_word
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS, build_word
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.folder import load_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack

@@ -16,7 +16,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import load_scene

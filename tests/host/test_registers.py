@@ -14,8 +14,17 @@ from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster
-from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
-from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS, Field
+from lippmann.fixed.registers import (
+    BOARD_REGISTERS,
+    OPTICS_REGISTERS,
+    Field,
+    build_of,
+    optics_writes,
+    raster_writes,
+    read,
+    table_writes,
+    write,
+)
 from lippmann.fixed.words import OFFSET_BITS, OFFSET_FRACTION, SLOPE_BITS, SLOPE_FRACTION
 from lippmann.simulation.toolchain import repository
 from optics_cases import display_of

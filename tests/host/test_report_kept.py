@@ -8,7 +8,7 @@ from lippmann.conformance.configurations import on_front
 from lippmann.conformance.figures import read_stored
 from lippmann.conformance.report_plan import WHOLE
 from lippmann.conformance.report_run import TABLES
-from lippmann.fixed.named_builds import CONFIGURATIONS
+from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.optics.rays import ENGINES, MODELS
 from lippmann.simulation.toolchain import repository
 

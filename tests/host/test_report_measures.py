@@ -17,7 +17,7 @@ from lippmann.conformance.test_pictures import middle, noise_levels
 from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.fixed.named_builds import CONFIGURATIONS
+from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Status
 from lippmann.simulation.toolchain import repository

@@ -14,20 +14,25 @@ from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
-from lippmann.fixed.composite import composite
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words
-from lippmann.fixed.curve_table import curve_table, entry_light
 from lippmann.fixed.drawn_frame import draw, sample_words
-from lippmann.fixed.exit_line import exit_line
-from lippmann.fixed.layer_coordinate import coefficient_bits, layer_coordinate
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.sample_mean import sample_mean
-from lippmann.fixed.scene import scene_light
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
-from lippmann.fixed.scene_words import LayerWords, SceneWords
-from lippmann.fixed.texel_blend import texel_blend
-from lippmann.fixed.texel_fetch import texel_fetch
+from lippmann.fixed.scene_pipeline import (
+    LayerWords,
+    SceneWords,
+    coefficient_bits,
+    composite,
+    curve_table,
+    entry_light,
+    exit_line,
+    layer_coordinate,
+    sample_mean,
+    scene_light,
+    texel_blend,
+    texel_fetch,
+)
 from lippmann.layers.cut import reach_of
 from lippmann.layers.drawing import draw_golden, exit_lines
 from lippmann.layers.folder import load_layers

@@ -10,7 +10,7 @@ from lippmann.base.images import write_picture
 from lippmann.base.tones import decode
 from lippmann.board.board import Board
 from lippmann.cli import run
-from lippmann.fixed.register_map import BOARD_REGISTERS, SCENE_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS, SCENE_REGISTERS
 from model_board import BAD_TILE, CRC_DIFFERS, OPTICS, RESET, ModelBoard, RefusedError
 from scene_cases import generator
 

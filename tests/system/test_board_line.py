@@ -19,7 +19,7 @@ from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import NoBoardError
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board
 
 LENS = BOARD_REGISTERS["lens"].address

@@ -39,8 +39,7 @@ from lippmann.eye.test_patterns import ON_BOARD, draw
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import optics_writes, raster_writes, write
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS, optics_writes, raster_writes, write
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
 from lippmann.simulation import virtual_board

@@ -17,8 +17,7 @@ from lippmann.errors import DeviceError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS, optics_writes, raster_writes
 from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

@@ -13,7 +13,7 @@ from lippmann.board.closed_loop import PATIENCE_S
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.port import BITS_A_BYTE, Line
 from lippmann.errors import NoBoardError
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.layers.stack import LayerStack
 from lippmann.simulation import virtual_board

@@ -24,8 +24,7 @@ from lippmann.display.description import load_display
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import optics_writes, raster_writes
-from lippmann.fixed.register_map import OPTICS_REGISTERS
+from lippmann.fixed.registers import OPTICS_REGISTERS, optics_writes, raster_writes
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation import virtual_board
 from model_board import (

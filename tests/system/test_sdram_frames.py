@@ -11,7 +11,7 @@ from lippmann.board.closed_loop import PATIENCE_S
 from lippmann.board.port import BITS_A_BYTE
 from lippmann.board.streaming import send_frame
 from lippmann.display.description import load_display
-from lippmann.fixed.register_map import BOARD_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))

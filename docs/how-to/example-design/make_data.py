@@ -13,7 +13,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import words_of_pixels
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import build_word, optics_writes, write
+from lippmann.fixed.registers import build_word, optics_writes, write
 
 HERE = Path(__file__).parent
 MODEL, FRACTION_BITS = "pinhole", 16

@@ -22,8 +22,7 @@ from lippmann.board.tiles import TILE, Crcs, TileGrid
 from lippmann.errors import DeviceError, InputError, LippmannError, NoBoardError
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays
-from lippmann.fixed.register_file import Write, build_of
-from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS
+from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, Write, build_of
 from lippmann.fixed.words import Ints
 from lippmann.rendering.integral_image import IntegralImage
 

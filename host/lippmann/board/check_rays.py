@@ -12,7 +12,7 @@ from lippmann.display.description import Display
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import optics_writes, raster_writes
+from lippmann.fixed.registers import optics_writes, raster_writes
 
 #: Most rays that the twin traces at once.
 CHUNK_RAYS = 1 << 20

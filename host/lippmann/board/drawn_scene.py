@@ -20,11 +20,10 @@ from lippmann.board.request_window import Flight, Window
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.register_file import optics_writes, write
-from lippmann.fixed.register_map import SCENE_REGISTERS
+from lippmann.fixed.registers import SCENE_REGISTERS, optics_writes, write
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, layer_words, scene_words, slot_bytes
-from lippmann.fixed.scene_words import LayerWords, SceneWords
+from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.folder import check_depth, check_for_display
 from lippmann.layers.stack import Layer, LayerStack
 

@@ -32,7 +32,7 @@ from scipy.special import ndtr
 from lippmann.calibration.landing import inner_rays
 from lippmann.calibration.lenslets import Lenslets, Readings
 from lippmann.display.description import Display
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

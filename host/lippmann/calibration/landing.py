@@ -25,7 +25,7 @@ from lippmann.calibration.viewed_lattice import NEAR, within
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Hits, Status, gets_through
 from lippmann.optics.sampling import R2_STEPS, square_to_cell
 from lippmann.optics.trace import trace_to_panel

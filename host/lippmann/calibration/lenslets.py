@@ -12,7 +12,7 @@ from lippmann.calibration.outline import fit_outline, grouped, regular
 from lippmann.calibration.viewed_lattice import NEAR, SeenLattice, within
 from lippmann.display.description import Display
 from lippmann.errors import input_error
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 
 #: Part of a cell whose pixels count: beyond, a camera pixel sees through two lenslets.
 INNER = 0.7

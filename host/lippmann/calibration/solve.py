@@ -31,7 +31,7 @@ from lippmann.calibration.result import (
 )
 from lippmann.calibration.viewed_lattice import SeenLattice, find_lattice
 from lippmann.display.description import Display
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 
 Floats = npt.NDArray[np.float64]
 Progress = Callable[[str, int, int], None]

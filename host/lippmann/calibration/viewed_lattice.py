@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError, input_error
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 
 Floats = npt.NDArray[np.float64]
 #: How far the nominal file may be off: rotation, degrees, and pitch, a share.

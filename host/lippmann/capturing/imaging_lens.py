@@ -18,10 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.toml import documented, key
-from lippmann.optics.aim import Ray, transported, unit
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.dome import Dome, cap, refract_dome
-from lippmann.optics.flat import refract_flat
+from lippmann.optics.faces import Dome, Ray, cap, refract_dome, refract_flat, transported, unit
 from lippmann.optics.lattice import Lattice
 
 #: Where the domes of a pair face: each other, away from each other, both the image, or both the object.

@@ -21,7 +21,7 @@ from lippmann.capturing.setup import Pickup, Setup
 from lippmann.display.description import Array, Display
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import PanelFrame
 
 #: Lenslets beyond the panel on each side, which oblique rays may reach.
 SPARE_LENSLETS = 2

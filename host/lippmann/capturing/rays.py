@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 from lippmann.base.variant import mitsuba
 from lippmann.capturing.setup import Pickup, Setup
-from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend, DrJitBackend
+from lippmann.optics.faces import Ray
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import gets_through

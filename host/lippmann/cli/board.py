@@ -20,8 +20,15 @@ from lippmann.cli.program import program_command
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.register_file import optics_writes, write
-from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Field, Register
+from lippmann.fixed.registers import (
+    BOARD_REGISTERS,
+    OPTICS_REGISTERS,
+    SCENE_REGISTERS,
+    Field,
+    Register,
+    optics_writes,
+    write,
+)
 
 #: A whole register.
 WORD = Field(0, 32)

@@ -21,8 +21,7 @@ from lippmann.conformance.test_pictures import Pictures
 from lippmann.display.description import Display
 from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
-from lippmann.fixed.build import Build
-from lippmann.fixed.named_builds import CONFIGURATIONS, DISPLAYS, Named
+from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, Named
 from lippmann.rendering.sources import Aperture
 from lippmann.simulation.toolchain import repository
 

@@ -23,14 +23,12 @@ import numpy.typing as npt
 from lippmann.conformance.hard_cases import Back, Out
 from lippmann.conformance.ray_search import Bools, Floats
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.convergence import Convergence
-from lippmann.optics.dome import Dome
+from lippmann.optics.faces import Dome
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
-from lippmann.optics.pixel_rays import pixels_from_rays, rays_from_pixels
+from lippmann.optics.panel_frame import Convergence, PanelFrame
 from lippmann.optics.rays import Hits, Rays
 from lippmann.optics.system import System
-from lippmann.optics.trace import hits_of, rays_of
+from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
 #: A private context: nobody can lower the precision by touching mpmath.mp.
 mp = mpmath.mp.clone()

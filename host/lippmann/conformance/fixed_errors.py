@@ -21,10 +21,9 @@ from lippmann.conformance.stage_errors import hybrids, steps_of
 from lippmann.conformance.word_sets import Words
 from lippmann.display.description import Display
 from lippmann.engines import trace
-from lippmann.fixed.build import Build
+from lippmann.fixed.build import CONFIGURATIONS, Build, Named, chosen
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words
-from lippmann.fixed.named_builds import CONFIGURATIONS, Named, chosen
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import WIDEST, Bools, Ints
 from lippmann.optics.rays import Floats, Rays, Status, gets_through

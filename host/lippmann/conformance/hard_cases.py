@@ -31,9 +31,9 @@ from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.model_choice import corners_mm, located
-from lippmann.optics.panel import PanelFrame
-from lippmann.optics.pixel_rays import FARTHEST_LENSLETS
+from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Engine, Model, Rays, Status
+from lippmann.optics.trace import FARTHEST_LENSLETS
 
 #: Distances of rays around an onset, in units of the last place of the aim.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)

@@ -13,7 +13,7 @@ from lippmann.conformance.configurations import on_front
 from lippmann.conformance.figures import Figures, groups
 from lippmann.conformance.renderer_speed import REFERENCE
 from lippmann.conformance.tables import Rows, values, where
-from lippmann.fixed.named_builds import DISPLAYS
+from lippmann.fixed.build import DISPLAYS
 from lippmann.optics.rays import ENGINES, MODELS
 
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.

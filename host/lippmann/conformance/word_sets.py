@@ -13,9 +13,7 @@ from lippmann.engines import trace
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
-from lippmann.fixed.lenslet_hex import lenslet_hex
-from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
+from lippmann.fixed.lenslet_choice import lenslet_hex, lenslet_square, pixel_to_lattice
 from lippmann.fixed.words import PIXEL_FRACTION, Ints
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.model_choice import in_cells_mm, located, panel_size, pixels_from_cells

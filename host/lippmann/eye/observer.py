@@ -23,10 +23,10 @@ from lippmann.display.description import Display
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, whole_number
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.pixel_rays import pixels_from_rays
 from lippmann.optics.rays import Model, Status
 from lippmann.optics.sampling import points_in_square
 from lippmann.optics.system import System
+from lippmann.optics.trace import pixels_from_rays
 from lippmann.optics.zones import FARTHEST_EYE_MM
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sources import Window

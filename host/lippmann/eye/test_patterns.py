@@ -21,13 +21,13 @@ from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import CHUNK_RAYS, Eye, eye_rays
-from lippmann.fixed import panel_pattern
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
+from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
-from lippmann.optics.pixel_rays import pixels_from_rays
 from lippmann.optics.rays import Status
 from lippmann.optics.system import System
+from lippmann.optics.trace import pixels_from_rays
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.sources import Window
 
@@ -76,8 +76,8 @@ class Pixels:
         columns, rows = np.broadcast_arrays(self.column, self.row)
         if (f := self.fraction_bits) is not None:
             config = configuration(self.display, Build.of(self.display, "pinhole", f, aims=False), "pinhole")
-            i, j, x, y = panel_pattern.located(config, grid, f, panel.width_px, panel.height_px, columns, rows)
-            centre, views = panel_pattern.centres(config, f, x, y), panel_pattern.views(grid, f, x, y)
+            i, j, x, y = locate_pixels(config, grid, f, panel.width_px, panel.height_px, columns, rows)
+            centre, views = holds_centre(config, f, x, y), places_in_cell(grid, f, x, y)
             return Places(i, j, centre, *views, system.lattice.present(NumpyBackend(), i, j))
         u, v = columns + 0.5, rows + 0.5
         i, j, x, y = system.locate(NumpyBackend(), u, v)

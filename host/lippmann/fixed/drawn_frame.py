@@ -8,23 +8,20 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.display.description import Display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.scene import scene
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
-from lippmann.fixed.scene_words import SceneWords
-from lippmann.fixed.words import Ints
+from lippmann.fixed.scene_pipeline import SceneWords, scene
+from lippmann.fixed.words import Bytes, Ints
 from lippmann.optics.rays import Model
 
 if TYPE_CHECKING:
     from lippmann.layers.stack import LayerStack
 
-Bytes = npt.NDArray[np.uint8]
 
 #: Where a pixel's samples lie, from its centre: to the right and upward, words of pixels (4 fraction bits).
 SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
@@ -36,7 +33,7 @@ SAMPLE_OFFSETS: dict[int, tuple[tuple[int, int], ...]] = {
 _CHUNK_RAYS = 1 << 16
 
 
-#: A run of a build of the drawing: from exit rays to pixels, as `lippmann.fixed.scene.scene`.
+#: A run of a build of the drawing: from exit rays to pixels, as `lippmann.fixed.scene_pipeline.scene`.
 Scene = Callable[[FixedRays, SceneWords, Mapping[int, Bytes], Bytes, SceneBuild, int], Bytes]
 
 

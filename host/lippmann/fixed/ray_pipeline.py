@@ -6,24 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lippmann.fixed.aim import aim
-from lippmann.fixed.blend import blend
 from lippmann.fixed.build import Build
-from lippmann.fixed.cell_step import cell_step
 from lippmann.fixed.configuration import Configuration, in_words
-from lippmann.fixed.converge import converge
-from lippmann.fixed.enter_dome import enter_dome
-from lippmann.fixed.enter_flat import enter_flat
-from lippmann.fixed.extent import extent
-from lippmann.fixed.leave_dome import leave_dome
-from lippmann.fixed.leave_flat import leave_flat
-from lippmann.fixed.lenslet_hex import lenslet_hex
-from lippmann.fixed.lenslet_square import lenslet_square
-from lippmann.fixed.meet_dome import Meeting, meet_dome
-from lippmann.fixed.move_lenslet import move_lenslet
-from lippmann.fixed.pixel_to_lattice import pixel_to_lattice
-from lippmann.fixed.shear import shear
-from lippmann.fixed.unit_slope import unit_slope
+from lippmann.fixed.enter_glass import enter_dome, enter_flat
+from lippmann.fixed.leave_glass import leave_dome, leave_flat
+from lippmann.fixed.lenslet_choice import aim, extent, lenslet_hex, lenslet_square, pixel_to_lattice
+from lippmann.fixed.meet_dome import Meeting, cell_step, meet_dome, move_lenslet
+from lippmann.fixed.ray_start import blend, converge, shear, unit_slope
 from lippmann.fixed.words import INDEX_BITS, Bools, Ints, extra_bits, fits, wrapped
 from lippmann.optics.rays import Status
 

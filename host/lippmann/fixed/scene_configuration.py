@@ -1,7 +1,8 @@
 """The register values and slots with which the RTL draws a stack of layers on one display.
 
-Software writes them at run time; a build of the drawing (`scene_build.py`) decides what hardware reads them. A value
-that its register cannot hold is refused here, with the layer, the register, the value and the range.
+The words are those of `scene_config_t` (rtl/scene/lipp_scene_pkg.sv). Software writes them at run time; a build of the
+drawing (`scene_build.py`) decides what hardware reads them. A value that its register cannot hold is refused here, with
+the layer, the register, the value and the range.
 
 The array's rotation and offset go into each layer's words: the RTL's lines are in the array's frame.
 """
@@ -18,24 +19,25 @@ import numpy.typing as npt
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.fixed.curve_table import WHITE, entry_light
-from lippmann.fixed.exit_line import LATTICE_FRACTION
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.scene_words import (
+from lippmann.fixed.scene_pipeline import (
     COEFFICIENT_FRACTION,
     DEPTH_FRACTION,
     FULL_BRIGHTNESS,
+    LATTICE_FRACTION,
     TEXEL_FRACTION,
+    WHITE,
     LayerWords,
     SceneWords,
+    entry_light,
 )
+from lippmann.fixed.words import Bytes
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.system import System
 
 if TYPE_CHECKING:
     from lippmann.layers.stack import Layer, LayerStack
 
-Bytes = npt.NDArray[np.uint8]
 
 #: Largest distance from the array's origin of a ray at z = 0, and of a layer's texture, radii.
 MAX_PLACE = 2048.0

@@ -1,4 +1,4 @@
-"""Formats of the fixed-point words, and the few integer operations that all steps share.
+"""Formats of the fixed-point words, and the integer operations that all steps share.
 
 F is the number of fraction bits of a build, W = F + 2 its word: `near` words have F + 1 fraction bits and span
 [-1, 1), `wide` words F and [-2, 2), `far` words W + 2 bits with F fraction bits, [-8, 8). A pixel's point from its
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
+Bytes = npt.NDArray[np.uint8]
 
 #: Pixel coordinates: signed, 4 fraction bits, from the panel's centre.
 PIXEL_BITS = 18
@@ -72,3 +73,30 @@ def above_one(square: Ints, f: int) -> Bools:
 def fits(x: Ints | npt.NDArray[np.float64], bits: int) -> Bools:
     """Tell which numbers a signed word of so many bits can hold."""
     return (x >= -(1 << (bits - 1))) & (x < 1 << (bits - 1))
+
+
+def saturate(x: Ints, bits: int) -> Ints:
+    """Return the number nearest to `x` that a signed word of `bits` bits can hold."""
+    return np.clip(x, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
+
+
+def beyond(x: Ints, bits: int, slack: int = SLACK) -> Bools:
+    """Tell which numbers are outside a signed word's range by more than `slack` units."""
+    top = 1 << (bits - 1)
+    return (x < -top - slack) | (x >= top + slack)
+
+
+def multiplier(a: Ints, b: Ints | int, a_bits: int, b_bits: int, drop: int) -> Ints:
+    """Return the product of two words less its last `drop` places, without the product of their lower parts.
+
+    With a = ah 2^la + al, la the bits beyond 18: floor(ah bh 2^(la + lb) / 2^drop) plus
+    floor((ah bl 2^la + al bh 2^lb) / 2^drop).
+    """
+    b = np.asarray(b, np.int64)
+    la, lb = max(a_bits - MUL_BITS, 0), max(b_bits - MUL_BITS, 0)
+    ah, bh = a >> la, b >> lb
+    al, bl = a - (ah << la), b - (bh << lb)
+    upper: Ints = (ah * bh) >> (drop - la - lb)
+    cross: Ints = (ah * bl << la) + (al * bh << lb)
+    product: Ints = upper + (cross >> drop)
+    return product

@@ -1,7 +1,12 @@
-"""A ray through a lenslet by one of the four models: `exact` (exact.py), or the idealised lenslet, which is here.
+"""A ray through a lenslet by one of the four models.
 
 The idealised models are `pinhole`, `thin` and `paraxial`. Their slopes are tangents of angles in the x and y sections;
 heights are lens-local, mm.
+
+The model `exact` obeys Snell's law at both faces, at their true positions. There are four cases: panel to world and
+world to panel, each with the plano side to the panel or to the viewer. Mirrored where needed, domes always bulge to
++z, so that two kinds of passage are enough: upward, out of the glass through a dome, and downward, into the glass
+through a dome. Plano-concave lenslets are the downward kind with glass and air exchanged.
 """
 
 from __future__ import annotations
@@ -9,10 +14,20 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.optics import exact
-from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.rays import Model, Status
+from lippmann.optics.faces import (
+    Crossing,
+    Ray,
+    blocked_above,
+    blocked_below,
+    meet,
+    mirrored,
+    refract_dome,
+    refract_flat,
+    transported,
+    unit,
+)
+from lippmann.optics.rays import Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
 #: Squared cosine below which the fast engine traces a ray again in double precision. float32 turns a ray by about 0.2
@@ -43,7 +58,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
         points = (aim[0], aim[1]) if aim else None
         if model == "exact":
-            out = exact.leave_panel(b, system, x, y, points)
+            out = _leave_exact(b, system, x, y, points)
         else:
             out = _leave_ideal(b, system, x, y, points, model)
         return *out.ray, *out[1:]
@@ -61,7 +76,7 @@ def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     `ray` is local to the lenslet whose cell its point lies in, array's axes, heading for the panel. The point lies in
     the vertices' plane for `pinhole` and `thin`, on the last face's plane (dome vertices or flat) for the others.
     """
-    return exact.reach_panel(b, system, ray) if model == "exact" else _reach_ideal(b, system, ray, model)
+    return _reach_exact(b, system, ray) if model == "exact" else _reach_ideal(b, system, ray, model)
 
 
 def _leave_ideal(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
@@ -104,3 +119,118 @@ def _reach_ideal(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
         x = hx - system.aperture_distance_mm * (sx + hx * power)
         y = hy - system.aperture_distance_mm * (sy + hy * power)
     return Landing(x, y, zero, zero, b.integer(zero + int(Status.OK)))
+
+
+def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
+    """Trace rays from the panel to the world by Snell's law (parameters as in `leave_panel`)."""
+    zero = 0.0 * x
+    aim_x, aim_y = (zero, zero) if aperture is None else aperture
+    towards_x, towards_y = aim_x - x, aim_y - y
+    depth = system.aperture_distance_mm
+    dx, dy, dz = unit(b, towards_x, towards_y, depth)
+    # Point on the array's near plane: the flat face, or the domes' vertices. A pixel of a display for a near eye may be
+    # many lenslets aside, where the last place counts: from the nearer end. Other displays keep the words they had.
+    share, rest = system.gap_mm / depth, (depth - system.gap_mm) / depth
+    if system.convergence.share == 0.0 or share < 0.5:
+        near_x, near_y = x + share * towards_x, y + share * towards_y
+    else:
+        near_x, near_y = aim_x - rest * towards_x, aim_y - rest * towards_y
+    # An elemental image that converges on the eye may lie under a neighbour.
+    strays = aperture is not None or system.convergence.share > 0.0
+    if system.plano_to_panel:
+        ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
+        ray, _ = refract_flat(b, ray, 1.0 / system.index)
+        exit_ = _out_of_concave(b, system, ray) if system.concave else _upward(b, system, ray, strays)
+    else:
+        exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
+        exit_ = exit_._replace(ray=mirrored(exit_.ray))
+    return exit_._replace(grazing=b.minimum(exit_.grazing, dz * dz))
+
+
+def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
+    """Trace rays from the world to the panel by Snell's law (parameters as in `reach_panel`)."""
+    if system.plano_to_panel:
+        exit_ = _downward(b, system, ray, strays=False)
+        panel_z = -(system.thickness_mm + system.gap_mm)
+    else:
+        ray = mirrored(ray)
+        inside, _ = refract_flat(b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index)
+        exit_ = _upward(b, system, inside, strays=True)
+        panel_z = system.gap_mm
+    active = gets_through(exit_.status)
+    last = exit_.ray
+    t = b.where(active, (panel_z - last.z) / b.where(active, last.dz, 1.0), 0.0)
+    return Landing(last.x + t * last.dx, last.y + t * last.dy, exit_.di, exit_.dj, exit_.status)
+
+
+def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
+    """From the flat face (ray already in the glass) through a dome into the air above.
+
+    `strays`: the ray may have left the cell that it is local to before it comes to the rims' plane.
+    """
+    start = (0.0, 0.0)
+    if strays:
+        ray = transported(ray, -system.dome.sag_mm)
+        ray, start = _relocated(b, system, ray)
+    crossing = meet(b, system.dome, ray, upward=True)
+    out, square = _through_dome(b, system, crossing, system.index, upward=True)
+    reflected = square <= 0.0
+    blocked = blocked_above(b, system.dome, out, ~crossing.missed & ~reflected)
+    return _exit(b, out, start, crossing, reflected, blocked, square)
+
+
+def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
+    """From the vertices' plane (ray in the air) through a dome and the flat face into the air below."""
+    start = (0.0, 0.0)
+    if strays:
+        ray, start = _relocated(b, system, ray)
+    crossing = meet(b, system.dome, ray, upward=False)
+    inside, _ = _through_dome(b, system, crossing, 1.0 / system.index, upward=False)
+    blocked = blocked_below(b, system.dome, inside, ~crossing.missed)
+    passes = ~crossing.missed & ~blocked
+    at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
+    at_flat = at_flat._replace(dz=inside.dz)
+    out, square = refract_flat(b, at_flat, system.index)
+    out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
+    # A ray may graze the dome where it enters, or the flat face where it leaves: rounding hurts both alike.
+    grazing = b.minimum(square, crossing.cosine * crossing.cosine)
+    return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
+
+
+def _out_of_concave(b: Backend, system: System, ray: Ray) -> Exit:
+    """From the flat face (ray already in the glass) through a dome of air pressed into it."""
+    # Mirrored, the domes bulge to +z as always, but the glass lies above them and the air below.
+    ray, start = _relocated(b, system, transported(mirrored(ray), 0.0))
+    crossing = meet(b, system.dome, ray, upward=False)
+    out, square = _through_dome(b, system, crossing, system.index, upward=False)
+    reflected = square <= 0.0
+    blocked = blocked_below(b, system.dome, out, ~crossing.missed & ~reflected)
+    return _exit(b, mirrored(out), start, crossing, reflected, blocked, square)
+
+
+def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, upward: bool) -> tuple[Ray, Arr]:
+    """Refract rays where they meet a dome; one that is lost at a wall between domes keeps its direction."""
+    ray = crossing.ray
+    out, square = refract_dome(b, system.dome, ray, crossing.cosine, ratio, upward)
+    if system.lattice.stepped:
+        out = Ray(*(b.where(crossing.missed, old, new) for old, new in zip(ray, out, strict=True)))
+    return out, square
+
+
+def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr]]:
+    """Make rays local to the lenslet whose cell their points lie in; return the step to that lenslet too."""
+    i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
+    return ray._replace(x=x, y=y), (i, j)
+
+
+def _exit(
+    b: Backend, ray: Ray, start: tuple[Arr, Arr], crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr
+) -> Exit:
+    """Gather the result of a passage; `start` is the step of the relocation before it."""
+    di, dj = start[0] + crossing.di, start[1] + crossing.dj
+    other = (di != 0.0) | (dj != 0.0)
+    status = b.where(other, int(Status.CROSSTALK), int(Status.OK))
+    status = b.where(blocked, int(Status.BLOCKED), status)
+    status = b.where(reflected, int(Status.INTERNAL_REFLECTION), status)
+    status = b.where(crossing.missed, int(Status.MISSED), status)
+    return Exit(ray, di, dj, b.integer(status), grazing)

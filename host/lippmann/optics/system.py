@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from lippmann.display.description import Display
-from lippmann.optics.aim import Ray
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.convergence import Convergence
-from lippmann.optics.dome import Dome
+from lippmann.optics.faces import Dome, Ray
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel import PanelFrame
+from lippmann.optics.panel_frame import Convergence, PanelFrame
 from lippmann.optics.rays import Status
 
 
@@ -20,7 +18,7 @@ class System:
     """The optical system of a display: frames, lattice, domes, and distances in mm.
 
     `concave`: plano-concave lenslets, the domes pressed into the glass, the flat face to the panel; `thickness_mm` is
-    their thickness at the vertex. Only capturing optics have them, and only `exact.leave_panel` traces them.
+    their thickness at the vertex. Only capturing optics have them, and only `exact` rays from the panel pass them.
     """
 
     frame: PanelFrame

@@ -15,10 +15,10 @@ from lippmann.engines import trace
 from lippmann.fixed.words import PIXEL_FRACTION
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.pixel_rays import rays_from_pixels
 from lippmann.optics.rays import Engine, Model, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
+from lippmann.optics.trace import rays_from_pixels
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from lippmann.base import toml
 from lippmann.base.toml import documented, key
 from lippmann.errors import InputError
-from lippmann.optics.panel import exact_rotation
+from lippmann.optics.panel_frame import exact_rotation
 from lippmann.scenes.formats import kind_of, usual_rotation
 
 Matrix = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ from lippmann.errors import LippmannError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_pipeline import FixedRays
-from lippmann.fixed.register_file import build_word
+from lippmann.fixed.registers import build_word
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Ints
 from lippmann.simulation.compilation import FAST, UNCHECKED, kept, verilated
 from lippmann.simulation.toolchain import build_folder, hardware, needed, optics_sources

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lippmann.errors import LippmannError
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_words import SceneWords
+from lippmann.fixed.scene_pipeline import SceneWords
 from lippmann.simulation.compilation import FAST, UNCHECKED, kept, verilated
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
@@ -99,7 +99,7 @@ class SceneHarness:
 def rtl_scene(
     rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
 ) -> Bytes:
-    """Draw through the RTL, in the place of `lippmann.fixed.scene.scene`.
+    """Draw through the RTL, in the place of `lippmann.fixed.scene_pipeline.scene`.
 
     Threads may call it at once: each call has a model of its own, and the models are kept with what they hold, since a
     load takes longer than some rows.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.composite import composite
+from lippmann.fixed.scene_pipeline import composite
 from rtl_coverage import Coverage
 from runner import seed
 from scene_steps import LAYERS, joined, stream_scene_step

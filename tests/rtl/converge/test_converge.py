@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.converge import converge
+from lippmann.fixed.ray_start import converge
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step

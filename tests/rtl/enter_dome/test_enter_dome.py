@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.enter_dome import enter_dome
+from lippmann.fixed.enter_glass import enter_dome
 from lippmann.fixed.meet_dome import Meeting
 from rtl_coverage import Coverage
 from runner import seed

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.exit_line import exit_line
 from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.scene_pipeline import exit_line
 from rtl_coverage import Coverage
 from runner import seed
 from scene_steps import stream_scene_step

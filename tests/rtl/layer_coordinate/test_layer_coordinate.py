@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.exit_line import Lines
-from lippmann.fixed.layer_coordinate import layer_coordinate
-from lippmann.fixed.scene_words import LayerWords
+from lippmann.fixed.scene_pipeline import LayerWords, Lines, layer_coordinate
 from rtl_coverage import Coverage
 from runner import seed
 from scene_steps import stream_scene_step

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.leave_dome import leave_dome
+from lippmann.fixed.leave_glass import leave_dome
 from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.leave_flat import leave_flat
+from lippmann.fixed.leave_glass import leave_flat
 from lippmann.fixed.meet_dome import Meeting
 from rtl_coverage import Coverage
 from runner import seed

@@ -13,8 +13,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.register_file import build_of, optics_writes, raster_writes, read, table_writes, write
-from lippmann.fixed.register_map import OPTICS_REGISTERS
+from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, read, table_writes, write
 from pins import Pins
 from rtl_coverage import Coverage
 

@@ -10,8 +10,7 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
-from lippmann.fixed.register_file import raster_writes, read
-from lippmann.fixed.register_map import OPTICS_REGISTERS
+from lippmann.fixed.registers import OPTICS_REGISTERS, raster_writes, read
 from rtl_coverage import Coverage
 
 F = int(os.environ["RASTER_F"])

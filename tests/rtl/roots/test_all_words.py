@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.fixed.rsqrt import rsqrt
-from lippmann.fixed.sqrt import sqrt
+from lippmann.fixed.roots import rsqrt, sqrt
 from lippmann.simulation.compilation import kept, verilated
 from lippmann.simulation.toolchain import needed, optics_sources
 from runner import BUILD, TOP

@@ -2,8 +2,8 @@
 
 import numpy as np
 from bench import Segment
-from lippmann.fixed.saturate import beyond
-from lippmann.fixed.saturate import saturate as twin
+from lippmann.fixed.words import beyond
+from lippmann.fixed.words import saturate as twin
 from parts import SATURATES, saturate, stream_parts
 from rtl_coverage import Coverage
 from runner import seed

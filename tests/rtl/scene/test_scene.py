@@ -13,10 +13,9 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.drawn_frame import sample_words
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.scene import scene
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
-from lippmann.fixed.scene_words import LayerWords, SceneWords
+from lippmann.fixed.scene_pipeline import LayerWords, SceneWords, scene
 from lippmann.simulation.compilation import FAST, SHORT
 from lippmann.simulation.scene_harness import SceneHarness, rtl_scene
 from lippmann.simulation.toolchain import repository

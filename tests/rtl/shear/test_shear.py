@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.shear import shear
+from lippmann.fixed.ray_start import shear
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step

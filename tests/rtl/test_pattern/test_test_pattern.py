@@ -5,8 +5,8 @@ import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.extent import extent
-from lippmann.fixed.panel_pattern import centres, located, views
+from lippmann.fixed.lenslet_choice import extent
+from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.simulation.ray_harness import packed
@@ -20,14 +20,14 @@ GRIDS = {"square": 0, "hex": 1}
 
 
 def pattern(kind, lens, config, grid, f, width, height, columns, rows):
-    i, j, x, y = located(config, grid, f, width, height, columns, rows)
+    i, j, x, y = locate_pixels(config, grid, f, width, height, columns, rows)
     there = ~extent(i, j, config.extent_i, config.extent_j, grid)
     if kind == LENS:
         return np.where((i == lens[0]) & (j == lens[1]) & there, WHITE, 0)
     if kind == CENTRES:
-        return np.where(centres(config, f, x, y) & there, WHITE, 0)
+        return np.where(holds_centre(config, f, x, y) & there, WHITE, 0)
     if kind == VIEWS:
-        r, g = views(grid, f, x, y)
+        r, g = places_in_cell(grid, f, x, y)
         return np.where(there, r << 16 | g << 8, 0)
     if kind == CHECKER:
         return np.where((columns // 32 + rows // 32) % 2, WHITE, 0)
@@ -54,7 +54,7 @@ def test_equals_twin(f):
             columns, rows = (w.ravel() for w in np.meshgrid(np.arange(left, left + 40), np.arange(top, top + 30)))
             columns = np.r_[columns, rng.integers(0, width, 300), 0, width - 1, 0, width - 1]
             rows = np.r_[rows, rng.integers(0, height, 300), 0, 0, height - 1, height - 1]
-            i, j, *_ = located(config, grid, f, width, height, columns, rows)
+            i, j, *_ = locate_pixels(config, grid, f, width, height, columns, rows)
             there = ~extent(i, j, config.extent_i, config.extent_j, grid)
             seen.point("no lenslet", ~there)
             pick = rng.choice(np.flatnonzero(there)) if there.any() else 0
@@ -86,8 +86,8 @@ def test_twin_shows_the_lens_array(grid, rotation, eye):
     config, system = configuration(shown, build, "exact"), System.of(shown)
     width, height, pitch = system.frame.width_px, system.frame.height_px, shown.array.pitch_mm
     columns, rows = (w.ravel() for w in np.meshgrid(np.arange(width), np.arange(height)))
-    i, j, x, y = located(config, grid, 23, width, height, columns, rows)
-    white, view = centres(config, 23, x, y), views(grid, 23, x, y)
+    i, j, x, y = locate_pixels(config, grid, 23, width, height, columns, rows)
+    white, view = holds_centre(config, 23, x, y), places_in_cell(grid, 23, x, y)
 
     # The same in millimetres, from the display.
     frame, lattice = system.frame, system.lattice
@@ -132,8 +132,8 @@ def test_a_centre_between_pixels_lights_all_that_meet_there(grid):
     columns, rows = (
         w.ravel() for w in np.meshgrid(np.arange(system.frame.width_px), np.arange(system.frame.height_px))
     )
-    i, j, x, y = located(config, grid, 23, system.frame.width_px, system.frame.height_px, columns, rows)
-    white = centres(config, 23, x, y)
+    i, j, x, y = locate_pixels(config, grid, 23, system.frame.width_px, system.frame.height_px, columns, rows)
+    white = holds_centre(config, 23, x, y)
     row = white & (j == 0)
     assert sorted(set(rows[row])) == [149, 150]
     assert sorted(columns[row & (i == 0)]) == [199, 199, 200, 200]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.texel_blend import texel_blend
+from lippmann.fixed.scene_pipeline import texel_blend
 from rtl_coverage import Coverage
 from runner import seed
 from scene_steps import joined, stream_scene_step

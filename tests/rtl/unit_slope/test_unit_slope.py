@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.unit_slope import unit_slope
+from lippmann.fixed.ray_start import unit_slope
 from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage
 from runner import seed

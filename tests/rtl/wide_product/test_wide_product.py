@@ -2,7 +2,7 @@
 
 import numpy as np
 from bench import Segment
-from lippmann.fixed.multiplier import multiplier as twin
+from lippmann.fixed.words import multiplier as twin
 from parts import MULTIPLIERS, stream_parts, wide_product
 from rtl_coverage import Coverage
 from runner import seed

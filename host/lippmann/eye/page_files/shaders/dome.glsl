@@ -1,4 +1,4 @@
-// Intersection with the domes and refraction there: optics/dome.py, which derives the formulas.
+// Intersection with the domes and refraction there: optics/faces.py, which derives the formulas.
 // Lens-local, the vertex at the origin, the dome bulging to +z, glass below.
 
 uniform float curvature;  // 1 / R

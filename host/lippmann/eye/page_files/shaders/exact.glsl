@@ -1,4 +1,4 @@
-// From the viewer's side through both faces to the panel: optics/exact.py, `reach_panel`.
+// From the viewer's side through both faces to the panel: optics/models.py, `_reach_exact`.
 
 uniform float index;      // of the glass, in air
 uniform float thickness;  // vertex to flat face

@@ -1,4 +1,4 @@
-// Refraction at the flat face: optics/flat.py. False: totally reflected. `ratio` is index before over index behind.
+// Refraction at the flat face: optics/faces.py. False: totally reflected. `ratio` is index before over index behind.
 bool refract_flat(inout vec3 way, float ratio) {
   way.xy *= ratio;
   float across = length(way.xy);

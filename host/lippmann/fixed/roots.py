@@ -1,4 +1,4 @@
-"""Root of a number in [1, 4) by a quadratic over each segment of a table (rtl/math/lipp_quadratic.sv)."""
+"""Roots and reciprocal roots by tables of quadratics (rtl/math/lipp_quadratic.sv, lipp_rsqrt.sv, lipp_sqrt.sv)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from lippmann.fixed.multiplier import multiplier
-from lippmann.fixed.words import MUL_BITS, Ints
+from lippmann.fixed.words import MUL_BITS, Ints, guarded, multiplier
 
 Root = Literal["reciprocal", "square"]
 
@@ -75,3 +74,33 @@ def quadratic(x: Ints, root: Root, f: int) -> Ints:
     turn = multiplier(table.c2[segment], place, s1 + 3 - 2 * a, d, d + 1)
     slope = table.c1[segment] + ((turn + 1) >> 1)
     return table.c0[segment] + multiplier(slope, place, s1 - a, d, s1 + d - (f + 4))
+
+
+def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
+    """Return 1 / sqrt(x), F + 1 + K fraction bits and in [1/2, 1], of x in [1, 4) with F + 1 fraction bits.
+
+    K is `extra`, up to 3. With q from `quadratic`, words as integers:
+
+        y    = (q + (4 >> K)) >> (3 - K)
+    """
+    return guarded(quadratic(x, "reciprocal", f), extra)
+
+
+def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
+    """Return sqrt(x), a near word, of x in [0, 1) with F + 3 fraction bits; [1/4, 1) unless `normalise`.
+
+    The root has K = `extra` more bits, up to 3. 4^k x is brought up to [1/4, 1), k at most 15, and its root q
+    (`quadratic`) shifted back by k; 0 gives 0. Words as integers:
+
+        y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
+    """
+    k = np.zeros_like(x)
+    if normalise:
+        for step in (8, 4, 2, 1):
+            clear = (x >> (f + 3 - 2 * step)) == 0
+            x = np.where(clear, (x << 2 * step) & ((1 << (f + 3)) - 1), x)
+            k = k + np.where(clear, step, 0)
+    root = quadratic(x, "square", f) >> k
+    if normalise:
+        root = np.where(x == 0, 0, root)
+    return np.minimum(guarded(root, extra), (1 << (f + 1 + extra)) - 1)

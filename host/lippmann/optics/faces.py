@@ -1,6 +1,9 @@
-"""Step 5: intersection with the domes and refraction there.
+"""Steps 4 and 5: a ray at the faces of a lenslet, refraction at the flat face and at the domes.
 
-Everything here is lens-local with the vertex at the origin, the dome bulging to +z, glass below:
+Snell's law at a plane keeps the tangential part of n d: with k = d_tangential n1/n2 the new direction is
+(k, sqrt(1 - |k|^2)), and there is none (total internal reflection) when |k| > 1.
+
+**Domes** are lens-local with the vertex at the origin, the dome bulging to +z, glass below:
 curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 
 **Perpendicular-foot form.** The ray's point is first moved to the foot of the perpendicular from the vertex, Q with
@@ -20,9 +23,61 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lippmann.optics.aim import Ray, unit
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.lattice import Lattice
+
+
+class Ray(NamedTuple):
+    """Point (mm) and unit direction, six arrays of one length."""
+
+    x: Arr
+    y: Arr
+    z: Arr
+    dx: Arr
+    dy: Arr
+    dz: Arr
+
+
+def unit(b: Backend, x: Arr, y: Arr, z: Arr) -> tuple[Arr, Arr, Arr]:
+    """Return the vector scaled to length 1."""
+    scale = 1.0 / b.sqrt(x * x + y * y + z * z)
+    return x * scale, y * scale, z * scale
+
+
+def transported(ray: Ray, z: float) -> Ray:
+    """Return the ray with its point moved to the plane at height z (mm); it must not run along that plane."""
+    t = (z - ray.z) / ray.dz
+    return ray._replace(x=ray.x + t * ray.dx, y=ray.y + t * ray.dy, z=z + 0.0 * ray.z)
+
+
+def mirrored(ray: Ray) -> Ray:
+    """Return the ray seen in the mirror z -> -z.
+
+    The domes then always bulge to +z, whichever side the array turns to the panel.
+    """
+    return ray._replace(z=-ray.z, dz=-ray.dz)
+
+
+def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
+    """Refract rays at a plane z = constant through their points; `ratio` is n1 / n2, index before over index behind.
+
+    Return the refracted rays and the squared cosine behind the face: not positive where the ray is totally reflected,
+    and keeps its direction.
+    """
+    kx, ky = ray.dx * ratio, ray.dy * ratio
+    k = b.sqrt(kx * kx + ky * ky)
+    square = (1.0 - k) * (1.0 + k)
+    reflected = square <= 0.0
+    cosine = b.sqrt(b.maximum(square, 0.0))
+    return (
+        ray._replace(
+            dx=b.where(reflected, ray.dx, kx),
+            dy=b.where(reflected, ray.dy, ky),
+            dz=b.where(reflected, ray.dz, b.where(ray.dz < 0.0, -cosine, cosine)),
+        ),
+        square,
+    )
+
 
 #: Largest number of cells that a ray is followed through; beyond, it counts as having missed.
 MAX_CELLS = 16

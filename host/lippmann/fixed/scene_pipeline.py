@@ -1,0 +1,332 @@
+"""From exit rays to the bytes of pixels, in integers: the stages of rtl/scene/lipp_scene.sv in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.roots import quadratic
+from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
+from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, wrapped
+from lippmann.optics.rays import gets_through
+
+#: Fraction bits of the registers.
+TEXEL_FRACTION, DEPTH_FRACTION, COEFFICIENT_FRACTION = 16, 20, 24
+#: Brightness of 1.
+FULL_BRIGHTNESS = 256
+_WORD = (1 << 32) - 1
+
+
+@dataclass(frozen=True)
+class LayerWords:
+    """A layer's registers: seven signed words of 32 bits, and the fields of the eighth, `look`."""
+
+    s0: int = 0
+    t0: int = 0
+    depth: int = 0
+    a: int = 0
+    b: int = 0
+    c: int = 0
+    d: int = 0
+    visible: bool = False
+    infinite: bool = False
+    slot: int = 0
+    brightness: int = FULL_BRIGHTNESS
+
+    @property
+    def look(self) -> int:
+        """The eighth word: visible in bit 0, infinite in bit 1, slot in bits 7 to 4, brightness in bits 16 to 8."""
+        return int(self.visible) | int(self.infinite) << 1 | self.slot << 4 | self.brightness << 8
+
+    @property
+    def words(self) -> tuple[int, ...]:
+        """The eight words in the order of their addresses, each 0 to 2^32 - 1."""
+        moves = (self.s0, self.t0, self.depth, self.a, self.b, self.c, self.d)
+        return tuple(word & _WORD for word in (*moves, self.look))
+
+
+@dataclass(frozen=True)
+class SceneWords:
+    """A scene's registers: its layers from front to back, the lattice's words, and the background's light."""
+
+    layers: tuple[LayerWords, ...]
+    lattice_xi: int
+    lattice_xj: int
+    lattice_yj: int
+    background: tuple[int, int, int]
+
+    @property
+    def slots(self) -> tuple[int | None, ...]:
+        """The slot of each layer: of the visible ones that name a slot, the first has it; None: without one."""
+        taken: set[int] = set()
+        found: list[int | None] = []
+        for layer in self.layers:
+            found.append(layer.slot if layer.visible and layer.slot not in taken else None)
+            if layer.visible:
+                taken.add(layer.slot)
+        return tuple(found)
+
+    @property
+    def bits(self) -> int:
+        """The bits of `scene_config_t`: its first field, the layers, is the most significant."""
+        word = 0
+        layers = [*self.layers, *[LayerWords()] * (MAX_LAYERS - len(self.layers))]
+        for layer in reversed(layers):
+            for one in layer.words:
+                word = word << 32 | one
+        for lattice in (self.lattice_xi, self.lattice_xj, self.lattice_yj):
+            word = word << 32 | lattice & _WORD
+        for light in self.background:
+            word = word << 16 | light
+        return word
+
+
+#: Fraction bits of the lattice's words, and of a lenslet's index on its way to the multiplier.
+LATTICE_FRACTION = 30
+_INDEX_SHIFT = 6
+
+
+class Lines(NamedTuple):
+    """Lines (N,): where they meet the plane z = 0, radii (F - 3 fraction bits), slopes (F + 1), and which draw."""
+
+    x: Ints
+    y: Ints
+    slope_x: Ints
+    slope_y: Ints
+    draws: Bools
+
+
+def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
+    """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
+
+    Words as integers, a b >> k the product that `multiplier` cuts by k places, q the reciprocal root of 4 dz:
+
+        r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
+        slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
+        x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
+        y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
+
+    A ray draws when it has an exit, dz is 1/4 or more, and x_o and y_o are in [-2048, 2048).
+    """
+    length, inverse = f + 4, f + 8
+    q = quadratic((rays.dz & ((1 << (f + 1)) - 1)) << 2, "reciprocal", f)
+    r = wrapped(multiplier(q, q, f + 6, f + 6, f + 2), inverse)
+    slope_x, slope_y = (wrapped(guarded(multiplier(d, r, f + 2, inverse, f + 1)), length) for d in (rays.dx, rays.dy))
+
+    drop = LATTICE_FRACTION + _INDEX_SHIFT + 1 - f
+
+    def centre(lattice: int, index: Ints) -> Ints:
+        return multiplier(np.asarray(lattice, np.int64), index << _INDEX_SHIFT, 32, MUL_BITS, drop)
+
+    centres = centre(xi, rays.i) + centre(xj, rays.j), centre(yj, rays.j)
+    places = []
+    for c, local, slope in zip(centres, (rays.x, rays.y), (slope_x, slope_y), strict=True):
+        places.append((c + (local >> 2) - multiplier(slope, rays.z, length, length, f + 3) + 2) >> 2)
+    bits = f + 9
+    draws = gets_through(rays.status) & (rays.dz >= 1 << (f - 1)) & fits(places[0], bits) & fits(places[1], bits)
+    x, y = (wrapped(place, bits) for place in places)
+    return Lines(x, y, slope_x, slope_y, np.asarray(draws))
+
+
+#: Bits of a coordinate, and its fraction bits.
+COORDINATE_BITS, COORDINATE_FRACTION = 20, 8
+#: Half a texel less half a unit of the coordinate, 16 fraction bits: what bilinear coordinates are moved by.
+_BILINEAR = (1 << 7) - (1 << 15)
+
+
+def coefficient_bits(f: int) -> int:
+    """Return A, the fraction bits that a build reads of the 24 of a coefficient."""
+    return min(f + 4, 24)
+
+
+def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) -> tuple[Ints, Ints, Bools]:
+    """Return the coordinates s, t (8 fraction bits) where lines meet a layer, and which are beyond the words' range.
+
+    Words as integers, a b >> k the product that `multiplier` cuts by k places:
+
+        X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
+        Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
+        s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
+        t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
+
+    with depth in F - 3 of its fraction bits, a to d in A; h = 2^7 - 2^15 for bilinear, else 0.
+    """
+    bits, fraction = f + 9, coefficient_bits(f)
+    depth = np.asarray(layer.depth >> (23 - f), np.int64)
+    plane, beyond = [], np.zeros(lines.x.shape, np.bool_)
+    for place, slope in ((lines.x, lines.slope_x), (lines.y, lines.slope_y)):
+        start = np.zeros_like(place) if layer.infinite else place
+        met = (2 * start + 1 + multiplier(depth, slope, bits, f + 4, f)) >> 1
+        beyond = beyond | ~fits(met, bits)
+        plane.append(wrapped(met, bits))
+
+    coordinates = []
+    for zero, *factors in ((layer.s0, layer.a, layer.b), (layer.t0, layer.c, layer.d)):
+        total = np.full_like(lines.x, zero + (_BILINEAR if bilinear else 0))
+        for factor, at in zip(factors, plane, strict=True):
+            word = np.asarray(factor >> (24 - fraction), np.int64)
+            total += multiplier(word, at, fraction + 8, bits, fraction + f - 19)
+        total >>= 8
+        beyond = beyond | ~fits(total, COORDINATE_BITS)
+        coordinates.append(wrapped(total, COORDINATE_BITS))
+    return coordinates[0], coordinates[1], np.asarray(beyond)
+
+
+#: Weight of a whole texel, opacity of an opaque one, and light that nothing took: 16 fraction bits.
+WHOLE = 1 << 16
+
+
+def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: SceneBuild) -> tuple[Ints, Ints]:
+    """Return the colours (N, taps, 4) of the texels at coordinates (N,), 8 fraction bits, and their weights (N, taps).
+
+    `slot` is what the layer's slot holds: its texels row by row, then the palette; None: the layer has no slot. With
+    i = s >> 8, j = t >> 8, f = s & 255, g = t & 255:
+
+        nearest: the texel (i, j) has the weight 65536
+        bilinear: the texels (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1) have the weights
+            (256 - f) (256 - g), f (256 - g), (256 - f) g, f g; tap 2 (row & 1) + (column & 1) is the one of that row
+            and column
+
+    Texels outside of the texture, and those of hidden rays, have the weight 0, and here the colour 0.
+    """
+    i, j = s >> 8, t >> 8
+    if not build.bilinear:
+        columns, rows, weights = i[:, None], j[:, None], np.full((len(s), 1), WHOLE)
+    else:
+        f, g = s & 255, t & 255
+        columns, rows, weights = (np.empty((len(s), 4), np.int64) for _ in range(3))
+        every = np.arange(len(s))
+        for right, down in np.ndindex(2, 2):
+            tap = 2 * ((j + down) & 1) + ((i + right) & 1)
+            columns[every, tap], rows[every, tap] = i + right, j + down
+            weights[every, tap] = (f if right else 256 - f) * (g if down else 256 - g)
+    there = (columns >= 0) & (columns < build.width) & (rows >= 0) & (rows < build.height) & ~hidden[:, None]
+    if slot is None:
+        there = np.zeros_like(there)
+        slot = np.zeros(build.slot_bytes, np.uint8)
+    index = slot[np.where(there, rows * build.width + columns, 0)]
+    palette = slot[build.texels :].reshape(256, 4)
+    colours = np.where(there[..., None], palette[index], 0).astype(np.int64)
+    return colours, np.where(there, weights, 0)
+
+
+def texel_blend(colours: Ints, weights: Ints) -> tuple[Ints, Ints]:
+    """Return the premultiplied light (N, 3) and the opacity (N,), 16 fraction bits, of texels (N, taps, 4).
+
+    With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (N, taps):
+
+        share_n = (w_n A + 2^7) >> 8        16 fraction bits
+        light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
+        opacity_o = sum over n of share_n
+    """
+    alpha = colours[..., 3]
+    shares = (weights * (alpha + (alpha >> 7)) + 128) >> 8
+    parts = (shares[..., None] * colours[..., :3] ** 2) >> 8
+    return (parts.sum(axis=1) + 128) >> 8, shares.sum(axis=1)
+
+
+#: Bits of the light so far.
+_SUM_BITS = 17
+
+
+def composite(
+    light: Sequence[Ints], opacity: Sequence[Ints], draws: Bools, brightness: Sequence[int], background: Ints
+) -> Ints:
+    """Return the light (N, 3) of rays through layers, and of the background (3,) behind them.
+
+    Of each layer: P is its premultiplied light (N, 3), A its opacity (N,), B its brightness, 256 at most. From C_0 = 0,
+    T_0 = 65536:
+
+        G_k     = (T_k B_k + 2^7) >> 8
+        C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
+        T_(k+1) = T_k - ((T_k A_k + 2^15) >> 16)
+        light_o = min(C_n + ((background T_n + 2^15) >> 16), 65535), or 0 where draws_i is low
+    """
+    half, mask = 1 << 15, (1 << _SUM_BITS) - 1
+    so_far = np.zeros((len(draws), 3), np.int64)
+    left = np.full(len(draws), WHOLE)
+    for one, covered, bright in zip(light, opacity, brightness, strict=True):
+        gain = (left * min(bright, 256) + 128) >> 8
+        so_far = (so_far + ((one * gain[:, None] + half) >> 16)) & mask
+        left = left - ((left * covered + half) >> 16)
+    so_far = (so_far + ((left[:, None] * background + half) >> 16)) & mask
+    return np.where(draws[:, None], np.minimum(so_far, 65535), 0)
+
+
+def sample_mean(light: Ints, samples_bits: int) -> Ints:
+    """Return the light of pixels (N, 3), of 2^SamplesBits samples (2^SamplesBits N, 3) each.
+
+    One sample is its own mean; otherwise
+
+        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
+    """
+    if not samples_bits:
+        return light
+    total: Ints = light.reshape(-1, 1 << samples_bits, 3).sum(axis=1)
+    return (total + (1 << (samples_bits - 1))) >> samples_bits
+
+
+#: Entries of the table, and the light from which an entry stands for 16 words.
+ENTRIES = 1 << 13
+COARSE_FROM = 1 << 12
+#: The word of white.
+WHITE = 255 * 255
+
+
+def curve_table(light: Ints, table: Bytes) -> Bytes:
+    """Return the bytes of light.
+
+    With L a word of light
+
+        rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
+    """
+    return table[np.where(light < COARSE_FROM, light, COARSE_FROM + (light >> 4))]
+
+
+def entry_light() -> npt.NDArray[np.float64]:
+    """Return the light (8192,), 1 at white, in the middle of the words of each entry."""
+    entry = np.arange(ENTRIES)
+    # Of an entry of 16 words, word 7.5 is in the middle.
+    return np.where(entry < COARSE_FROM, entry, 16 * (entry - COARSE_FROM) + 7.5) / WHITE
+
+
+def scene(
+    rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
+) -> Bytes:
+    """Return the pixels (N, 3) of exit rays, `build.samples` of them for each.
+
+    Parameters
+    ----------
+    rays
+        Exit rays in the words of an optics build with F fraction bits, in the order of their pixels.
+    words
+        The registers; layers that the build does not have are not read.
+    slots
+        What the slots hold (`slot_bytes`), by number; those that are not given hold zeros.
+    table
+        The panel's curve, 8192 bytes.
+    build, f
+        The build of the drawing, and F.
+    """
+    return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
+
+
+def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], build: SceneBuild, f: int) -> Ints:
+    """Return the light (N, 3) of exit rays, before the samples of a pixel become one; parameters as of `scene`."""
+    lines = exit_line(rays, words.lattice_xi, words.lattice_xj, words.lattice_yj, f)
+    empty = np.zeros(build.slot_bytes, np.uint8)
+    light, opacity = [], []
+    layers = words.layers[: build.layers]
+    for layer, slot in zip(layers, words.slots, strict=False):
+        s, t, beyond = layer_coordinate(lines, layer, build.bilinear, f)
+        held = None if slot is None or slot >= build.slots_built else slots.get(slot, empty)
+        one_light, one_opacity = texel_blend(*texel_fetch(s, t, beyond, held, build))
+        light.append(one_light)
+        opacity.append(one_opacity)
+    brightness = [layer.brightness for layer in layers]
+    return composite(light, opacity, lines.draws, brightness, np.array(words.background, np.int64))
