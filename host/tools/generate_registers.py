@@ -24,7 +24,7 @@ from lippmann.simulation.toolchain import PREFIX, repository
 
 SOURCE = Path("rtl/registers.rdl")
 RTL = Path("rtl/registers")
-DATA = Path("host/lippmann/registers")
+DATA = Path("host/lippmann/fixed/generated")
 PAGES = Path("docs/reference")
 _BY = f"Generated from {SOURCE} by `make registers`; do not edit."
 _SPDX = "// SPDX-License-Identifier: Apache-2.0\n"

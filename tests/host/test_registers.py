@@ -47,11 +47,11 @@ def test_missing_data_do_not_stop_the_generator(tmp_path):
     shutil.copytree(TOP / "host/lippmann", tmp_path / "host/lippmann", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(TOP / "rtl", tmp_path / "rtl")
     for name in ("optics.json", "board.json"):
-        (tmp_path / "host/lippmann/registers" / name).write_text("<<<<<<<")
+        (tmp_path / "host/lippmann/fixed/generated" / name).write_text("<<<<<<<")
     command = [sys.executable, "-m", "tools.generate_registers"]
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, "PYTHONPATH": str(tmp_path / "host")})
     for name in ("optics.json", "board.json"):
-        path = Path("host/lippmann/registers") / name
+        path = Path("host/lippmann/fixed/generated") / name
         assert (TOP / path).read_text() == (tmp_path / path).read_text()
 
 
