@@ -7,7 +7,7 @@ from pathlib import Path
 import lippmann as lp
 from lippmann.base.variant import own_variant
 from lippmann.eye.observer import whole_window
-from lippmann.eye.page import Direct, page_html
+from lippmann.eye.viewer_page import Direct, page_html
 from lippmann.rendering.renderer import Settings, render_view
 from PIL import Image
 from tools.browser import browser_page

@@ -27,11 +27,11 @@ from lippmann.capturing.capture import placement_before
 from lippmann.capturing.setup import Pickup, Setup, load_setup
 from lippmann.display.description import MAX_SIDE_PX, Display, display_at
 from lippmann.errors import InputError, whole_number
+from lippmann.eye.many_views import render_directs
 from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.eye.observer import observe as observe_window
-from lippmann.eye.page import FRAMES_PER_SECOND, Direct, page_html
-from lippmann.eye.page_direct_views import render_directs
+from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, page_html
 from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.layers.cost import measured_cuts
 from lippmann.layers.cut import SLOT, Cut

@@ -19,13 +19,11 @@ import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.machine import proc_mb
 from lippmann.base.tones import psnr_db
-from lippmann.calibration.codes import STEPS, PatternSet, write_patterns
+from lippmann.calibration.coded_patterns import STEPS, PatternSet, write_patterns
 from lippmann.calibration.result import Calibration
-from lippmann.calibration.simulated_camera import Camera, Point, framed
-from lippmann.calibration.simulated_disturbances import Disturbances
-from lippmann.calibration.simulated_photographs import Look, photograph_folder
-from lippmann.calibration.simulated_sensor import Sensor
-from lippmann.calibration.simulated_solids import look_at_solids
+from lippmann.calibration.simulated_camera import Camera, Point, Sensor, framed
+from lippmann.calibration.simulated_photographs import Disturbances, Look, photograph_folder
+from lippmann.calibration.simulated_povray import look_at_solids
 from lippmann.calibration.solve import calibrate
 from lippmann.display.description import Array, Display, Grid, Panel, PlanoSide, display_text, load_display
 from lippmann.errors import LippmannError

@@ -203,7 +203,7 @@ def test_the_command_observes_what_the_function_returns(small, capfd, mi):
 @pytest.fixture
 def few_samples(monkeypatch):
     """One sample for each pixel of a page's direct renders."""
-    monkeypatch.setattr("lippmann.eye.page_direct_views.SAMPLES", 1)
+    monkeypatch.setattr("lippmann.eye.many_views.SAMPLES", 1)
 
 
 def test_the_command_writes_the_page_of_the_function(small, capfd, mi, few_samples):

@@ -15,19 +15,16 @@ import numpy as np
 import pytest
 from lippmann.calibration import check
 from lippmann.calibration import solve as solver
-from lippmann.calibration.bundle import WITHIN, Problem, jacobian, seam_powers
-from lippmann.calibration.codes import PatternSet, read_patterns, write_patterns
-from lippmann.calibration.intervals import Moved, blur_of, interval, movement_of, read
-from lippmann.calibration.landing import inner_rays, landing_of, movement
-from lippmann.calibration.lenslets import Lenslets, Readings
-from lippmann.calibration.outline import regular
+from lippmann.calibration.bundle_adjustment import WITHIN, Problem, SmoothErrors, jacobian, seam_powers
+from lippmann.calibration.coded_patterns import PatternSet, read_patterns, write_patterns
+from lippmann.calibration.lattice_search import find_lattice, steps_of, within
+from lippmann.calibration.lens_projection import inner_rays, landing_of, movement
+from lippmann.calibration.lenslet_measurement import Lenslets, Readings, regular
 from lippmann.calibration.photographs import positions
-from lippmann.calibration.radius import radius_of
 from lippmann.calibration.result import DoubtError, load_calibration
-from lippmann.calibration.shoot import shoot
-from lippmann.calibration.smooth import Smooth
-from lippmann.calibration.solve import calibrate
-from lippmann.calibration.viewed_lattice import find_lattice, steps_of, within
+from lippmann.calibration.shooting import shoot
+from lippmann.calibration.solve import calibrate, radius_of
+from lippmann.calibration.subpixel_intervals import Moved, blur_of, interval, movement_of, read
 from lippmann.cli import run
 from lippmann.conformance.calibration_page import digits
 from lippmann.display.description import display_text, load_display
@@ -207,7 +204,7 @@ def test_smooth_errors_are_whitened():
     rng = np.random.default_rng(17)
     places = rng.uniform(-3.0, 9.0, (60, 2))
     shares = np.array([0.0, 0.1, 0.7, 3.0])
-    smooth = Smooth.of(places, shares)
+    smooth = SmoothErrors.of(places, shares)
     u, v = (2.0 * (places - places.min(axis=0)) / np.ptp(places, axis=0) - 1.0).T
     modes = np.stack([np.ones(60), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
     every = smooth.whitened(np.broadcast_to(np.eye(60)[:, None, :], (60, 4, 60)))
@@ -567,7 +564,7 @@ def test_shooting_photographs_what_is_shown(case, tmp_path):
 
 
 def test_rotation_and_shear_come_back():
-    from lippmann.calibration.numbering import array_of
+    from lippmann.calibration.initial_estimate import array_of
 
     for grid in ("square", "hex"):
         turn, px, py, shear = math.radians(91.0), 1.1, 1.2, 0.01

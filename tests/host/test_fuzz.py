@@ -196,7 +196,7 @@ def scene_buffer(path):
 
 
 def patterns_file(path):
-    from lippmann.calibration.codes import read_patterns
+    from lippmann.calibration.coded_patterns import read_patterns
 
     read_patterns(path, _display())
 
@@ -235,7 +235,7 @@ def make_seeds(place):
     import cv2
     import lippmann as lp
     from lippmann.board.bitfile import comment, sealed
-    from lippmann.calibration.codes import PatternSet
+    from lippmann.calibration.coded_patterns import PatternSet
     from lippmann.calibration.result import Calibration, FoundCamera, Parameter
     from lippmann.cli import run
     from PIL import Image

@@ -5,11 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 from lippmann.base.tones import decode
-from lippmann.calibration.simulated_camera import Camera, corners_mm, framed
-from lippmann.calibration.simulated_disturbances import Disturbances, disturbed, hidden
-from lippmann.calibration.simulated_photographs import photograph_folder
-from lippmann.calibration.simulated_projection import sight_of, traced
-from lippmann.calibration.simulated_sensor import Sensor
+from lippmann.calibration.simulated_camera import Camera, Sensor, corners_mm, framed
+from lippmann.calibration.simulated_photographs import (
+    Disturbances,
+    disturbed,
+    hidden,
+    photograph_folder,
+    sight_of,
+    traced,
+)
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.optics.rays import gets_through

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from lippmann.calibration.simulated_camera import Camera, framed
-from lippmann.calibration.simulated_projection import sight_of
-from lippmann.calibration.simulated_solids import (
+from lippmann.calibration.simulated_photographs import sight_of
+from lippmann.calibration.simulated_povray import (
     look_at_solids,
     numbered,
     numbers,

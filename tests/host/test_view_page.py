@@ -17,17 +17,16 @@ from lippmann.base.tones import decode
 from lippmann.cli import run
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError
-from lippmann.eye import page_template
-from lippmann.eye.page import SCRIPTS, SHADERS, Direct, page_html
-from lippmann.eye.page_controls import eye_reach_mm, focus_reach_mm, sliders
-from lippmann.eye.page_direct_views import grid_of_eyes
+from lippmann.eye import viewer_page
+from lippmann.eye.many_views import grid_of_eyes
+from lippmann.eye.viewer_page import SCRIPTS, SHADERS, Direct, eye_reach_mm, focus_reach_mm, page_html, sliders
 from lippmann.optics.display_properties import display_properties
 from optics_cases import GRIDS, SIDES, random_display
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
 
 SEED = 1702
-VIEW = Path(page_template.__file__).parent
+VIEW = Path(viewer_page.__file__).parent / "page_files"
 SHIPPED = sorted((Path(__file__).parents[2] / "scenes/displays").glob("*.toml"))
 WIDTH, HEIGHT = 64, 48
 
@@ -99,7 +98,7 @@ def test_the_panel_travels_value_by_value(page):
 @pytest.mark.parametrize(("limit", "across", "width", "height"), [(20, 4, 16, 16), (30, 3, 22, 24), (63, 2, 32, 48)])
 def test_a_large_panel_travels_in_tiles(monkeypatch, limit, across, width, height):
     """Tiles of one size, at most the limit; those at the right and at the bottom may be smaller."""
-    monkeypatch.setattr("lippmann.eye.page.TILE_PX", limit)
+    monkeypatch.setattr("lippmann.eye.viewer_page.TILE_PX", limit)
     rows = panel_of(page_html(small(), light(values("panel")), "x"), across)
     assert rows[0][0].shape == (height, width, 3)
     np.testing.assert_array_equal(np.vstack([np.hstack(row) for row in rows]), values("panel"))
@@ -185,17 +184,17 @@ def test_every_file_is_used():
     while todo:
         name = todo.pop()
         reached.add(name)
-        todo += page_template.INCLUDE.findall((VIEW / "shaders" / name).read_text())
+        todo += viewer_page.INCLUDE.findall((VIEW / "shaders" / name).read_text())
     assert reached == {file.name for file in (VIEW / "shaders").iterdir()}
     assert sorted(SCRIPTS) == sorted(file.stem for file in (VIEW / "scripts").iterdir())
 
 
 def test_templates_refuse_wrong_values():
-    assert page_template.filled(
+    assert viewer_page.filled(
         "slider.html", **dict.fromkeys(("id", "label", "unit", "low", "high", "step", "value"), "@@id@@")
     )
     with pytest.raises(ValueError, match="holes"):
-        page_template.filled("slider.html", id="x")
+        viewer_page.filled("slider.html", id="x")
 
 
 # --- sliders --------------------------------------------------------------------------------------
@@ -303,7 +302,7 @@ def test_the_command_writes_the_page(place, capfd):
 
 
 def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi, monkeypatch):
-    monkeypatch.setattr("lippmann.eye.page_direct_views.SAMPLES", 1)
+    monkeypatch.setattr("lippmann.eye.many_views.SAMPLES", 1)
     words = ("view", "a.png", "--display", "small.toml", "--scene", "ball.xml", "--device", "llvm", "-o", "p.html")
     code, out, err = lippmann(capfd, *words, "--json")
     assert code == 0, err
@@ -316,7 +315,7 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi, monkeypatch
     assert middle.getpixel((200, 150)) == (255, 255, 255)
     assert middle.getpixel((5, 5)) == (0, 0, 0)
     # Stood elsewhere, as `render` was told to: aside of the panel's window, 6.4 mm wide. Its middle eye tells.
-    for module in ("lippmann.eye.page_direct_views", "lippmann.cli.view"):
+    for module in ("lippmann.eye.many_views", "lippmann.cli.view"):
         monkeypatch.setattr(f"{module}.grid_of_eyes", lambda display: grid_of_eyes(display)[10:11])
     code, _, err = lippmann(capfd, *words, "--offset", "-100,0,0")
     assert code == 0, err

@@ -8,8 +8,8 @@ from lippmann.board.check_rays import check_rays
 from lippmann.board.closed_loop import capturing
 from lippmann.board.streaming import send_frame
 from lippmann.calibration.check import rings
-from lippmann.calibration.codes import PatternSet, write_patterns
-from lippmann.calibration.shoot import frame_of
+from lippmann.calibration.coded_patterns import PatternSet, write_patterns
+from lippmann.calibration.shooting import frame_of
 from lippmann.calibration.simulated_photographs import photograph_folder
 from lippmann.calibration.solve import calibrate
 from lippmann.conformance.fixed_errors import compare, stated_nm

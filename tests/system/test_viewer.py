@@ -20,7 +20,7 @@ from lippmann.base.variant import mitsuba, start_mitsuba
 from lippmann.display.description import Array, Display, Panel, load_display
 from lippmann.engines import trace
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.eye.page import Direct, page_html
+from lippmann.eye.viewer_page import Direct, page_html
 from lippmann.optics.rays import Status
 from lippmann.optics.trace import trace_to_panel
 from lippmann.rendering.renderer import Settings, render_integral
@@ -176,7 +176,7 @@ def test_tiles_change_no_pixel(browser, tmp_path, monkeypatch, subpixels):
     window = whole_window(display, 130)
     found = []
     for limit in (2048, 47):
-        monkeypatch.setattr("lippmann.eye.page.TILE_PX", limit)
+        monkeypatch.setattr("lippmann.eye.viewer_page.TILE_PX", limit)
         open_page(browser, tmp_path, page_html(display, radiance, "x"))
         assert browser.evaluate("viewer.panel.bitmaps.length") == (1 if limit == 2048 else 30)
         views = [seen_in_page(browser, window, rays, **one) for one in EYES for rays in (0, 4)]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lippmann.base.images import read_numbers
 from lippmann.base.tones import decode
-from lippmann.calibration.codes import FILE, Pattern, PatternSet, read_patterns
+from lippmann.calibration.coded_patterns import FILE, Pattern, PatternSet, read_patterns
 from lippmann.display.description import Display
 from lippmann.errors import input_error, not_there
 

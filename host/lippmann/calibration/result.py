@@ -15,11 +15,11 @@ from scipy.stats import t as students_t
 
 from lippmann.base.files import replacing
 from lippmann.base.limits import load_arrays
-from lippmann.calibration.bundle import BOW, Solution
+from lippmann.calibration.bundle_adjustment import BOW, Solution
 from lippmann.display.description import Array, Display, check_radius, display_text, load_display
 from lippmann.errors import InputError, LippmannError, input_error, reason
+from lippmann.optics.rays import Floats
 
-Floats = npt.NDArray[np.float64]
 #: Uncertainties beyond these are not determined: shares of the pitch, gap (D) and radius; mm of the offset; degrees.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
 #: Correlation from which on two parameters cannot be told apart.

@@ -1,4 +1,4 @@
-"""An ordinary camera in front of a display: pose, lens with radial distortion, pupil, focus and vignetting.
+"""An ordinary camera in front of a display: pose, lens with radial distortion, pupil, focus, vignetting, and sensor.
 
 A direction's normalised coordinates x, y are its slopes to the optical axis, to the right and down in the picture. With
 r^2 = x^2 + y^2 the lens shows it at the pixel
@@ -10,15 +10,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.tones import Transfer, encoded_values
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.rays import Floats
 
 Point = tuple[float, float, float]
+Light = npt.NDArray[np.float32]
 #: Most of Newton's steps that invert the distortion, and the slope below which the last one settles it.
 NEWTON_STEPS, SETTLED = 12, 1e-14
 #: Share of the picture's width or height that `framed` fills with the panel.
@@ -166,3 +169,34 @@ def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
     return replace(
         camera, focal_px=fill * float(min(np.array([0.5 * camera.width_px, 0.5 * camera.height_px]) / reach))
     )
+
+
+#: The brightest pixels of a white panel that the exposure does not count, percent.
+BRIGHTEST = 0.5
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor. The defaults are those of a small camera: a pixel of 10000 electrons, and 8 bits in sRGB.
+
+    `exposure` is where a white panel comes, as a share of the full well: above 1 it is clipped.
+    """
+
+    exposure: float = 0.8
+    full_well_e: float = 10000.0
+    read_noise_e: float = 6.0
+    bits: int = 8
+    transfer: Transfer = "srgb"
+
+    def gain(self, white: Light) -> float:
+        """Return the share of the full well for light 1, from the picture of a white panel."""
+        brightest = float(np.percentile(white, 100.0 - BRIGHTEST))
+        return self.exposure / brightest if brightest > 0.0 else 0.0
+
+    def values(self, light: Light, gain: float, rng: np.random.Generator) -> npt.NDArray[np.unsignedinteger[Any]]:
+        """Return a photograph's values, uint8 or uint16, with the noise of photons and of reading."""
+        electrons = np.maximum(light * np.float32(gain * self.full_well_e), 0.0)
+        # From some ten photons on, their number is normal.
+        deviation = np.sqrt(electrons + np.float32(self.read_noise_e**2))
+        electrons += deviation * rng.standard_normal(electrons.shape, np.float32)
+        return encoded_values(np.clip(electrons / self.full_well_e, 0.0, 1.0), self.transfer, self.bits)

@@ -18,7 +18,7 @@ from lippmann.base.progress import report_each
 from lippmann.base.variant import own_variant
 from lippmann.board.board import Board
 from lippmann.board.streaming import send_frame
-from lippmann.calibration.codes import FILE, PatternSet, write_patterns
+from lippmann.calibration.coded_patterns import FILE, PatternSet, write_patterns
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, check_board, chosen_port
@@ -77,7 +77,7 @@ def patterns_command(
     if port is not None:
         import time
 
-        from lippmann.calibration.shoot import frame_of
+        from lippmann.calibration.shooting import frame_of
 
         with _panel(display, display_path, port, baud, 0) as show, progress_bar("patterns") as progress:
             for place in report_each(range(len(files)), progress):
@@ -125,7 +125,7 @@ def shoot_command(
         result = {"folder": output, "photographs": len(files), "simulated": built.name, "display": display.name}
         emit(result, f"{output}: {len(files)} photographs of {built.name}, simulated")
         return
-    from lippmann.calibration.shoot import shoot, webcam
+    from lippmann.calibration.shooting import shoot, webcam
 
     with (
         webcam(camera) as eye,

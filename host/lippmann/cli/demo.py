@@ -24,7 +24,7 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window
-from lippmann.eye.page import Direct, page_html
+from lippmann.eye.viewer_page import Direct, page_html
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.sources import Window

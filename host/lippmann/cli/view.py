@@ -19,10 +19,10 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
+from lippmann.eye.many_views import grid_of_eyes
 from lippmann.eye.observer import Eye
-from lippmann.eye.page import FRAMES_PER_SECOND, Direct, check_direct
-from lippmann.eye.page_direct_views import grid_of_eyes
 from lippmann.eye.page_server import page_server
+from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, check_direct
 from lippmann.motion.film_frames import FRAME_STEM
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.scenes.scene import check_scene_file

@@ -1,4 +1,7 @@
-"""Assembles the viewer page: one text with everything that the browser needs."""
+"""Assembles the viewer page: one text with everything that the browser needs.
+
+Its parts are text files of this package with `@@name@@` where a value goes, and `#include` in the shaders.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,11 @@ import base64
 import dataclasses
 import html
 import json
+import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 import numpy.typing as npt
@@ -16,10 +22,132 @@ from lippmann.base.images import png_bytes
 from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
-from lippmann.eye.page_controls import controls_html, focus_reach_mm
-from lippmann.eye.page_template import filled, read, shader
 from lippmann.optics.display_properties import DisplayProperties, display_properties
 from lippmann.optics.lattice import Lattice
+from lippmann.optics.zones import middle_eye, viewing_distance
+
+HOLE = re.compile(r"@@(\w+)@@")
+INCLUDE = re.compile(r'^#include "([\w.]+)"\n', re.M)
+
+
+def read(name: str) -> str:
+    """Return the text of a file of this package."""
+    return files("lippmann.eye").joinpath("page_files", name).read_text(encoding="utf-8")
+
+
+def filled(name: str, **values: str) -> str:
+    """Return a template with its holes filled; values are not looked into, and none may be missing or left over."""
+    text = read(name)
+    holes = set(HOLE.findall(text))
+    if holes != set(values):
+        raise ValueError(f"{name} has the holes {sorted(holes)}, not {sorted(values)}")
+    return HOLE.sub(lambda hole: values[hole[1]], text)
+
+
+def shader(name: str, defines: dict[str, str]) -> str:
+    """Return a shader's source (GLSL ES 3.00) with its includes and definitions."""
+    head = "".join(f"#define {key} {value}\n" for key, value in defines.items())
+    return f"#version 300 es\n{head}{_included(name)}"
+
+
+def _included(name: str) -> str:
+    return INCLUDE.sub(lambda line: _included(line[1]), read(f"shaders/{name}"))
+
+
+#: Range of the eye's distance, in viewing distances.
+DISTANCES = (0.25, 4.0)
+#: Widest pupil, mm: as wide as a camera's lens, which shows focus best.
+PUPIL_MM = 20.0
+#: Largest rotation of the array, degrees, and largest relative change of its pitch.
+TURN_DEG, STRETCH = 5.0, 0.05
+#: Step of the stretch.
+FINE = 1e-4
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A slider from `low` to `high` by `step`, initially at `value`."""
+
+    id: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    value: float = 0.0
+
+    def html(self) -> str:
+        """Return the slider with its label and the display of its value."""
+        numbers = {key: f"{getattr(self, key):.12g}" for key in ("low", "high", "step", "value")}
+        return filled("slider.html", id=self.id, label=html.escape(self.label), unit=self.unit, **numbers)
+
+
+def eye_reach_mm(display: Display, derived: DisplayProperties) -> float:
+    """Return the eye's largest offset, where even the panel's far edge shows the neighbours' elemental images."""
+    distance = viewing_distance(display)
+    zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / derived.aperture_distance_mm
+    aside = max(abs(x) for x in middle_eye(display, distance)[:2])
+    return _neat(aside + 0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
+
+
+def focus_reach_mm(display: Display, derived: DisplayProperties) -> float:
+    """Return the largest focus depth: twice the depth range, but less than the shortest viewing distance."""
+    return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
+
+
+def sliders(display: Display, derived: DisplayProperties) -> dict[str, list[Slider]]:
+    """Return the sliders by group."""
+    array = display.array
+    reach, focus = eye_reach_mm(display, derived), focus_reach_mm(display, derived)
+    x, y, distance = middle_eye(display, viewing_distance(display))
+    near, far = (share * distance for share in DISTANCES)
+    shift, lift = _neat(0.5 * array.coarsest_mm), _neat(0.5 * array.focal_length_mm)
+    # A lenslet must cover at least a pixel, and its radius must span its cell.
+    narrow = 1.0 - _whole(1.0 - max(1.0 - STRETCH, display.panel.coarsest_mm / array.finest_mm), FINE)
+    wide = 1.0 + _whole(min(1.0 + STRETCH, array.radius_mm / array.half_diagonal_mm) - 1.0, FINE)
+    return {
+        "Eye": [
+            Slider("eye-x", "Right", "mm", -reach, reach, _step(reach), x),
+            Slider("eye-y", "Up", "mm", -reach, reach, _step(reach), y),
+            Slider("eye-z", "Distance", "mm", near, far, 1.0, distance),
+        ],
+        "Pupil and focus": [
+            Slider("pupil", "Pupil", "mm", 0.0, PUPIL_MM, 0.1),
+            Slider("focus", "Focus", "mm", -focus, focus, _step(focus)),
+        ],
+        "The array as built": [
+            Slider("rotation", "Turned", "°", -TURN_DEG, TURN_DEG, 0.01),
+            Slider("pitch-scale", "Stretched", "×", narrow, wide, FINE, 1.0),
+            Slider("offset-x", "Moved right", "mm", -shift, shift, _step(shift)),
+            Slider("offset-y", "Moved up", "mm", -shift, shift, _step(shift)),
+            Slider("gap", "Lifted", "mm", 0.0 - _whole(min(display.gap_mm, lift), _step(lift)), lift, _step(lift)),
+        ],
+    }
+
+
+def controls_html(display: Display, derived: DisplayProperties) -> str:
+    """Return the groups of sliders."""
+    return "".join(
+        f"<fieldset>\n<legend>{html.escape(group)}</legend>\n{''.join(one.html() for one in members)}</fieldset>\n"
+        for group, members in sliders(display, derived).items()
+    )
+
+
+def _neat(value: float) -> float:
+    """Round up to two digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit - 1e-9) * unit
+
+
+def _step(reach: float) -> float:
+    """Return a power of ten that divides 0 to `reach` into a hundred to a thousand steps."""
+    return 10.0 ** (math.floor(math.log10(reach)) - 2)
+
+
+def _whole(value: float, step: float) -> float:
+    """Round down to a multiple of the step: browsers count steps from the low end, and 0 must be one."""
+    return math.floor(value / step + 1e-9) * step
+
 
 #: Each uses those before it.
 SCRIPTS = (

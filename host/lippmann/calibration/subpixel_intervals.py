@@ -29,13 +29,12 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-from lippmann.calibration.landing import inner_rays
-from lippmann.calibration.lenslets import Lenslets, Readings
+from lippmann.calibration.lens_projection import inner_rays
+from lippmann.calibration.lenslet_measurement import Lenslets, Readings
 from lippmann.display.description import Display
 from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.rays import Floats, Indices
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 Values = npt.NDArray[np.floating[Any]]
 Singles = npt.NDArray[np.float32]
 #: The a and the c of the module's formula.

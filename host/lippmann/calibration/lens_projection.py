@@ -20,17 +20,16 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.lenslets import INNER, MIDDLE
-from lippmann.calibration.viewed_lattice import NEAR, within
+from lippmann.calibration.lattice_search import NEAR, within
+from lippmann.calibration.lenslet_measurement import INNER, MIDDLE
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import PanelFrame
-from lippmann.optics.rays import Hits, Status, gets_through
+from lippmann.optics.rays import Floats, Hits, Status, gets_through
 from lippmann.optics.sampling import R2_STEPS, square_to_cell
 from lippmann.optics.trace import trace_to_panel
 
-Floats = npt.NDArray[np.float64]
 #: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 #: Directions in which a cell looks alike.

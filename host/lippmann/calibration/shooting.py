@@ -16,7 +16,7 @@ from lippmann.base import interrupts
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.progress import Progress
 from lippmann.base.tones import encoded_values
-from lippmann.calibration.codes import PatternSet
+from lippmann.calibration.coded_patterns import PatternSet
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError
 

@@ -1,14 +1,18 @@
 """The least squares over all positions: the array, its gap, the camera's lens and its poses.
 
+The camera is a pinhole with radial distortion, the same for all positions. A point X, mm in the panel's frame, is at
+x = R (X - C) from the camera, x to the right, y down, z forward. With (a, b) = (x, y) / z and r^2 = a^2 + b^2 its pixel
+is (cx, cy) + f (1 + k1 r^2 + k2 r^4) (a, b).
+
 Each lenslet that a position sees gives two points: that of the panel seen at a place of the photograph, and that of the
 lenslet's middle in the photograph. The middle is found from the seams, where neighbours' light mixes: it tells where
 the camera is, but not which point is seen. The point is expected at the place where it was read, by how points move
 over the cell. Both are fitted at once, weighted by their own scatter. Weak priors keep what the data leave open where
 it usually is; a parameter whose uncertainty is that of its prior was not determined.
 
-A share of the scatter is taken as smooth over a whole position (`lippmann.calibration.smooth`), in the weights and in
-the covariance. That is one of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the
-panel's pixels are coarse, so that single lenslets would promise too much.
+A share of the scatter is taken as smooth over a whole position (`SmoothErrors`), in the weights and in the covariance.
+That is one of blocks of neighbouring lenslets ("sandwich"): errors of neighbours are alike, as the panel's pixels are
+coarse, so that single lenslets would promise too much.
 """
 
 from __future__ import annotations
@@ -18,18 +22,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from lippmann.base import interrupts
-from lippmann.calibration.camera import projected
-from lippmann.calibration.landing import FOLDS, Landing, powers
-from lippmann.calibration.lenslets import Lenslets, regular_places
-from lippmann.calibration.smooth import Smooth, spread_out
+from lippmann.calibration.lens_projection import FOLDS, Landing, powers
+from lippmann.calibration.lenslet_measurement import Lenslets, regular_places
 from lippmann.display.description import Display, Grid
+from lippmann.optics.rays import Floats
 
-Floats = npt.NDArray[np.float64]
 #: The array's parameters, and the step of each for differences: mm, radians, shares.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
 GAP = {"gap": 1e-4}
@@ -74,6 +77,71 @@ POINTS, MIDDLES = 0.001, 0.0003
 #: Least scatter of a point, pixels, so that perfect data are not trusted blindly.
 LEAST_SCATTER = 0.001
 SEED = 1911
+
+
+def rotation_of(vector: Floats) -> Floats:
+    """Return the matrix (3, 3) of a rotation vector, radians."""
+    return np.asarray(cv2.Rodrigues(np.asarray(vector, float))[0])
+
+
+def projected(points_mm: Floats, lens: Floats, turn: Floats, place_mm: Floats) -> Floats:
+    """Return the pixels (N, 2) of points (N, 3); `lens` is (f, cx, cy, k1, k2), `turn` a rotation vector."""
+    x, y, z = rotation_of(turn) @ (points_mm - place_mm).T
+    z = np.maximum(z, 1e-6)
+    a, b = x / z, y / z
+    square = a * a + b * b
+    scale = lens[0] * (1.0 + square * (lens[3] + square * lens[4]))
+    return np.stack([lens[1] + scale * a, lens[2] + scale * b], axis=1)
+
+
+@dataclass(frozen=True)
+class SmoothErrors:
+    """Errors that are smooth over a position: what distortion, aberrations and seams leave, and no average removes.
+
+    Of each of a position's four columns of residuals (panel points, photograph), with the scatter 1, the errors are
+    taken as
+
+        e = n + t B m,   n and m normal with deviation 1,
+
+    where B are six polynomials of the place on the array up to the second degree, from -1 to 1 across it, and t is a
+    share. Their covariance is I + t^2 B B^T. With B = U S V^T,
+
+        W = I - U (1 - 1 / sqrt(1 + t^2 S^2)) U^T
+
+    makes the covariance of W e the unit matrix: least squares of W e trusts no position's middle, scale or bend more
+    than it deserves, however many lenslets it has (generalised least squares).
+
+    The fields are those of N lenslets: B (N, 6), t (4,), U (N, 6), and of each column 1 - 1/sqrt(...), (4, 6).
+    """
+
+    modes: Floats
+    shares: Floats
+    basis: Floats
+    lost: Floats
+
+    @classmethod
+    def of(cls, places: Floats, shares: Floats) -> SmoothErrors:
+        """Return those of lenslets at places (N, 2) on the array, with a share for each column."""
+        u, v = (2.0 * spread_out(places) - 1.0).T
+        modes = np.stack([np.ones_like(u), u, v, u * u - 1.0 / 3.0, u * v, v * v - 1.0 / 3.0], axis=1)
+        basis, values, _ = np.linalg.svd(modes, full_matrices=False)
+        return cls(modes, shares, basis, 1.0 - 1.0 / np.sqrt(1.0 + np.outer(shares, values) ** 2))
+
+    def whitened(self, values: Floats) -> Floats:
+        """Return W times values (N, 4) or (N, 4, M)."""
+        flat = values.reshape(len(values), 4, -1)
+        part = np.einsum("nk,ncm->kcm", self.basis, flat) * self.lost.T[..., None]
+        return np.asarray((flat - np.einsum("nk,kcm->ncm", self.basis, part)).reshape(values.shape))
+
+    def whitened_rows(self, rows: Floats) -> Floats:
+        """Return W times the rows (4 N, M) of a matrix of derivatives, four for each lenslet."""
+        return self.whitened(rows.reshape(-1, 4, rows.shape[1])).reshape(rows.shape)
+
+
+def spread_out(places: Floats) -> Floats:
+    """Return places (N, 2) from 0 to 1 across all of them."""
+    low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
+    return np.asarray((places - low) / size)
 
 
 def seam_powers(grid: Grid) -> tuple[tuple[int, int], ...]:
@@ -360,12 +428,12 @@ def _minimised(
 
 def _smooth(
     problem: Problem, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]], k: int
-) -> Smooth:
+) -> SmoothErrors:
     """Return the smooth errors of view k."""
     places, view = problem.places[k][kept[k]], problem.views[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
     least = np.repeat([POINTS / scatter[k][0], MIDDLES * across / scatter[k][1]], 2)
-    return Smooth.of(places, np.maximum(SMOOTH, least))
+    return SmoothErrors.of(places, np.maximum(SMOOTH, least))
 
 
 def jacobian(

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.codes import Pattern, PatternSet
+from lippmann.calibration.coded_patterns import Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 

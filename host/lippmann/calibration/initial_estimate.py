@@ -12,18 +12,53 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
-import numpy.typing as npt
 
-from lippmann.calibration.bundle import seam_powers
-from lippmann.calibration.camera import Lens, first_lens, first_pose
-from lippmann.calibration.landing import Landing, landing_of
-from lippmann.calibration.lenslets import Lenslets
-from lippmann.calibration.viewed_lattice import SeenLattice
+from lippmann.calibration.bundle_adjustment import rotation_of, seam_powers
+from lippmann.calibration.lattice_search import SeenLattice
+from lippmann.calibration.lens_projection import Landing, landing_of
+from lippmann.calibration.lenslet_measurement import Lenslets
 from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
+from lippmann.optics.rays import Floats
 
-Floats = npt.NDArray[np.float64]
+#: Focal length that is assumed first, in longer sides of the photograph: that of a telephone's main camera.
+USUAL_FOCAL = 1.0
+#: Focal lengths outside this range, in longer sides, are not believed.
+FOCALS = (0.4, 8.0)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What all positions share: focal length and principal point, pixels, and the radial distortion."""
+
+    focal_px: float
+    middle_px: tuple[float, float]
+    distortion: tuple[float, float] = (0.0, 0.0)
+
+
+def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Lens:
+    """Return a first guess of the lens from points of a plane (N, 3) and their pixels (N, 2) in each position."""
+    size = shape[1], shape[0]
+    middle = 0.5 * size[0], 0.5 * size[1]
+    objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
+    matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
+    focal = float(matrix[0, 0])
+    longer = max(size)
+    if not (np.isfinite(focal) and FOCALS[0] * longer < focal < FOCALS[1] * longer):
+        focal = USUAL_FOCAL * longer
+    return Lens(focal, middle)
+
+
+def first_pose(plane_mm: Floats, photo_px: Floats, lens: Lens) -> tuple[Floats, Floats]:
+    """Return the rotation vector and the place, mm, of a camera that sees points of a plane at pixels."""
+    matrix = np.array([[lens.focal_px, 0, lens.middle_px[0]], [0, lens.focal_px, lens.middle_px[1]], [0, 0, 1]])
+    _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
+    vector = np.array(turn, np.float64).ravel()
+    return vector, -rotation_of(vector).T @ np.array(shift, np.float64).ravel()
+
+
 #: Gaps that are tried, as shares of D around the nominal one, and how many numberings are fitted.
 GAPS = np.linspace(-0.35, 0.35, 57)
 MOST_NUMBERINGS = 3

@@ -18,8 +18,8 @@ from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError, input_error
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.rays import Floats
 
-Floats = npt.NDArray[np.float64]
 #: How far the nominal file may be off: rotation, degrees, and pitch, a share.
 MOST_ROTATION_DEG = 8.0
 MOST_STRETCH = 0.05
