@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lippmann.api import capture, draw, load_layers, load_scene, observe, render, sweep, view, widget
     from lippmann.board.board import Board
-    from lippmann.capturing.setup import load_setup
+    from lippmann.capturing.capture_setup import load_setup
     from lippmann.display.description import Display, load_display, parse_display
     from lippmann.engines import trace
     from lippmann.layers.stack import Layer, LayerStack
@@ -48,7 +48,7 @@ __all__ = [
 _HOMES = {
     "lippmann.api": ("capture", "draw", "load_layers", "load_scene", "observe", "render", "sweep", "view", "widget"),
     "lippmann.board.board": ("Board",),
-    "lippmann.capturing.setup": ("load_setup",),
+    "lippmann.capturing.capture_setup": ("load_setup",),
     "lippmann.display.description": ("Display", "load_display", "parse_display"),
     "lippmann.engines": ("trace",),
     "lippmann.optics.trace": ("trace_to_panel",),

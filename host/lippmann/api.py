@@ -24,7 +24,7 @@ from lippmann.base.progress import Progress
 from lippmann.base.variant import VARIANTS, own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
-from lippmann.capturing.setup import Pickup, Setup, load_setup
+from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.display.description import MAX_SIDE_PX, Display, display_at
 from lippmann.errors import InputError, whole_number
 from lippmann.eye.many_views import render_directs
@@ -32,12 +32,19 @@ from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.eye.observer import observe as observe_window
 from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, page_html
-from lippmann.layers.choose import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
-from lippmann.layers.cost import measured_cuts
-from lippmann.layers.cut import SLOT, Cut
-from lippmann.layers.drawing import Filter, draw_layers
-from lippmann.layers.folder import check_for_display
-from lippmann.layers.folder import load_layers as load_layers_folder
+from lippmann.layers.layer_choice import (
+    BLOCK_RAMS,
+    MULTIPLIERS,
+    SLOTS,
+    TOLERANCE_DB,
+    LayerChoice,
+    choose_layers,
+    measured_cuts,
+)
+from lippmann.layers.layer_drawing import Filter, draw_layers
+from lippmann.layers.layers_folder import check_for_display
+from lippmann.layers.layers_folder import load_layers as load_layers_folder
+from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine, Model
@@ -297,7 +304,7 @@ def fit_layers(
     Raises
     ------
     InputError
-        As `lippmann.layers.choose.choose_layers`, and for bad files.
+        As `lippmann.layers.layer_choice.choose_layers`, and for bad files.
     """
     built = display_at(display)
     with _loaded(scene, placement, device) as loaded:

@@ -20,8 +20,8 @@ from lippmann.conformance.tables import Rows, columns, values, where
 from lippmann.conformance.word_sets import SAMPLE
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT, WIDEST
-from lippmann.layers.cost import FULL_SAMPLES
-from lippmann.layers.cut import SLOT
+from lippmann.layers.layer_choice import FULL_SAMPLES
+from lippmann.layers.scene_cutting import SLOT
 from lippmann.simulation.toolchain import repository
 
 from tools import adaptive, content_gallery, depth, layers_likeness, shading_speed

@@ -16,10 +16,9 @@ from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.zones import viewing_distance
 from lippmann.rendering.renderer import Settings, first_depths, render_view
 from lippmann.rendering.sources import Window
-from lippmann.scenes.quilts import eyes_note, quilt_path, tiled
 from lippmann.scenes.scene import Scene
 from lippmann.scenes.splats import write_table
-from lippmann.scenes.window_views import EYES, eyes_text
+from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 
 #: Zeroth spherical harmonic.
 Y00 = 0.5 / np.sqrt(np.pi)

@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.variant import mitsuba
-from lippmann.capturing.capture import capture
-from lippmann.capturing.depths import shown_depth
-from lippmann.capturing.setup import Setup, load_setup
+from lippmann.capturing.capture import capture, shown_depth
+from lippmann.capturing.capture_setup import Setup, load_setup
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Floats, Model
 from lippmann.rendering.renderer import Settings

@@ -18,11 +18,10 @@ from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import whole_window
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
-from lippmann.layers.cost import EYES, decibels, eyes_of, full_views, row_of, streamed, views_of
-from lippmann.layers.cut import SLOT, Cut, cut_scene, reach_of
-from lippmann.layers.depths import disparity
-from lippmann.layers.drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines
-from lippmann.layers.peel import Area, peel
+from lippmann.layers.layer_choice import EYES, decibels, eyes_of, full_views, row_of, streamed, views_of
+from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines
+from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, peel, reach_of
+from lippmann.layers.slab_depths import disparity
 from lippmann.layers.stack import MAX_LAYERS, LayerStack
 from lippmann.optics.model_choice import reconstructed_pixel_mm
 from lippmann.rendering.renderer import Settings
@@ -72,8 +71,8 @@ def measure_scene(
 
     `parts` are what is cut by depths, and what becomes a layer of its own; None: the whole scene is cut.
 
-    Columns: `drawn` ("streamed" or the filter), then as `lippmann.layers.cost.row_of`; `line_bytes` on the line before
-    the picture is there, and `frame_bytes` for each further one, in which one layer moves; `holes_percent`
+    Columns: `drawn` ("streamed" or the filter), then as `lippmann.layers.layer_choice.row_of`; `line_bytes` on the
+    line before the picture is there, and `frame_bytes` for each further one, in which one layer moves; `holes_percent`
     (`hole_percent`). Cells of a streamed frame that do not apply are None.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings

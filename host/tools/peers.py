@@ -24,11 +24,10 @@ import numpy.typing as npt
 from lippmann.base.images import Radiance
 from lippmann.base.tones import encode
 from lippmann.base.variant import mitsuba
-from lippmann.capturing.povray_export import Exported, write_folder
+from lippmann.capturing.capture import capture_source, rays_from_picture
+from lippmann.capturing.capture_setup import Setup, load_setup
+from lippmann.capturing.povray_export import POVRAY, Exported, Run, write_folder
 from lippmann.capturing.povray_optics import setup_view
-from lippmann.capturing.povray_program import POVRAY, Run
-from lippmann.capturing.rays import capture_source, rays_from_picture
-from lippmann.capturing.setup import Setup, load_setup
 from lippmann.conformance.figures import in_turn, row_of
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot

@@ -18,11 +18,10 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-from lippmann.capturing.povray_export import export_view, write_folder
+from lippmann.capturing.capture import capture_source
+from lippmann.capturing.capture_setup import Setup, load_setup
+from lippmann.capturing.povray_export import POVRAY, Run, export_view, write_folder
 from lippmann.capturing.povray_optics import setup_view
-from lippmann.capturing.povray_program import POVRAY, Run
-from lippmann.capturing.rays import capture_source
-from lippmann.capturing.setup import Setup, load_setup
 from lippmann.cli.frame import option
 from lippmann.conformance.figures import row_of
 from lippmann.conformance.pages import Page

@@ -14,7 +14,7 @@ from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import drjit, mitsuba
 from lippmann.capturing.capture import capture, placement_before
-from lippmann.capturing.setup import load_setup
+from lippmann.capturing.capture_setup import load_setup
 from lippmann.conformance.test_pictures import EYE_MM, VIEW_SAMPLES, every_strip, rows_of_strips
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.display import Display, Grid
+from lippmann.display.description import Display, Grid
 from lippmann.images import encoded_values
 from lippmann.rendering.placement import Placement
 from lippmann.rendering.renderer import Settings, render_integral

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.base.images import read_picture
-from lippmann.capturing.rays import rays_from_picture
-from lippmann.capturing.rotation import rotated, rotation_map
-from lippmann.capturing.setup import load_setup
+from lippmann.capturing.capture import rays_from_picture
+from lippmann.capturing.capture_setup import load_setup
+from lippmann.capturing.elemental_rotation import rotated, rotation_map
 from lippmann.cli import run
 from lippmann.display.description import display_text, load_display, parse_display
 from lippmann.optics.backend import NumpyBackend

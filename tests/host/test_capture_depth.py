@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.capturing.depths import shown_depth
+from lippmann.capturing.capture import shown_depth
+from lippmann.capturing.capture_setup import Pickup, load_setup
 from lippmann.capturing.imaging_lens import ThinLens
-from lippmann.capturing.setup import Pickup, load_setup
 from tools.bench_pages import depth_page
 from tools.depth import CENTRES, WIDE, judged, measure_depths, strip_of
 from tools.depth import SETUPS as FIGURE

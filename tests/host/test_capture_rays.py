@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lippmann.capturing.capture import rays_from_picture, system_of
+from lippmann.capturing.capture_setup import Camera, Pickup, Setup, Subject, load_setup
 from lippmann.capturing.imaging_lens import ThinLens
-from lippmann.capturing.rays import rays_from_picture, system_of
-from lippmann.capturing.setup import Camera, Pickup, Setup, Subject, load_setup
 from lippmann.engines import trace
 from lippmann.optics.backend import DrJitBackend, NumpyBackend
 from lippmann.optics.models import leave_panel

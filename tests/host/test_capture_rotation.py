@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.capturing.rotation import cells_of, rotated, rotation_map
+from lippmann.capturing.elemental_rotation import cells_of, rotated, rotation_map
 from lippmann.engines import trace
 from optics_cases import display_of
 from scene_cases import generator

@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 
 import pytest
+from lippmann.capturing.capture_setup import Camera, Pickup, load_setup
 from lippmann.capturing.imaging_lens import LensPair, ThinLens
-from lippmann.capturing.setup import Camera, Pickup, load_setup
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 

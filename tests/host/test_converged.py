@@ -12,7 +12,7 @@ import lippmann
 import numpy as np
 import pytest
 import truth
-from lippmann.capturing.rotation import rotation_map
+from lippmann.capturing.elemental_rotation import rotation_map
 from lippmann.conformance.fit import INSIDE, away_from_borders
 from lippmann.display.description import Panel, load_display
 from lippmann.optics.model_choice import choose_model, in_cells_mm, located, pixels_from_cells, probe

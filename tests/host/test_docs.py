@@ -23,12 +23,12 @@ from unittest import mock
 import click
 import pytest
 from lippmann.base import toml
-from lippmann.capturing.setup import load_setup
+from lippmann.capturing.capture_setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.conformance.bounds import load_bounds
 from lippmann.display.description import Panel, load_display
-from lippmann.layers.folder import LayersFile
-from lippmann.layers.pictures import PicturesFile
+from lippmann.layers.layers_folder import LayersFile
+from lippmann.layers.pictures_folder import PicturesFile
 from lippmann.motion.film import load_film
 from lippmann.motion.layer_film import LayerFilmFile
 from lippmann.scenes.depth_picture import DepthPictureFile

@@ -15,8 +15,8 @@ from lippmann.eye.many_views import eyes_of, of_scene
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.rendering.renderer import Settings, first_depths
 from lippmann.rendering.sources import Window
-from lippmann.scenes.quilts import quilt_path
 from lippmann.scenes.scene import load_scene
+from lippmann.scenes.window_views import quilt_path
 from PIL import Image
 from test_film import DISPLAY
 

@@ -108,31 +108,31 @@ def layer_film_file(path):
 
 
 def setup_file(path):
-    from lippmann.capturing.setup import load_setup
+    from lippmann.capturing.capture_setup import load_setup
 
     load_setup(path)
 
 
 def layers_file(path):
-    from lippmann.layers.folder import load_layers
+    from lippmann.layers.layers_folder import load_layers
 
     load_layers(path)
 
 
 def layer_picture(path):
-    from lippmann.layers.folder import load_layers
+    from lippmann.layers.layers_folder import load_layers
 
     load_layers(path.parent)
 
 
 def pictures_file(path):
-    from lippmann.layers.pictures import cut_pictures
+    from lippmann.layers.pictures_folder import cut_pictures
 
     cut_pictures(path, _display(), (32, 32))
 
 
 def placed_picture(path):
-    from lippmann.layers.pictures import cut_pictures
+    from lippmann.layers.pictures_folder import cut_pictures
 
     cut_pictures(path.parent, _display(), (32, 32))
 

@@ -10,9 +10,9 @@ import pytest
 from cobs import cobs
 from lippmann.conformance.figures import read_csv
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.layers.cut import SLOT as BUILD_SLOT
-from lippmann.layers.cut import cut_scene
-from lippmann.layers.drawing import exit_lines
+from lippmann.layers.layer_drawing import exit_lines
+from lippmann.layers.scene_cutting import SLOT as BUILD_SLOT
+from lippmann.layers.scene_cutting import cut_scene
 from lippmann.layers.stack import light_of
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.placement import Placement

@@ -13,11 +13,10 @@ from lippmann.base.tones import encoded_values
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.eye.observer import observe, whole_window
-from lippmann.layers.cost import cost_of, eyes_of
-from lippmann.layers.cut import check_slot, cut_scene, reach_of, texels_for
-from lippmann.layers.drawing import exit_lines, texel_coordinates
-from lippmann.layers.folder import load_layers, load_named_layers
-from lippmann.layers.peel import Area, seen_depths
+from lippmann.layers.layer_choice import cost_of, eyes_of
+from lippmann.layers.layer_drawing import exit_lines, texel_coordinates
+from lippmann.layers.layers_folder import load_layers, load_named_layers
+from lippmann.layers.scene_cutting import Area, check_slot, cut_scene, reach_of, seen_depths, texels_for
 from lippmann.layers.stack import Layer, light_of
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.placement import Placement
@@ -434,7 +433,7 @@ def test_bad_pictures_are_one_line(place, capfd, find, put, message):
     ],
 )
 def test_bad_commands_are_one_line(place, capfd, words, message):
-    from lippmann.layers.folder import save_layers
+    from lippmann.layers.layers_folder import save_layers
     from lippmann.layers.stack import LayerStack
 
     plain = Layer(np.zeros((2, 2), np.uint8), np.zeros((256, 4), np.uint8), 0.0, np.eye(3)[:2])

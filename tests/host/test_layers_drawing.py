@@ -11,7 +11,7 @@ from lippmann.base.images import read_picture
 from lippmann.base.tones import encoded_values
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.layers.drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, scene_build_of
+from lippmann.layers.layer_drawing import BOARD_BITS, FILTERS, draw_golden, exit_lines, scene_build_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import Status
 from random_stacks import random_stack
@@ -238,7 +238,7 @@ def test_slopes_beyond_four_do_not_draw():
 
 
 def test_a_tall_picture_is_drawn_in_parts(monkeypatch):
-    import lippmann.layers.drawing as module
+    import lippmann.layers.layer_drawing as module
 
     random = generator(SEED, "parts")
     stack = random_stack(random, HAND)

@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 from lippmann.errors import InputError
-from lippmann.layers.folder import check_for_display, is_layers, load_layers, load_named_layers, save_layers
+from lippmann.layers.layers_folder import check_for_display, is_layers, load_layers, load_named_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from PIL import Image
 from random_stacks import random_stack

@@ -17,7 +17,7 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.registers import BOARD_REGISTERS, build_word
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.folder import load_layers, save_layers
+from lippmann.layers.layers_folder import load_layers, save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation.toolchain import repository
 from model_board import DRAW, LOOK, ModelBoard

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lippmann.base.images import read_picture
 from lippmann.base.tones import decode, encode, encoded_values
 from lippmann.board.panel_frames import Target, image_frame, load_frame
-from lippmann.capturing.rotation import rotation_map
+from lippmann.capturing.elemental_rotation import rotation_map
 from lippmann.cli import run
 from lippmann.conformance.fifty_digits import true_rays
 from lippmann.conformance.hard_cases import Out

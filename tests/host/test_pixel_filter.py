@@ -7,8 +7,8 @@ import drjit as dr
 import numpy as np
 import pytest
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.capturing.rays import capture_source
-from lippmann.capturing.setup import load_setup
+from lippmann.capturing.capture import capture_source
+from lippmann.capturing.capture_setup import load_setup
 from lippmann.conformance.test_pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel

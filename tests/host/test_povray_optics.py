@@ -5,11 +5,10 @@ import json
 
 import numpy as np
 import pytest
-from lippmann.capturing.povray_export import write_folder
+from lippmann.capturing.capture import capture_source
+from lippmann.capturing.capture_setup import load_setup
+from lippmann.capturing.povray_export import Run, write_folder
 from lippmann.capturing.povray_optics import lattice_rows, setup_view
-from lippmann.capturing.povray_program import Run
-from lippmann.capturing.rays import capture_source
-from lippmann.capturing.setup import load_setup
 from lippmann.cli import run
 from lippmann.conformance.test_pictures import every_strip
 from lippmann.display.description import load_display

@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 from lippmann.base.tones import encode
-from lippmann.capturing import povray_program
+from lippmann.capturing import povray_export
 from lippmann.capturing.povray_export import MAX_RAYS, export_display, export_view
 from lippmann.cli import run
 from lippmann.errors import InputError, MissingLibraryError
@@ -510,7 +510,7 @@ def test_the_command(mi, tmp_path, capfd):
     assert result["ini"] == str(folder / "s.ini")
     assert sorted(result["files"]) == sorted(file.name for file in folder.iterdir())
     assert [path.name for path in tmp_path.iterdir() if "partial" in path.name] == []
-    done = povray_program.run_povray(folder / "s.ini")
+    done = povray_export.run_povray(folder / "s.ini")
     assert done.command == "povray s.ini"
     assert done.seconds > 0.0
     assert (folder / "s.exr").is_file()
@@ -521,7 +521,7 @@ def test_the_command(mi, tmp_path, capfd):
 def test_without_povray_it_says_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(MissingLibraryError, match="apt-get install -y povray") as caught:
-        povray_program.run_povray(tmp_path / "s.ini")
+        povray_export.run_povray(tmp_path / "s.ini")
     assert caught.value.exit_code == 3
 
 
@@ -529,4 +529,4 @@ def test_files_that_povray_refuses(tmp_path):
     (tmp_path / "s.ini").write_text("Input_File_Name=s.pov\nDisplay=off\n")
     (tmp_path / "s.pov").write_text("#version 3.7;\nsphere { 0, one }\n")
     with pytest.raises(InputError, match="line 2: Parse Error"):
-        povray_program.run_povray(tmp_path / "s.ini")
+        povray_export.run_povray(tmp_path / "s.ini")

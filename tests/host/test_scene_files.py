@@ -17,8 +17,8 @@ from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.sources import Window
 from lippmann.scenes import meshes
 from lippmann.scenes.arrange import arranged
+from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.ply_faces import check_faces
 from lippmann.scenes.scene import load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement

@@ -33,9 +33,9 @@ from lippmann.fixed.scene_pipeline import (
     texel_blend,
     texel_fetch,
 )
-from lippmann.layers.cut import reach_of
-from lippmann.layers.drawing import draw_golden, exit_lines
-from lippmann.layers.folder import load_layers
+from lippmann.layers.layer_drawing import draw_golden, exit_lines
+from lippmann.layers.layers_folder import load_layers
+from lippmann.layers.scene_cutting import reach_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import gets_through
 from lippmann.optics.system import System

@@ -24,7 +24,7 @@ from lippmann.fixed.registers import SCENE_REGISTERS, optics_writes, write
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, layer_words, scene_words, slot_bytes
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
-from lippmann.layers.folder import check_depth, check_for_display
+from lippmann.layers.layers_folder import check_depth, check_for_display
 from lippmann.layers.stack import Layer, LayerStack
 
 #: Most bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.

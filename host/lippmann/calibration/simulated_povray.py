@@ -21,8 +21,8 @@ import OpenImageIO as oiio
 from lippmann.base import interrupts
 from lippmann.calibration.simulated_camera import Camera
 from lippmann.calibration.simulated_photographs import Look, Sight, gathered
+from lippmann.capturing.povray_export import run_povray
 from lippmann.capturing.povray_optics import ARRAY_FACES, array_solids
-from lippmann.capturing.povray_program import run_povray
 from lippmann.capturing.povray_text import block, vector
 from lippmann.display.description import Display, Panel
 from lippmann.errors import InputError

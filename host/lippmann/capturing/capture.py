@@ -1,4 +1,28 @@
-"""Renders what a camera or sensor captures of a scene through imaging lens and array, and rotates elemental images."""
+"""Renders what a camera or sensor captures of a scene through imaging lens and array, and rotates elemental images.
+
+**The depth at which a captured point appears on the display**, to first order, with distances along the axis (mm):
+
+1. The imaging lens: 1/s' = 1/f - 1/s, and heights times m = -s'/s (Hecht, Optics, section 5.2).
+2. The point's image is at z = a - s' before the array, a being the array's distance from the lens; z < 0 when the
+   array intercepts the light before it converges.
+3. Each lenslet images the pinhole of a camera, L from the array, to v before the array: 1/v = 1/f' - 1/L. The pixel at
+   u from the lenslet's centre c shows the ray with slope c/L - u/v through c + u. A pickup at D behind the array shows
+   the ray with slope -u/D through c.
+4. The display emits the pixel with slope -u/g through c, g being its aperture distance; with +u/g when elemental images
+   are rotated.
+
+The rays of all lenslets then meet at z' = (g/v) (z - v) L / (L + z), x' = x L / (L + z) for a camera, and at
+z' = (g/D) z, x' = x for a pickup; rotation inverts the sign of z'. v is negative for concave lenslets.
+
+On a display whose elemental images converge on an eye at E, u is 1 + g/E times as large, and all rays of a lenslet lean
+towards the eye, by c/E: 1/z'' = (1 + g/E)/z' + 1/E. The pixels of a pickup lie where the display's do, and rays arrive
+there that lean so too: as captured, z'' = z'; rotated they lean the other way, and 1/z'' = 1/z' + 2/E.
+
+**Rays** are traced against the light: camera or sensor, array, imaging lens, object. From the camera to the lens they
+are in one frame: x is right and y up as the camera sees them, z runs from the camera to the lens. This frame is
+left-handed; lenslets and lenses are symmetric, so their formulas hold in it. The display's own `leave_panel` traces the
+array, with the camera or sensor in place of the panel.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +30,25 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.base.progress import Progress
-from lippmann.capturing.depths import shown_depth
-from lippmann.capturing.rays import capture_source
-from lippmann.capturing.rotation import rotated, rotation_map
-from lippmann.capturing.setup import Setup
+from lippmann.base.variant import mitsuba
+from lippmann.capturing.capture_setup import Pickup, Setup
+from lippmann.capturing.elemental_rotation import rotated, rotation_map
 from lippmann.errors import InputError
+from lippmann.optics.backend import Arr, Backend, DrJitBackend
+from lippmann.optics.faces import Ray
+from lippmann.optics.lattice import Lattice
+from lippmann.optics.models import leave_panel
+from lippmann.optics.rays import Floats, gets_through
+from lippmann.optics.sampling import square_to_cell
+from lippmann.optics.system import System
 from lippmann.rendering.renderer import Rendered, Settings, render_rays
+from lippmann.rendering.sources import Aperture, Lines, RaySource, owner_number
 from lippmann.scenes.placement import Placement, placement_beside
 from lippmann.scenes.scene import Scene
 
@@ -102,3 +135,112 @@ def capture(
         if partner is not None:
             rendered = replace(rendered, radiance=rotated(rendered.radiance, partner.result()))
     return rendered
+
+
+def shown_depth(setup: Setup, z_mm: npt.ArrayLike, rotated: bool) -> Floats:
+    """Return the depths, mm, positive in front of the display, that show depths z (mm, object's frame).
+
+    Their images must all be before the camera (L + z > 0), which `check_placement` guarantees.
+    """
+    z = setup.array_distance_mm - setup.image_distance(z_mm)
+    g = setup.display.aperture_distance_mm
+    distance = setup.camera_distance_mm
+    if distance is None:
+        depth = z * g / setup.captured.aperture_distance_mm
+    else:
+        focal = setup.array.focal_length_mm * (-1.0 if setup.concave else 1.0)
+        v = 1.0 / (1.0 / focal - 1.0 / distance)
+        depth = (g / v) * (z - v) * distance / (distance + z)
+    depth = -depth if rotated else depth
+    eye_mm = setup.display.viewing_distance_mm
+    if eye_mm is None or (distance is None and not rotated):
+        return depth
+    wider, lean = (1.0, 2.0 / eye_mm) if distance is None else (1.0 + g / eye_mm, 1.0 / eye_mm)
+    # 1 / (wider / depth + lean), also for a depth of 0.
+    with np.errstate(divide="ignore"):
+        return np.asarray(depth / (wider + lean * depth))
+
+
+class CapturedRays(NamedTuple):
+    """Rays in the object's frame towards the scene, and which passed the array and the lens."""
+
+    ray: Ray
+    through_array: Arr
+    through_lens: Arr
+
+
+def system_of(setup: Setup) -> System:
+    """Return the array's optics during the capture; the pixels are the display's, and so are their lenslets."""
+    convergence = System.of(setup.display).convergence
+    return replace(System.of(setup.captured), concave=setup.concave, convergence=convergence)
+
+
+def rays_from_picture(
+    b: Backend, setup: Setup, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None = None
+) -> CapturedRays:
+    """Trace rays from the image's pixel coordinates u, v (double) to the object space.
+
+    `aperture` is for a pickup: the points of the lenslets' apertures that rays pass, from the lenslet's centre, mm,
+    array's axes; None for the centres. A camera's pinhole determines them.
+    """
+    system = system_of(setup)
+    frame = system.frame
+    if isinstance(setup.pickup, Pickup):
+        i, j, x, y = system.locate(b, u, v)
+    else:
+        # The camera sees this point of the array's first principal plane, where the aperture points lie; the pinhole
+        # is on the axis, at the distance L. Its picture is as large as the display's elemental images ask for.
+        seen = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
+        i, j, x, y = system.lattice.locate(b, *seen)
+        px, py = frame.panel_from_array(*seen)
+        to_camera = setup.camera_distance_mm
+        assert to_camera is not None
+        back = system.aperture_distance_mm / to_camera
+        axis_x, axis_y = frame.turn_back(px, py)
+        aperture = (x, y)
+        x, y = x - axis_x * back, y - axis_y * back
+    out = leave_panel(b, system, x, y, aperture, "exact")
+    own = i, j
+    i, j = i + b.double(out.di), j + b.double(out.dj)
+    status = system.through_mount(b, out.status, (i, j), own)
+    cx, cy = system.lattice.centre(i, j)
+    px, py = frame.panel_from_array(cx + b.double(out.ray.x), cy + b.double(out.ray.y))
+    dx, dy = frame.turn(out.ray.dx, out.ray.dy)
+    # From the plane of the array's vertices through the imaging lens to the object's frame, in the engine's own format.
+    ray = Ray(b.real(px), b.real(py), out.ray.z, dx, dy, out.ray.dz)
+    lens = setup.lens
+    object_z = setup.subject.distance_mm
+    passed = ray.dz > 0.0
+    if lens is not None:
+        # A lost ray may have any direction; it is set along the axis.
+        ray = ray._replace(z=ray.z - setup.array_distance_mm, dz=b.where(passed, ray.dz, 1.0))
+        ray, inside = lens.trace(b, ray)
+        passed = passed & inside
+        object_z = object_z + lens.hiatus_mm
+    return CapturedRays(ray._replace(z=object_z - ray.z, dz=-ray.dz), gets_through(status), passed)
+
+
+def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
+    """Return the rays of a captured image, in the object's frame; `aperture` is for a pickup.
+
+    The reasons for a loss are the lens, and the array.
+    """
+    panel, array = setup.display.panel, setup.array
+
+    def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
+        mi = mitsuba()
+        aims = None
+        if aperture == "full" and isinstance(setup.pickup, Pickup):
+            x, y = square_to_cell(b, *square, Lattice.of(array))
+            aims = (b.double(x), b.double(y))
+        ray, through_array, through_lens = rays_from_picture(b, setup, u, v, aims)
+        point = (mi.Float(ray.x), mi.Float(ray.y), mi.Float(ray.z))
+        direction = (mi.Float(-ray.dx), mi.Float(-ray.dy), mi.Float(-ray.dz))
+        return Lines(
+            point, direction, through_array & through_lens, (through_array & ~through_lens, mi.Bool(~through_array))
+        )
+
+    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
+        return owner_number(*system_of(setup).locate(b, u, v)[:2])
+
+    return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm, owner=owner)

@@ -9,6 +9,8 @@ import dataclasses
 import hashlib
 import json
 import os
+import resource
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,10 +20,9 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.files import moved, partial_folder, refused, replacing
 from lippmann.base.images import read_picture
-from lippmann.capturing.povray_camera import SPARE_ROWS, pinhole, write_rays
-from lippmann.capturing.povray_program import Run, run_povray
+from lippmann.base.programs import run_program
 from lippmann.capturing.povray_scene import write_scene
-from lippmann.capturing.povray_text import plain
+from lippmann.capturing.povray_text import SPARE_ROWS, pinhole, plain, write_rays
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
@@ -29,6 +30,7 @@ from lippmann.optics.rays import Floats, Model, gets_through
 from lippmann.rendering.sources import Window
 from lippmann.scenes.placement import Triple
 from lippmann.scenes.scene import Scene
+from lippmann.simulation.toolchain import Tool
 
 #: Most pixels that a camera of single rays may have: each is a triangle in a text file.
 MAX_RAYS = 1 << 20
@@ -175,3 +177,40 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     origin[~active] = (0.0, 0.0, near)
     view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))
     return write_folder(scene, view, folder)
+
+
+POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Cost of a run of POV-Ray, parsing included; the command line is that in the exported folder.
+
+    `seconds` are wall clock, `cpu_seconds` the processor time of all threads.
+    """
+
+    command: str
+    seconds: float
+    cpu_seconds: float
+
+
+def run_povray(ini: Path, *options: str) -> Run:
+    """Render an exported folder's .ini file; options of POV-Ray override the file's.
+
+    Raises InputError when POV-Ray refuses the files, with its first error; MissingLibraryError when POV-Ray is not
+    installed.
+    """
+    program = POVRAY.path()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    started = time.perf_counter()
+    command = [str(program), ini.name, *options]
+    done = run_program(command, folder=ini.parent)
+    seconds = time.perf_counter() - started
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode != 0:
+        complaints = [line for line in done.stderr.splitlines() if "error" in line.lower()] or [
+            "it ended without a message"
+        ]
+        raise input_error(str(ini), f"POV-Ray refuses it ({complaints[0].strip()})", "export it again")
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Run(" ".join(["povray", ini.name, *options]), seconds, cpu)

@@ -13,11 +13,10 @@ import math
 
 import numpy as np
 
+from lippmann.capturing.capture_setup import Pickup, Setup
 from lippmann.capturing.imaging_lens import Face, LensPair, ThinLens
-from lippmann.capturing.povray_camera import pinhole
 from lippmann.capturing.povray_export import View
-from lippmann.capturing.povray_text import block, matrix, number, vector
-from lippmann.capturing.setup import Pickup, Setup
+from lippmann.capturing.povray_text import block, matrix, number, pinhole, vector
 from lippmann.display.description import Array, Display
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice

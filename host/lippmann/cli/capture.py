@@ -11,9 +11,8 @@ from lippmann import api
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.variant import current_device
-from lippmann.capturing.capture import placement_before
-from lippmann.capturing.depths import shown_depth
-from lippmann.capturing.setup import Pickup, Setup, load_setup
+from lippmann.capturing.capture import placement_before, shown_depth
+from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING

@@ -15,7 +15,7 @@ from lippmann.board.fpga_boards import board_of_port, fpga_boards
 from lippmann.board.port import adapter_ports, port_trouble, ports, serial_number
 from lippmann.board.program import LOADER
 from lippmann.board.socket_port import SCHEMES
-from lippmann.capturing.povray_program import POVRAY
+from lippmann.capturing.povray_export import POVRAY
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
 from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, to_install

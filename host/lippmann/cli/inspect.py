@@ -35,12 +35,12 @@ from lippmann.optics.zones import Zone, viewing_distance
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
     "display": ("lippmann.display.description", "DisplayFile"),
-    "setup": ("lippmann.capturing.setup", "SetupFile"),
+    "setup": ("lippmann.capturing.capture_setup", "SetupFile"),
     "film": ("lippmann.motion.film", "FilmFile"),
     "layer_film": ("lippmann.motion.layer_film", "LayerFilmFile"),
     "placement": ("lippmann.scenes.placement", "PlacementFile"),
-    "layers": ("lippmann.layers.folder", "LayersFile"),
-    "pictures": ("lippmann.layers.pictures", "PicturesFile"),
+    "layers": ("lippmann.layers.layers_folder", "LayersFile"),
+    "pictures": ("lippmann.layers.pictures_folder", "PicturesFile"),
     "depth_picture": ("lippmann.scenes.depth_picture", "DepthPictureFile"),
 }
 

@@ -21,12 +21,11 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.cost import row_of
-from lippmann.layers.cut import SLOT, Cut
-from lippmann.layers.depth_remarks import depth_remarks, texture_remarks
-from lippmann.layers.drawing import Filter, scene_build_of
-from lippmann.layers.folder import check_for_display, save_layers
-from lippmann.layers.pictures import cut_pictures, is_pictures
+from lippmann.layers.layer_choice import row_of
+from lippmann.layers.layer_drawing import Filter, scene_build_of
+from lippmann.layers.layers_folder import check_for_display, depth_remarks, save_layers, texture_remarks
+from lippmann.layers.pictures_folder import cut_pictures, is_pictures
+from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.scene import check_scene_file

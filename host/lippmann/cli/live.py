@@ -20,7 +20,7 @@ from lippmann.cli.output import emit, log
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.layers.folder import is_layers
+from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import is_film, load_film
 from lippmann.motion.hand import Hand
 from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live

@@ -16,8 +16,7 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import input_error
-from lippmann.layers.depth_remarks import depth_remarks
-from lippmann.layers.folder import check_for_display
+from lippmann.layers.layers_folder import check_for_display, depth_remarks
 from lippmann.motion.layer_film import check_keys, load_layer_film
 
 

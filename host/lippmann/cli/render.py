@@ -22,9 +22,8 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
-from lippmann.layers.depth_remarks import depth_remarks
-from lippmann.layers.drawing import Filter
-from lippmann.layers.folder import check_depth, is_layers, load_named_layers
+from lippmann.layers.layer_drawing import Filter
+from lippmann.layers.layers_folder import check_depth, depth_remarks, is_layers, load_named_layers
 from lippmann.rendering.bands import (
     Band,
     Rendered,

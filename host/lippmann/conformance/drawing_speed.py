@@ -17,7 +17,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
-from lippmann.layers.folder import load_layers
+from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.stack import LayerStack
 from lippmann.simulation.ray_harness import rtl_pipeline
 from lippmann.simulation.scene_harness import rtl_scene

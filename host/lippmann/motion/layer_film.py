@@ -14,7 +14,7 @@ from lippmann.base import toml
 from lippmann.base.toml import documented, key, values
 from lippmann.display.description import Display
 from lippmann.errors import InputError, did_you_mean, input_error, likely_file
-from lippmann.layers.folder import check_depth, is_layers, load_named_layers
+from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film import MAX_FRAMES
 from lippmann.motion.path import Motion, interpolated

@@ -18,9 +18,9 @@ from lippmann.base.images import read_numbers
 from lippmann.base.limits import read_limited
 from lippmann.base.toml import documented, key
 from lippmann.errors import input_error, not_there
-from lippmann.scenes.mesh_file import write_surface
+from lippmann.scenes.meshes import write_surface
+from lippmann.scenes.mitsuba_xml import add_light_field, new_scene, plugin, to_world, value, write
 from lippmann.scenes.window_views import Views, picture
-from lippmann.scenes.xml import add_light_field, new_scene, plugin, to_world, value, write
 
 #: Most pixels of the depths, and largest file.
 MOST_PIXELS, MOST_BYTES = 1 << 23, 1 << 28

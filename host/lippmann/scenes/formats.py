@@ -10,7 +10,7 @@ from typing import Literal
 from lippmann.base.files import scratch_folder
 from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Floats
-from lippmann.scenes import depth_picture, meshes, quilts, splats, window_views
+from lippmann.scenes import depth_picture, meshes, splats, window_views
 
 #: Kinds of scenes: Mitsuba's own, and those that are converted.
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
@@ -36,7 +36,7 @@ def kind_of(path: Path) -> Kind | None:
         return "splats"
     if suffix in meshes.SUFFIXES:
         return "mesh"
-    if quilts.is_quilt(path):
+    if window_views.is_quilt(path):
         return "quilt"
     return "depth picture" if depth_picture.is_depth_picture(path) else None
 
@@ -68,7 +68,8 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None =
             elif kind == "depth picture":
                 made = depth_picture.write_scene(path, folder, told)
             else:
-                made = (quilts.read_quilt if kind == "quilt" else window_views.read_folder)(path).write_scene(folder)
+                read_views = window_views.read_quilt if kind == "quilt" else window_views.read_folder
+                made = read_views(path).write_scene(folder)
         except InputError:
             raise
         except OSError as error:

@@ -1,7 +1,8 @@
 """Meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) as a Mitsuba scene.
 
-The files have no lights that trimesh reads: `xml.LIGHTS` are added. Materials become Mitsuba's `principled` where they
-are glTF's, and `diffuse` else; colours of textures and of vertices (but glTF's) are sRGB, numbers of materials linear.
+The files have no lights that trimesh reads: `mitsuba_xml.LIGHTS` are added. Materials become Mitsuba's `principled`
+where they are glTF's, and `diffuse` else; colours of textures and of vertices (but glTF's) are sRGB, numbers of
+materials linear.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ import numpy as np
 
 from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode, encode
+from lippmann.base.variant import mitsuba
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
-from lippmann.scenes.mesh_file import write_surface
-from lippmann.scenes.xml import add_lights, bitmap, new_scene, plugin, unique, value, write
+from lippmann.scenes.mitsuba_xml import add_lights, bitmap, new_scene, plugin, unique, value, write
 
 #: The files' suffixes.
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -396,3 +397,73 @@ def _add_pbr(shape: Element, material: Any, made: _Folder, source: Path, uv: boo
             bitmap(emitter, "radiance", made.picture(material.emissiveTexture, "colour", source, glow))
         else:
             value(emitter, "rgb", "radiance", glow)
+
+
+def write_surface(
+    path: Path, points: Any, faces: Any, normals: Any = None, uv: Any = None, colours: Any = None
+) -> None:
+    """Write points (N, 3), faces (M, 3), and per point normals (N, 3), texture coordinates (N, 2), and colours (N, 3).
+
+    The first row of a texture is at v = 0 in Mitsuba; colours are linear, its attribute `vertex_color`.
+    """
+    mi = mitsuba()
+
+    def flat(values: Any) -> Any:
+        return mi.Float(np.array(values, np.float32).ravel())
+
+    built = mi.Mesh(
+        "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
+    )
+    parameters = mi.traverse(built)
+    parameters["vertex_positions"] = flat(points)
+    parameters["faces"] = mi.UInt32(np.array(faces, np.uint32).ravel())
+    if normals is not None:
+        parameters["vertex_normals"] = flat(normals)
+    if uv is not None:
+        parameters["vertex_texcoords"] = flat(uv)
+    parameters.update()
+    if colours is not None:
+        built.add_attribute("vertex_color", 3, flat(colours))
+    built.write_ply(str(path))
+
+
+#: Names of the list of a face's vertices.
+LISTS = ("vertex_indices", "vertex_index")
+#: Longest header.
+MOST_HEADER_BYTES = 1 << 20
+
+
+def check_faces(path: Path) -> None:
+    """Raise InputError for a mesh with a face that names a vertex which is not there, and for no PLY file."""
+    import plyfile
+
+    try:
+        with path.open("rb") as stream:
+            head, ended, _ = stream.read(MOST_HEADER_BYTES).partition(b"end_header")
+        if not ended:
+            raise ValueError("it has no header")
+        if re.search(rb"\belement\s+\S+\s+-", head):  # without properties, numpy divides by 0 and ends the process
+            raise ValueError("an element has a negative count")
+        try:
+            data = plyfile.PlyData.read(str(path), known_list_len={"face": dict.fromkeys(LISTS, 3)})
+        except plyfile.PlyParseError:  # not of triangles alone: its lists are read one by one
+            data = plyfile.PlyData.read(str(path), mmap=False)
+        vertices = data["vertex"].count if "vertex" in data else 0
+        faces = [data["face"][name] for name in LISTS if "face" in data and name in data["face"]]
+        worst = next((number for numbers in faces if (number := _worst(numbers, vertices)) is not None), None)
+    except (plyfile.PlyParseError, KeyError, ValueError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise input_error(str(path), f"cannot be read as ply ({reason})", "export it again") from None
+    if worst is not None:
+        raise input_error(str(path), f"a face names vertex {worst} of {vertices}", "export it again")
+
+
+def _worst(lists: Any, vertices: int) -> int | None:
+    """Return a number that is no vertex's; None when all are."""
+    numbers = np.asarray(lists)
+    if numbers.dtype == object and len(numbers):
+        numbers = np.concatenate(numbers)
+    for number in (int(numbers.min()), int(numbers.max())) if numbers.size else ():
+        if not 0 <= number < vertices:
+            return number
+    return None

@@ -20,8 +20,8 @@ from lippmann.base.variant import mitsuba
 from lippmann.errors import InputError, input_error, likely_file, path_of
 from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
 from lippmann.scenes.light_field import register_light_field
+from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Arrange, Matrix, Placement, placement_beside, usual_arrange
-from lippmann.scenes.ply_faces import check_faces
 
 #: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
 SURROUNDS = 3.0

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.errors import input_error
-from lippmann.scenes.xml import new_scene, plugin, value, write
+from lippmann.scenes.mitsuba_xml import new_scene, plugin, value, write
 
 #: The degrees of harmonics: a file has 3 (degree + 1)^2 of them.
 DEGREES = (0, 1, 2, 3)

@@ -16,11 +16,10 @@ from lippmann.base.toml import documented, key
 from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
 from lippmann.errors import input_error, likely_file, not_there, reason
-from lippmann.layers.cut import SLOT, Cut, Reach, check_slot, reach_of, texels_for
-from lippmann.layers.depths import Slab
-from lippmann.layers.folder import Depth, Sky, check_depth
+from lippmann.layers.layers_folder import Depth, Sky, check_depth
 from lippmann.layers.palette import Picture, quantise
-from lippmann.layers.peel import Area
+from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, check_slot, reach_of, texels_for
+from lippmann.layers.slab_depths import Slab
 from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack
 
 #: The file that makes a folder one of pictures.
