@@ -61,7 +61,7 @@ def trace(
         When an engine lacks a library or a tool.
     """
     if engine in ("twin", "rtl"):
-        from lippmann.simulation.ray_harness import rtl_pipeline  # not at the top: a render without it starts sooner
+        from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner
 
         display, pixel, points = checked_rays(display, pixels, aperture, model)
         pipeline = ray_pipeline if engine == "twin" else rtl_pipeline

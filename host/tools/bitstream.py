@@ -31,7 +31,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import hardware, repository
 from lippmann.simulation.virtual_board import TIMING, board_build, check_panel, step_of, timing_of
 
@@ -118,7 +118,7 @@ class Plan:
             "Width": panel.width_px,
             "Height": panel.height_px,
             **dict(zip(TIMING, timing_of(self.display), strict=True)),
-            **parameters(self.build),
+            **optics_parameters(self.build),
             "Scene": f"26'h{0 if self.scene is None else self.scene.word:07x}",
             "Timing": f"lipp_sdram_pkg::{self.board.memory.grade}",
             "Identity": f"64'h{self.display.identity}",

@@ -10,7 +10,7 @@ from lippmann.conformance.engine_errors import measure as measure_engines
 from lippmann.conformance.hard_cases import Out, changed, hard_sets
 from lippmann.display.description import load_display
 from lippmann.fixed.words import COMPACT, WIDEST
-from lippmann.simulation.ray_harness import rtl_pipeline
+from lippmann.simulation.harness import rtl_pipeline
 
 
 def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) -> tuple[list[Row], list[Row]]:

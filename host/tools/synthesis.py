@@ -31,8 +31,7 @@ from lippmann.conformance.word_sets import frame_words
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.build import CONFIGURATIONS, Named
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.simulation.ray_harness import parameters
-from lippmann.simulation.scene_harness import scene_parameters
+from lippmann.simulation.harness import optics_parameters, scene_parameters
 from lippmann.simulation.toolchain import repository
 from lippmann.simulation.virtual_board import KNOWN_TIMINGS, TIMING
 
@@ -78,7 +77,7 @@ class Design:
         drawing = {} if self.scene is None else scene_parameters(self.scene, self.named.build.fraction_bits)
         if self.top == "probe_scene":
             return drawing
-        build: dict[str, str | int] = {**parameters(self.named.build)}
+        build: dict[str, str | int] = {**optics_parameters(self.named.build)}
         if self.panel is None:
             return build
         size = dict(zip(("Width", "Height"), self.panel, strict=True))
@@ -179,7 +178,7 @@ def stages(named: Named) -> int:
     top = repository()
     packages = ("math/lipp_math_pkg.sv", "optics/lipp_optics_pkg.sv")
     files = [*(top / "rtl" / path for path in packages), top / "sim" / "synth" / "latency.sv"]
-    result = elaborated("latency", files, parameters=parameters(named.build))
+    result = elaborated("latency", files, parameters=optics_parameters(named.build))
     found = re.search(r"ray_latency = (\d+)", result.stdout + result.stderr)
     if result.returncode or found is None:
         raise LippmannError(f"verilator does not tell the latency: {result.stderr.strip().splitlines()[-1:]}")

@@ -2,7 +2,7 @@
 // The batch harness: the Verilated ray-lenslet engine as a shared library, arrays in, arrays out.
 //
 // Rays are offered and taken with random pauses when asked, so that a comparison of results also
-// tests the handshake. Compiled once for each build of the RTL by lippmann.simulation.ray_harness.
+// tests the handshake. Compiled once for each build of the RTL by lippmann.simulation.harness.
 #include <cstdint>
 #include <cstring>
 #include <memory>

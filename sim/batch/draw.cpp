@@ -2,7 +2,7 @@
 // The batch harness of the drawing: the Verilated lipp_scene as a shared library, exit rays in, pixels out.
 //
 // Rays are offered and pixels taken with random pauses when asked, so that a comparison of results also
-// tests the handshakes. Compiled once for each build by lippmann.simulation.scene_harness.
+// tests the handshakes. Compiled once for each build by lippmann.simulation.harness.
 #include <cstdint>
 #include <cstring>
 #include <memory>

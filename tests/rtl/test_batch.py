@@ -15,7 +15,7 @@ from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.rays import Status
 from lippmann.simulation.compilation import FAST, SHORT
-from lippmann.simulation.ray_harness import harness
+from lippmann.simulation.harness import ray_harness
 from lippmann.simulation.toolchain import repository
 from random_cases import configured_display, random_rays
 
@@ -98,7 +98,9 @@ def compare(build: Build, displays: int, rays: int, flags: Sequence[str]) -> np.
             display, config = configured_display(random, build, model)
         words = random_rays(random, display, build, rays)
         idle, stall = [(0.0, 0.0), (0.3, 0.0), (0.0, 0.4), (0.5, 0.5), (0.02, 0.9)][number % 5]
-        rtl = harness(build, flags).trace(*words, config, seed=int(random.integers(1 << 62)), idle=idle, stall=stall)
+        rtl = ray_harness(build, flags).trace(
+            *words, config, seed=int(random.integers(1 << 62)), idle=idle, stall=stall
+        )
         twin = ray_pipeline(*words, config, build)
         assert_equal(rtl, twin)
         seen += np.bincount(twin.status, minlength=len(Status))
@@ -139,7 +141,7 @@ def test_whole_frame(display_name, fraction_bits):
     rows, columns = np.divmod(np.arange(display.panel.width_px * display.panel.height_px), display.panel.width_px)
     u, v = words_of_pixels(display, np.stack([columns + 0.5, rows + 0.5], axis=1))
     zero = np.zeros_like(u)
-    rtl = harness(build).trace(u, v, zero, zero, config)
+    rtl = ray_harness(build).trace(u, v, zero, zero, config)
     for part in np.array_split(np.arange(len(u)), 20):
         assert_equal(
             FixedRays(*(field[part] for field in rtl)),
@@ -153,7 +155,7 @@ def test_one_ray_a_clock():
     random = np.random.default_rng(SEED)
     display, config = configured_display(random, build, "pinhole")
     words = random_rays(random, display, build, 10_000)
-    engine = harness(build, SHORT)
+    engine = ray_harness(build, SHORT)
     clocks = []
     for count in (5_000, 10_000):
         engine.trace(*(word[:count] for word in words), config)

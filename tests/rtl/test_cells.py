@@ -12,7 +12,15 @@ from pathlib import Path
 
 import pytest
 from lippmann.simulation.compilation import SHORT, kept, verilated
-from lippmann.simulation.toolchain import PREFIX, needed, optics_sources, repository, rtl_folders, verilator_environment
+from lippmann.simulation.toolchain import (
+    OPTICS_FOLDERS,
+    PREFIX,
+    needed,
+    repository,
+    rtl_folders,
+    rtl_sources,
+    verilator_environment,
+)
 from runner import BUILD
 from tools.flow import elaborate, run_tool
 from tools.synthesis import DESIGNS, place, source, sources, stages
@@ -28,7 +36,7 @@ SEED = 1
 @pytest.fixture(scope="module", params=["generic", "ecp5"])
 def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
-    generic = {path.stem.removeprefix(PREFIX): path for path in optics_sources(TOP)}
+    generic = {path.stem.removeprefix(PREFIX): path for path in rtl_sources(TOP, *OPTICS_FOLDERS)}
     files = {
         "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
         "ecp5": [*CELLS, *MODELS],
@@ -108,7 +116,9 @@ def test_what_is_simulated_is_what_is_placed():
     """Products of all pairs of widths, extreme words and a million random ones: generic cells against ECP5's."""
     cells = {path.stem.removeprefix(PREFIX): path for path in CELLS}
     placed = [cells["mult18"], cells["wide_product"], TOP / "rtl" / "math" / "lipp_multiplier.sv"]
-    shared = needed("products", {path.stem: path for path in optics_sources(TOP)} | {"products": HERE / "products.sv"})
+    shared = needed(
+        "products", {path.stem: path for path in rtl_sources(TOP, *OPTICS_FOLDERS)} | {"products": HERE / "products.sv"}
+    )
     sources = [*shared, *MODELS]
 
     def make(program: Path) -> None:

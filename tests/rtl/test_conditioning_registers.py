@@ -20,7 +20,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS
 from lippmann.optics.rays import gets_through
 from lippmann.simulation.compilation import SHORT
-from lippmann.simulation.ray_harness import harness
+from lippmann.simulation.harness import ray_harness
 from lippmann.simulation.toolchain import repository
 from random_cases import configured_display, random_rays
 from test_batch import BUILDS, SEED, assert_equal, name
@@ -46,7 +46,7 @@ def test_rtl_equals_twin_on_hard_cases(build):
         if case is not None and (case.build.converge, case.build.shear) == (build.converge, build.shear):
             assert case.build == build
             twin = ray_pipeline(*case.words, case.registers, build)
-            assert_equal(harness(build, SHORT).trace(*case.words, case.registers), twin)
+            assert_equal(ray_harness(build, SHORT).trace(*case.words, case.registers), twin)
             compared += len(twin.status)
     assert compared > 500
 
@@ -81,7 +81,7 @@ def test_rtl_equals_twin_with_registers_at_their_ends(build):
         display, registers = configured_display(random, build, build.model)
         registers = extremes(random, registers, build)
         words = random_rays(random, display, build, 100)
-        assert_equal(harness(build, SHORT).trace(*words, registers), ray_pipeline(*words, registers, build))
+        assert_equal(ray_harness(build, SHORT).trace(*words, registers), ray_pipeline(*words, registers, build))
 
 
 @pytest.mark.parametrize("build", BUILDS, ids=name)
@@ -95,6 +95,6 @@ def test_rtl_equals_twin_with_any_words_in_the_registers(build):
         registers = Configuration(**{field: int(values[k]) for field, values in sets.items()})
         words = any_rays(random, build, 30)
         twin = ray_pipeline(*words, registers, build)
-        assert_equal(harness(build, SHORT).trace(*words, registers), twin)
+        assert_equal(ray_harness(build, SHORT).trace(*words, registers), twin)
         through += int(gets_through(twin.status).sum())
     assert 300 < through < 8900

@@ -20,7 +20,7 @@ from lippmann.base import files
 from lippmann.base.images import read_picture, write_picture
 from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
-from lippmann.simulation import ray_harness, virtual_board
+from lippmann.simulation import harness, virtual_board
 from lippmann.simulation.compilation import FAST
 from lippmann.simulation.toolchain import build_folder, repository
 
@@ -131,7 +131,7 @@ def test_no_file_is_half_written(place, command):
     compiled = None
     if command == "trace":  # compiled each time, as on a new machine; no other test has this word length
         build = replace(Build.of(load_display("tiny.toml"), "exact", 17, aims=False), cross_cells=True)
-        compiled = ray_harness._compiled(build, FAST)
+        compiled = harness.ray_library(build, FAST)
         compiled.unlink()
     longest_s = finished(words)
     assert compiled is None or compiled.exists()

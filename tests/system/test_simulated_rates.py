@@ -4,8 +4,8 @@ import numpy as np
 from lippmann.conformance import drawing_speed
 from lippmann.fixed import drawn_frame
 from lippmann.layers.stack import LayerStack
-from lippmann.simulation import scene_harness, virtual_board
-from lippmann.simulation.scene_harness import SceneHarness
+from lippmann.simulation import harness, virtual_board
+from lippmann.simulation.harness import SceneHarness
 from lippmann.simulation.toolchain import repository
 from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, display_of, random_layer
 from tools.bench_pages import measured_page
@@ -37,7 +37,7 @@ def test_bands_on_threads_are_the_whole_picture(monkeypatch):
         loads.append((id(harness), slot))
         load(harness, slot, content)
 
-    monkeypatch.setattr(scene_harness, "_models", {})
+    monkeypatch.setattr(harness, "_models", {})
     monkeypatch.setattr(drawn_frame, "_CHUNK_RAYS", 2 * WIDTH)
     monkeypatch.setattr(SceneHarness, "load", noted)
     row = drawing_speed.rendered(display, stack_on(display), USUAL, 3)

@@ -19,8 +19,7 @@ from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
 from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.stack import LayerStack
-from lippmann.simulation.ray_harness import rtl_pipeline
-from lippmann.simulation.scene_harness import rtl_scene
+from lippmann.simulation.harness import rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
 #: Frames that the board scans out after the scene is shown.

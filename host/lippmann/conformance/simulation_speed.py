@@ -19,7 +19,7 @@ from lippmann.fixed.conversion import words_of_pixels
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.optics.rays import Model
-from lippmann.simulation.ray_harness import harness
+from lippmann.simulation.harness import ray_harness
 
 #: Rays of one run, and runs of `bench rtl`, which takes the fastest: other programs only slow a run.
 RAYS, RUNS = 1_000_000, 3
@@ -33,7 +33,7 @@ class Simulation:
         panel = display.panel
         pixels = np.random.default_rng(seed).integers((0, 0), (panel.width_px, panel.height_px), (rays, 2))
         u, v = words_of_pixels(display, pixels.astype(float) + 0.5)
-        self.build, self.rays, self.engine = build, rays, harness(build)
+        self.build, self.rays, self.engine = build, rays, ray_harness(build)
         self.inputs = (u, v, np.zeros_like(u), np.zeros_like(v), configuration(display, build, model))
 
     def rtl_rate(self) -> float:

@@ -126,8 +126,10 @@ def draw_layers(
     if engine == "twin":
         panel = fixed_drawing.draw(display, build, stack, scene_build, model)
     else:
-        from lippmann.simulation.ray_harness import rtl_pipeline  # not at the top: golden starts sooner without
-        from lippmann.simulation.scene_harness import rtl_scene
+        from lippmann.simulation.harness import (
+            rtl_pipeline,  # not at the top: golden starts sooner without
+            rtl_scene,
+        )
 
         threads = len(os.sched_getaffinity(0))  # the simulators run outside of Python's lock
         panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads)

@@ -122,6 +122,8 @@ def verilator_environment() -> dict[str, str]:
 #: What the name of every RTL module, package and file begins with, so that none clashes with a user's own. The
 #: project's own programs and tests name a module without it.
 PREFIX = "lipp_"
+#: Folders of rtl/ that hold the optics and all that they are made of.
+OPTICS_FOLDERS = ("registers", "common", "math", "optics")
 
 
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
@@ -152,11 +154,6 @@ def rtl_sources(top: Path, *folders: str) -> list[Path]:
     """Return the SystemVerilog files of some folders of rtl/, or of all, packages first; without devices' cells."""
     files = [path for name, some in rtl_folders(top).items() if name in folders or not folders for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
-
-
-def optics_sources(top: Path) -> list[Path]:
-    """Return the SystemVerilog files of the optics and of all that they are made of, packages first."""
-    return rtl_sources(top, "registers", "common", "math", "optics")
 
 
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:

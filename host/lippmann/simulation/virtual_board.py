@@ -33,7 +33,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
 from lippmann.simulation.compilation import FAST, NETLIST, SHORT, UNCHECKED, kept, verilated
-from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
 Port = Literal["unix", "tcp", "pty"]
@@ -356,7 +356,7 @@ def board_parameters(
     """Return the parameters of `lipp_board_with_store`, or `lipp_board_with_sdram`, for a display."""
     panel = display.panel
     return {
-        **parameters(build),
+        **optics_parameters(build),
         "ByteLink": int(byte_link),
         "ClockHz": clock_hz,
         "Width": panel.width_px,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
-from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import repository
 from runner import compiled, seed, simulate
 
@@ -35,6 +35,6 @@ def test_streams(f, transfers):
 def test_optics_block_in_a_system():
     f, display = 16, repository() / "scenes" / "displays" / "paper-square.toml"
     build = Build.of(load_display(display), "exact", f, True, 0)
-    program = compiled("optics_bus_bench", parameters(build), bench=bench("optics_bus_bench"))
+    program = compiled("optics_bus_bench", optics_parameters(build), bench=bench("optics_bus_bench"))
     environment = {"BUS_F": str(f), "BUS_DISPLAY": str(display), "TRANSFERS": "0"}
     simulate(program, "optics_bus_bench", "cocotb_optics_bus", seed(), environment)

@@ -3,7 +3,7 @@
 import pytest
 from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
-from lippmann.simulation.ray_harness import parameters
+from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import repository
 from runner import compiled, seed, simulate
 
@@ -34,7 +34,7 @@ def test_frames_from_a_display_file(name, model, f, steps, eye, tmp_path):
     other = tmp_path / "other.toml"
     other.write_text(text.replace("[array]", "[array]\nrotation_deg = 3.0\noffset_mm = [0.11, -0.07]"))
     assert other.read_text() != text
-    program = compiled("optics_block", parameters(build))
+    program = compiled("optics_block", optics_parameters(build))
     environment = {
         "BLOCK_DISPLAY": str(path),
         "BLOCK_OTHER": str(other),

@@ -6,7 +6,7 @@ from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.optics.rays import Status
-from lippmann.simulation.ray_harness import packed, parameters
+from lippmann.simulation.harness import optics_parameters, packed
 from optics import random_configuration, ray_words
 from rtl_coverage import Coverage
 from runner import seed
@@ -48,7 +48,7 @@ FULL = [
 
 def instance(build: Build) -> Instance:
     near, far = build.near, build.near + 2
-    p = parameters(build)
+    p = optics_parameters(build)
     return Instance(
         "ray_pipeline",
         {"u_i": 18, "v_i": 18, "a_i": near, "b_i": near},
@@ -76,7 +76,7 @@ def statuses(build: Build) -> set[Status]:
 
 @pytest.mark.parametrize(
     "build", [*FAST, *(pytest.param(b, marks=pytest.mark.full) for b in FULL)],
-    ids=lambda b: parameters(b)["Build"],
+    ids=lambda b: optics_parameters(b)["Build"],
 )  # fmt: skip
 def test_equals_twin(build):
     s = seed()

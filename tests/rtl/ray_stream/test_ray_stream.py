@@ -9,7 +9,7 @@ import pytest
 from bench import pack
 from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.simulation.ray_harness import packed, parameters
+from lippmann.simulation.harness import optics_parameters, packed
 from optics import random_configuration, ray_words, within
 from runner import compiled, seed, simulate
 
@@ -40,7 +40,7 @@ def test_ray_stream(build):
         "rays": pack(inputs, dict(zip("uvab", rays, strict=True))),
         "exits": [pack(outputs, ray_pipeline(*rays, d, build)._asdict()) for d in displays],
     }
-    program = compiled("ray_stream_bench", parameters(build), BENCH.read_text())
+    program = compiled("ray_stream_bench", optics_parameters(build), BENCH.read_text())
     with tempfile.NamedTemporaryFile("w", dir=program.parent, suffix=".json") as file:
         json.dump(plan, file)
         file.flush()

@@ -17,7 +17,7 @@ from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords, scene
 from lippmann.simulation.compilation import FAST, SHORT
-from lippmann.simulation.scene_harness import SceneHarness, rtl_scene
+from lippmann.simulation.harness import SceneHarness, rtl_scene
 from lippmann.simulation.toolchain import repository
 from random_cases import configured_display
 from rtl_coverage import Coverage

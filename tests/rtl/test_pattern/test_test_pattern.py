@@ -9,7 +9,7 @@ from lippmann.fixed.lenslet_choice import extent
 from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
-from lippmann.simulation.ray_harness import packed
+from lippmann.simulation.harness import packed
 from optics import display, random_configuration
 from rtl_coverage import Coverage
 from runner import seed

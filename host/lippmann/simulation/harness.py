@@ -1,0 +1,209 @@
+"""The batch harnesses: a build of the RTL under Verilator as a library, arrays in, arrays out (sim/batch/)."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from lippmann.errors import LippmannError
+from lippmann.fixed.build import Build
+from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.ray_pipeline import FixedRays
+from lippmann.fixed.registers import build_word
+from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
+from lippmann.fixed.scene_pipeline import SceneWords
+from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Bytes, Ints
+from lippmann.simulation.compilation import FAST, UNCHECKED, kept, verilated
+from lippmann.simulation.toolchain import OPTICS_FOLDERS, build_folder, hardware, needed, rtl_sources
+
+#: 32-bit words of `scene_config_t`.
+_CONFIG_WORDS = 69
+_POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_int64
+#: The seed of the pauses, and their chances at the input and at the output, in 256ths.
+_PAUSES = ctypes.c_uint64, ctypes.c_uint32, ctypes.c_uint32
+
+
+class RayHarness:
+    """A build of the optics, compiled with some of the compiler's flags. Raises as `verilated`."""
+
+    def __init__(self, build: Build, flags: Sequence[str] = FAST) -> None:
+        self.build = build
+        self._trace = ctypes.CDLL(str(ray_library(build, flags))).lippmann_trace
+        self._trace.restype, self._trace.argtypes = _NUMBER, [_NUMBER, *[_POINTER] * 6, *_PAUSES]
+        #: Clocks that the last trace took.
+        self.clocks = 0
+
+    def trace(
+        self, u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration,
+        seed: int = 0, idle: float = 0.0, stall: float = 0.0,
+    ) -> FixedRays:  # fmt: skip
+        """Run rays through the RTL, with chances of a pause at the input and at the output in each clock.
+
+        Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them. Raises LippmannError when rays stop
+        coming out.
+        """
+        rays = [np.ascontiguousarray(words, np.int64) for words in (u, v, a, b)]
+        out = np.empty((len(FixedRays._fields), len(u)), np.int64)
+        registers = np.frombuffer(packed(config), np.uint32)
+        pointers = [*(words.ctypes.data for words in rays), registers.ctypes.data, out.ctypes.data]
+        self.clocks = self._trace(len(u), *pointers, seed, *_in_256ths(idle, stall))
+        if self.clocks < 0:
+            raise LippmannError("the simulated pipeline gives no more rays; run the RTL's tests, make test")
+        return FixedRays(*out)
+
+
+class SceneHarness:
+    """A build of the drawing for F fraction bits, compiled with some of the compiler's flags, as one running model.
+
+    What is loaded into its slots stays. Raises as `verilated`.
+    """
+
+    def __init__(self, build: SceneBuild, f: int, flags: Sequence[str] = FAST) -> None:
+        self.build = build
+        values, folders = scene_parameters(build, f), ("common", "math", "optics", "scene")
+        name, macro = f"scene-{build.layers}-{f}", f"-DLIPPMANN_F={f}"
+        self._library = ctypes.CDLL(str(_compiled(name, "draw.cpp", "lipp_scene", folders, values, [*flags, macro])))
+        calls = {
+            "new": (_POINTER, []),
+            "delete": (None, [_POINTER]),
+            "load": (None, [_POINTER, ctypes.c_int, _NUMBER, _POINTER]),
+            "draw": (
+                _NUMBER,
+                [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER],
+            ),
+        }
+        for name, (result, arguments) in calls.items():
+            call = getattr(self._library, f"lippmann_scene_{name}")
+            call.restype, call.argtypes = result, arguments
+        self._model = self._library.lippmann_scene_new()
+        self._loaded: dict[int, bytes] = {}
+        #: Clocks that the last frame took.
+        self.clocks = 0
+
+    def __del__(self) -> None:
+        """End the model."""
+        if hasattr(self, "_model"):
+            self._library.lippmann_scene_delete(self._model)
+
+    def load(self, slot: int, content: Bytes) -> None:
+        """Write a slot, or the panel's curve (slot 15), one byte a clock."""
+        content = np.ascontiguousarray(content, np.uint8)
+        self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
+        self._loaded[slot] = content.tobytes()
+
+    def hold(self, slot: int, content: Bytes) -> None:
+        """Write a slot, or the panel's curve, unless it is what was written there last."""
+        if self._loaded.get(slot) != content.tobytes():
+            self.load(slot, content)
+
+    def draw(
+        self, rays: FixedRays, words: SceneWords, seed: int = 0, idle: float = 0.0, stall: float = 0.0,
+        meanwhile: tuple[int, Bytes] | None = None,
+    ) -> Bytes:  # fmt: skip
+        """Draw a frame of exit rays; returns its pixels (N, 3).
+
+        `idle` and `stall` are the chances of a pause at the input and at the output in each clock. `meanwhile` is a
+        slot and what is loaded into it while the frame is drawn. Raises LippmannError when pixels stop coming out, or
+        the marks of the frame's first and last pixel are wrong.
+        """
+        exits = np.stack([np.asarray(word, np.int64) for word in rays])
+        out = np.empty((len(rays.i) // self.build.samples, 3), np.uint8)
+        registers = np.frombuffer(words.bits.to_bytes(4 * _CONFIG_WORDS, "little"), np.uint32)
+        slot, content = (-1, np.zeros(0, np.uint8)) if meanwhile is None else meanwhile
+        content = np.ascontiguousarray(content, np.uint8)
+        self._loaded.pop(slot, None)
+        pointers = exits.ctypes.data, registers.ctypes.data, out.ctypes.data
+        pauses = seed, *_in_256ths(idle, stall)
+        self.clocks = self._library.lippmann_scene_draw(
+            self._model, len(rays.i), len(out), *pointers, *pauses, slot, len(content), content.ctypes.data
+        )
+        if self.clocks < 0:
+            why = "gives no more pixels" if self.clocks == -1 else "marks a wrong pixel as the frame's first or last"
+            raise LippmannError(f"the simulated drawing {why}; run the RTL's tests, make test")
+        return out
+
+
+#: The harness of a build, compiled at first use and kept in `build_folder`.
+ray_harness = cache(RayHarness)
+#: Models that are not at work, by their build and its fraction bits.
+_models: dict[tuple[SceneBuild, int], list[SceneHarness]] = {}
+
+
+def rtl_pipeline(u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration, build: Build) -> FixedRays:
+    """Trace through the RTL, in the place of `lippmann.fixed.ray_pipeline.ray_pipeline`.
+
+    With the cross terms in multiplier cells: the build that simulates fastest.
+    """
+    return ray_harness(replace(build, cross_cells=True)).trace(u, v, a, b, config)
+
+
+def rtl_scene(
+    rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], table: Bytes, build: SceneBuild, f: int
+) -> Bytes:
+    """Draw through the RTL, in the place of `lippmann.fixed.scene_pipeline.scene`.
+
+    Threads may call it at once: each call has a model of its own, and the models are kept with what they hold, since a
+    load takes longer than some rows.
+    """
+    models = _models.setdefault((build, f), [])
+    try:
+        model = models.pop()
+    except IndexError:  # all are at work
+        model = SceneHarness(build, f)
+    for slot, content in {**slots, CURVE_SLOT: table}.items():
+        model.hold(slot, content)
+    pixels = model.draw(rays, words)
+    models.append(model)  # not after an error
+    return pixels
+
+
+def packed(config: Configuration) -> bytes:
+    """Return the bits of `optics_config_t`, padded to 32-bit words, least significant first."""
+    bits = 0
+    length = 0
+    # A packed struct's first field is the most significant.
+    for field in reversed(fields(config)):
+        width = OFFSET_BITS if field.name in ("x_offset", "y_offset") else SLOPE_BITS if "_from_" in field.name else 32
+        bits |= (getattr(config, field.name) & ((1 << width) - 1)) << length
+        length += width
+    return bits.to_bytes((length + 31) // 32 * 4, "little")
+
+
+def optics_parameters(build: Build) -> dict[str, int | str]:
+    """Return the RTL's parameter of a build, as a number of SystemVerilog: what its register `build` holds."""
+    return {"Build": f"16'h{build_word(build):04x}"}
+
+
+def scene_parameters(build: SceneBuild, f: int) -> dict[str, int | str]:
+    """Return the RTL's parameters of a build of the drawing."""
+    return {"F": f, "Scene": f"26'h{build.word:07x}"}
+
+
+def ray_library(build: Build, flags: Sequence[str]) -> Path:
+    """Return the library of a build of the optics, compiled unless it is there."""
+    name, macro = f"rays-{build.grid}-{build.model}-{build.fraction_bits}", f"-DLIPPMANN_NEAR={build.near}"
+    return _compiled(name, "batch.cpp", "lipp_ray_stream", OPTICS_FOLDERS, optics_parameters(build), [*flags, macro])
+
+
+def _compiled(
+    name: str, driver: str, module: str, folders: tuple[str, ...], values: Mapping[str, int | str], flags: list[str]
+) -> Path:
+    """Return the library of an RTL module and the C++ around it, compiled unless it is there."""
+    top = hardware()
+    sources, main = needed(module, rtl_sources(top, *folders)), top / "sim" / "batch" / driver
+
+    def make(path: Path) -> None:
+        verilated(path, module, sources, [main], values, options=UNCHECKED, flags=flags)
+
+    inputs: list[Path | str] = [*sources, main, repr(values), *flags, Path(__file__)]
+    return kept(build_folder() / "sim" / name, inputs, make, ".so")
+
+
+def _in_256ths(*chances: float) -> list[int]:
+    """Return chances of a pause in 256ths; 1 would never let a ray pass."""
+    return [min(round(chance * 256.0), 255) for chance in chances]
