@@ -173,7 +173,8 @@ def describe_sizes(package: Sizes, tools: Sizes, tests: Sizes) -> str:
     return (
         f"house: {counts['lines']} lines in {counts['files']} files, {package.mean_line:.2f} characters and "
         f"{package.comment_share:.4f} comments a line, {counts['any']} Any, "
-        f"{len(package.refused_names)} refused names; tools {tools.counts['lines']}, tests {tests.counts['lines']} lines;"
+        f"{len(package.refused_names)} refused names; tools {tools.counts['lines']} lines, "
+        f"tests {tests.counts['lines']} lines;"
     )
 
 
