@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, read_picture
-from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
+from lippmann.base.images import (
+    ENCODED_SUFFIXES,
+    SUFFIXES,
+    check_header,
+    encoded_values,
+    read_picture,
+)
+from lippmann.base.tones import Transfer, transfer_name, transfer_text
+from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
 from lippmann.display.description import Panel, TransferName
 from lippmann.errors import input_error
 from lippmann.rendering.integral_image import IntegralImage, check_image
 
-if TYPE_CHECKING:
-    from lippmann.board.board import Hello
+logger = logging.getLogger(__name__)
 
 #: Bits per colour on the serial link; a panel with more bits receives these.
 LINK_BITS = 8
@@ -29,6 +37,17 @@ class Target(NamedTuple):
     identity: int
     width: int
     height: int
+
+
+class Tones(NamedTuple):
+    """Transfer curve and bits of a panel; None where nothing names them."""
+
+    transfer: Transfer | None = None
+    bits: int | None = None
+
+
+#: Tones of a panel of which nothing is said.
+USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
 def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
@@ -52,13 +71,71 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     shape = (target.height, target.width, 3)
     if image.radiance.shape != shape:
         raise input_error(name, f"its shape is {image.radiance.shape}, the panel's is {shape}", "render it again")
-    tones = _tones_of(display.panel)
-    _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", tones))
-    return panel_values(image.radiance, **tones)
+    panel = display.panel
+    _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", _tones_of(panel)))
+    return panel_values(image.radiance, panel.transfer, panel.bits)
 
 
-#: Tones of a panel of which nothing is said.
-USUAL_TONES: dict[str, Any] = {"transfer": "srgb", "bits": 8}
+@dataclass(frozen=True)
+class FrameFile:
+    """An image file whose header fits a panel; `pixels` reads the rest.
+
+    `accept` raises InputError for metadata that do not fit; `transfer` and `bits` are the panel's; `assumption` is a
+    sentence about those that nothing names, or that nothing confirms, else empty.
+    """
+
+    path: Path
+    size_px: tuple[int, int]
+    accept: Callable[[Mapping[str, str]], None]
+    transfer: Transfer
+    bits: int
+    assumption: str
+
+    def pixels(self) -> Pixels:
+        """Read the file's pixels as a frame (height, width, 3) uint8; raise InputError for a broken file."""
+        return panel_values(read_picture(self.path, self.size_px, self.accept).radiance, self.transfer, self.bits)
+
+
+def check_frame(
+    path: str | Path,
+    target: Hello | Target,
+    transfer: TransferName | None = None,
+    panel: Panel | None = None,
+    force: bool = False,
+) -> FrameFile:
+    """Read the header of an image file that is to become a frame for a panel.
+
+    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
+    bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
+    A PNG without metadata holds sRGB values.
+
+    Raises InputError when the file is missing, not an image, or made for another size, transfer curve or number of
+    bits; without `force` also when it was made for another display, or names none.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
+    agreed = Tones()
+
+    def accept(metadata: Mapping[str, str]) -> None:
+        nonlocal agreed
+        _check_identity(str(path), metadata.get("identity"), target, force)
+        file = "the file", _tones_in(str(path), metadata, suffix in ENCODED_SUFFIXES)
+        display = "--display", Tones() if panel is None else _tones_of(panel)
+        agreed = _agreed(str(path), file, ("--transfer", Tones(transfer)), display)
+
+    size_px = target.width, target.height
+    check_header(path, size_px, accept)
+    curve, bits = agreed.transfer or USUAL_TRANSFER, agreed.bits or USUAL_BITS
+    text, assumption = f"{transfer_name(curve)} and {bits} bits", ""
+    # An encoded file needs no bits: its values are quantised already.
+    if agreed.transfer is None or (agreed.bits is None and suffix not in ENCODED_SUFFIXES):
+        assumption = f"{path}: {text} are assumed; name the panel with --display FILE"
+    elif (curve, bits) != (USUAL_TRANSFER, USUAL_BITS) and panel is None and transfer is None:
+        # A board does not tell its panel's tones, and its identity leaves them out.
+        assumption = f"{path}: made for {text}; have the board's panel checked with --display FILE"
+    return FrameFile(path, size_px, accept, curve, bits, assumption)
 
 
 def load_frame(
@@ -67,41 +144,16 @@ def load_frame(
     transfer: TransferName | None = None,
     panel: Panel | None = None,
     force: bool = False,
-    note: Callable[[str], None] = lambda text: None,
 ) -> Pixels:
     """Read an image file as a frame (height, width, 3) uint8 for a panel.
 
-    The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
-    bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
-    A PNG without metadata holds sRGB values. `note` is called with a sentence about values that are assumed.
-
-    Raises InputError when the file is missing, broken, not an image, or made for another size, transfer curve or number
-    of bits; without `force` also when it was made for another display, or names none. The header is checked before
-    pixels are read.
+    Arguments and errors are those of `check_frame`; raises InputError for a broken file, too. Values that are assumed
+    are logged.
     """
-    path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(SUFFIXES)}")
-    agreed: dict[str, Any] = {}
-
-    def accept(metadata: Mapping[str, str]) -> None:
-        _check_identity(str(path), metadata.get("identity"), target, force)
-        file = "the file", _tones_in(str(path), metadata, suffix in ENCODED_SUFFIXES)
-        option = "--transfer", {} if transfer is None else {"transfer": transfer}
-        display = "--display", {} if panel is None else _tones_of(panel)
-        agreed.update(_agreed(str(path), file, option, display))
-
-    picture = read_picture(path, (target.width, target.height), accept)
-    tones = USUAL_TONES | agreed
-    curve = transfer_name(tones["transfer"])
-    # An encoded file needs no bits: its values are quantised already.
-    if "transfer" not in agreed or ("bits" not in agreed and suffix not in ENCODED_SUFFIXES):
-        note(f"{path}: {curve} and {tones['bits']} bits are assumed; name the panel with --display FILE")
-    elif tones != USUAL_TONES and panel is None and transfer is None:
-        # A board does not tell its panel's tones, and its identity leaves them out.
-        note(f"{path}: made for {curve} and {tones['bits']} bits; have the board's panel checked with --display FILE")
-    return panel_values(picture.radiance, **tones)
+    file = check_frame(path, target, transfer, panel, force)
+    if file.assumption:
+        logger.info(file.assumption)
+    return file.pixels()
 
 
 def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
@@ -113,11 +165,11 @@ def _check_identity(name: str, identity: str | None, target: Hello | Target, for
         raise input_error(name, f"{what}, the panel belongs to display {wanted}", remedy)
 
 
-def _tones_of(panel: Panel) -> dict[str, Any]:
-    return {"transfer": transfer_text(panel.transfer), "bits": panel.bits}
+def _tones_of(panel: Panel) -> Tones:
+    return Tones(transfer_text(panel.transfer), panel.bits)
 
 
-def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> dict[str, Any]:
+def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
     """Return the transfer curve and the bits of the panel that an image's metadata name.
 
     Version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
@@ -125,20 +177,21 @@ def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> dict[str
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")
-    known: dict[str, Any] = {} if bits is None else {"bits": int(bits)}
-    if "transfer" in metadata and (encoded or bits):
-        known["transfer"] = metadata["transfer"]
-    return known
+    return Tones(metadata.get("transfer") if encoded or bits else None, None if bits is None else int(bits))
 
 
-def _agreed(name: str, *sources: tuple[str, Mapping[str, Any]]) -> dict[str, Any]:
+def _agreed(name: str, *sources: tuple[str, Tones]) -> Tones:
     """Return the tones that several sources name; refuse two that differ."""
-    agreed: dict[str, tuple[Any, str]] = {}
+    agreed = Tones()
+    first: dict[str, str] = {}
     for source, tones in sources:
-        for key, value in tones.items():
-            known, first = agreed.setdefault(key, (value, source))
-            if known != value:
+        for key, value in tones._asdict().items():
+            known = getattr(agreed, key)
+            if value is None or value == known:
+                continue
+            if known is not None:
                 names = [transfer_name(one) if key == "transfer" else one for one in (known, value)]
-                what = f"{key} is {names[0]} in {first}, {names[1]} in {source}"
+                what = f"{key} is {names[0]} in {first[key]}, {names[1]} in {source}"
                 raise input_error(name, what, "name the display that the image was made for, or render it again")
-    return {key: value for key, (value, _) in agreed.items()}
+            agreed, first[key] = agreed._replace(**{key: value}), source
+    return agreed

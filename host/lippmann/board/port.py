@@ -1,25 +1,31 @@
-"""Serial ports and sockets that pyserial opens by a URL, and packets over them."""
+"""Ports of boards, opened by a URL, and packets over them: serial devices, Unix sockets and TCP.
+
+unix://PATH is a socket on this machine, socket://HOST:PORT one over TCP, with the token of a virtual board; pyserial
+opens the other URLs.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import grp
 import os
 import re
-import select
+import selectors
 import socket
 import stat
 import time
 from collections import deque
+from urllib.parse import parse_qs, urlsplit
 
 import serial
 from serial.tools import list_ports
 
+from lippmann.base.files import listening, private_folder, private_path
 from lippmann.board.packets import DELIMITER, Packet, PacketReader
-from lippmann.board.socket_port import SCHEMES, SocketPort, token_of
 from lippmann.errors import DeviceError, InputError, NoBoardError, device_error, input_error, no_board_error
 
+#: Schemes of sockets.
+SCHEMES = ("unix://", "socket://")
 #: Bits on the line for each byte: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
@@ -30,11 +36,17 @@ MAX_WAITING = 1024
 READ_BYTES = 65536
 #: Longest time to write a request to the port before it is sent again, s.
 SEND_S = 2.0
+#: Longest time until a host accepts a connection, s.
+CONNECT_S = 5.0
+#: Longest token that is sent, bytes.
+MAX_TOKEN = 256
+#: Names of this machine.
+LOOPBACK = ("127.0.0.1", "localhost")
 #: USB vendors of the serial adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
-def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | SocketPort:
+def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.SocketIO:
     """Open a port for this program alone: a URL of pyserial's `serial_for_url`. Its reads and writes do not block.
 
     Raises InputError for an invalid URL or baud rate; NoBoardError when the port does not exist, is busy, needs a
@@ -46,7 +58,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | SocketPort:
         raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
     try:
         if url.startswith(SCHEMES):
-            return SocketPort(url)
+            return _connected(url)
         port: serial.Serial = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=0, exclusive=True)
     except (serial.SerialException, OSError) as error:
         raise _refusal(url, error) from None
@@ -55,6 +67,69 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | SocketPort:
             raise device_error(url, f"the port does not support {baud} baud", "choose another rate") from None
         raise input_error(url, f"is not a port ({error})", "give a device, or socket://HOST:PORT") from None
     return port
+
+
+def _connected(url: str) -> socket.SocketIO:
+    """Connect to unix://PATH or socket://HOST:PORT and send the token; the file's reads and writes do not block.
+
+    Raises ValueError for a URL that is none, OSError when nobody accepts the connection.
+    """
+    if url.startswith("unix://"):
+        connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
+    else:
+        connection, address = socket.create_connection(_address(url), timeout=CONNECT_S), ""
+        # Send a short packet at once, before the one before it is acknowledged.
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    with connection:  # the file keeps it open
+        if address:
+            connection.settimeout(CONNECT_S)
+            connection.connect(address)
+        if token := token_of(url):
+            connection.sendall(token)
+        connection.setblocking(False)
+        return connection.makefile("rwb", buffering=0)
+
+
+def _address(url: str) -> tuple[str, int]:
+    """Return host and port of socket://HOST:PORT."""
+    parts = urlsplit(url)
+    if not parts.hostname or parts.port is None or set(parse_qs(parts.query, True)) - {"token"}:
+        raise ValueError("not socket://HOST:PORT")
+    return parts.hostname, parts.port
+
+
+def token_of(url: str) -> bytes:
+    """Return the line that a board on TCP asks for first: the URL's ?token=, or that of this user's own board there.
+
+    Nothing for other ports, such as a real board behind a server of serial ports.
+    """
+    if not url.startswith("socket://"):
+        return b""
+    host, port = _address(url)
+    tokens = parse_qs(urlsplit(url).query).get("token")
+    if tokens:
+        return tokens[0].encode()[:MAX_TOKEN] + b"\n"
+    if host in LOOPBACK and hasattr(os, "getuid"):  # Windows runs no virtual board
+        with contextlib.suppress(OSError), (private_path() / f"tcp-{port}.token").open("rb") as stream:
+            # Others may have made the folder: theirs is no token of ours.
+            if os.fstat(stream.fileno()).st_uid == os.getuid():
+                return stream.read(MAX_TOKEN)
+    return b""
+
+
+def own_boards() -> list[str]:
+    """Return the URLs of the virtual boards on Unix sockets that this user runs.
+
+    They are not asked: to connect would take the place of another program that a board serves and that is silent.
+    """
+    if not hasattr(socket, "AF_UNIX"):
+        return []
+    try:
+        place = private_folder()
+    except InputError:  # another user's folder: no board of ours
+        return []
+    live = listening()
+    return sorted(f"unix://{path}" for path in place.glob("board-*.sock") if str(path) in live)
 
 
 def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
@@ -93,20 +168,23 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
 
 def _permission(path: str) -> str:
     """Return how to get permission for a device: join its group, when the group may read and write it."""
-    with contextlib.suppress(OSError, KeyError):
-        found = os.stat(path)
+    with contextlib.suppress(OSError, KeyError, ImportError):
+        import grp  # only Unix has it
+
+        device = os.stat(path)
         allowed = stat.S_IRGRP | stat.S_IWGRP
-        if found.st_gid != 0 and found.st_mode & allowed == allowed:
-            group = grp.getgrgid(found.st_gid).gr_name
+        if device.st_gid != 0 and device.st_mode & allowed == allowed:
+            group = grp.getgrgid(device.st_gid).gr_name
             return f"join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
     return 'give it to one of your groups, with a udev rule such as GROUP="dialout", MODE="0660"'
 
 
 def ports() -> list[str]:
     """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
-    found = list_ports.comports()
-    found = sorted(found, key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device))
-    return [port.device for port in found]
+    known_first = sorted(
+        list_ports.comports(), key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device)
+    )
+    return [port.device for port in known_first]
 
 
 def adapter_ports() -> list[str]:
@@ -145,15 +223,21 @@ class Line:
         # A delimiter goes before the first packet: it ends a packet that another program left unfinished.
         self._broken = True
         self._closed = False
+        # Not `select`, which refuses file numbers beyond 1,023.
+        self._selector = selectors.DefaultSelector()
+        #: The port where it has no file number, and is read again and again: rfc2217:// and loop://.
+        self._polled: serial.Serial | None = None
         try:
-            self._fileno: int | None = self._port.fileno()
-        except (OSError, AttributeError):  # rfc2217:// and loop:// have none
-            self._fileno = None
-            self._port.write_timeout = None
+            self._selector.register(self._port, selectors.EVENT_READ)
+        except (OSError, ValueError):
+            assert not isinstance(self._port, socket.SocketIO)
+            self._polled = self._port
+            self._polled.write_timeout = None
 
     def close(self) -> None:
         """Close the port."""
         self._closed = True
+        self._selector.close()
         self._port.close()
 
     @property
@@ -193,9 +277,9 @@ class Line:
         """Return the next valid packet, or None when none arrives within `wait_s`."""
         end = time.monotonic() + wait_s
         while not self._waiting:
-            left = end - time.monotonic()
-            self._wait(max(left, 0.0), write=False)
-            if left <= 0.0 and not self._waiting:
+            remaining_s = end - time.monotonic()
+            self._wait(max(remaining_s, 0.0), write=False)
+            if remaining_s <= 0.0 and not self._waiting:
                 return None
         return self._waiting.popleft()
 
@@ -203,23 +287,34 @@ class Line:
         """Read what has arrived; return whether the port accepts bytes. Waits at most `wait_s` for either."""
         if self._closed:
             raise device_error(self.url, "the line to the board is closed", "open it again (Board.open)")
-        if self._fileno is None:
-            if not self._port.in_waiting and not write:
+        if self._polled is not None:
+            if not self._polled.in_waiting and not write:
                 time.sleep(min(wait_s, POLL_S))
             self._take()
             return write
-        readable, writable, _ = select.select([self._fileno], [self._fileno] if write else [], [], wait_s)
-        if readable:
+        self._selector.modify(self._port, selectors.EVENT_READ | selectors.EVENT_WRITE * write)
+        events = sum(ready for _, ready in self._selector.select(wait_s))
+        if events & selectors.EVENT_READ:
             self._take()
-        return bool(writable)
+        return bool(events & selectors.EVENT_WRITE)
 
     def _take(self) -> None:
         """Read what has arrived."""
+        data: bytes | None
         try:
-            data = self._port.read(READ_BYTES if self._fileno is not None else self._port.in_waiting)
+            if self._polled is not None:
+                data = self._polled.read(self._polled.in_waiting)
+            else:
+                is_socket = isinstance(self._port, socket.SocketIO)
+                # Not the `read` of pyserial: it calls `select`.
+                data = self._port.read(READ_BYTES) if is_socket else os.read(self._port.fileno(), READ_BYTES)
+                if data == b"":
+                    raise ConnectionResetError("disconnected")
+        except BlockingIOError:
+            return
         except (serial.SerialException, OSError, TypeError) as error:
             raise self._lost(error) from None
-        self._waiting.extend(self.reader.feed(data))
+        self._waiting.extend(self.reader.feed(data or b""))
 
     def _lost(self, error: Exception) -> NoBoardError:
         if self.url.startswith(SCHEMES) and not self.reader.counts.bytes:

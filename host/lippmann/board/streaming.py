@@ -1,27 +1,27 @@
-"""Streaming of frames: tiles are sent in a window, lost ones again; the panel shows the frame when it is whole."""
+"""Streaming of frames: tiles are sent in a window, lost ones again; the panel shows the frame when it is complete."""
 
 from __future__ import annotations
 
 import struct
+import threading
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
-from lippmann.board.request_window import Flight, Window
+from lippmann.board.retries import Window
+from lippmann.board.session import Session
 from lippmann.board.tiles import Coded, Coding, Crcs, Pixels, code_tile, frame_crc, raw_tile
-from lippmann.errors import InputError, device_error
+from lippmann.errors import InputError
 
-if TYPE_CHECKING:
-    from lippmann.board.board import Board
-
-#: Most bytes that are sent and not yet acknowledged: about 16 raw tiles.
+#: Maximum of bytes that are sent and not yet acknowledged: about 16 raw tiles.
 WINDOW_BYTES = 50_000
-#: Most rounds of a frame, before it fails (see `Sent.rounds`).
+#: Maximum of rounds of a frame, before it fails (see `Sent.rounds`).
 MAX_ROUNDS = 8
 
 TILE_REQUEST = struct.Struct("<HHB")
@@ -69,7 +69,7 @@ class Sent:
 
 
 def send_frame(
-    board: Board,
+    session: Session,
     frame: Pixels,
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
@@ -79,43 +79,43 @@ def send_frame(
 
     The frame is (height, width, 3) uint8, of the panel's size. Tiles that the board holds are not sent: after a lost
     connection, call again with the same frame. The call fails when no reply comes, or no tile arrives, for
-    `board.patience_s`. At most `window_bytes` are sent and not yet acknowledged. `sent` holds the counts of the same
-    frame before a lost connection; this call adds to them, also when it fails.
+    `patience_s` of the session. At most `window_bytes` are sent and not yet acknowledged. `progress` counts tiles.
+    `sent` holds the counts of the same frame before a lost connection; this call adds to them, also when it fails.
 
     Raises InputError when the frame does not have the panel's size; NoBoardError when the connection is lost, or the
     board does not answer; DeviceError when the board refuses tiles, or another board took its place.
     """
-    grid = board.info.grid
+    grid = session.info.grid
     if frame.shape != (grid.height, grid.width, 3) or frame.dtype != np.uint8:
         raise InputError(
             f"a frame of {frame.shape} {frame.dtype} does not fit a panel of {grid.width} x {grid.height} pixels; "
             f"give ({grid.height}, {grid.width}, 3) uint8"
         )
     begun = time.monotonic()
-    written = board.line.written
-    crcs = grid.crcs(frame)
+    written = session.line.written
     sent = sent or Sent()
     sent.crc, sent.tiles, sent.image_bytes = frame_crc(frame), grid.count, frame.size
     try:
-        _show(board, frame, crcs, sent, progress, window_bytes)
+        _show(session, frame, sent, progress, window_bytes)
     finally:
-        sent.wire_bytes += board.line.written - written
+        sent.wire_bytes += session.line.written - written
         sent.seconds += time.monotonic() - begun
     sent.skipped = sent.tiles - len(sent.known)
     return sent
 
 
-def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progress | None, window_bytes: int) -> None:
+def _show(session: Session, frame: Pixels, sent: Sent, progress: Progress | None, window_bytes: int) -> None:
     """Send the missing tiles and present the frame, until the board shows it."""
+    crcs = session.info.grid.crcs(frame)
     status = ReplyStatus.OK
     for _ in range(MAX_ROUNDS):
         if status == ReplyStatus.STALE_EPOCH:
             # The board was reset, or is another one.
-            before = board.info
-            board.hello()
-            board.must_be(before)
-        back = board.tiles(BACK)
-        front = board.tiles(FRONT)
+            before = session.info
+            session.hello()
+            session.must_be(before)
+        back = session.tiles(BACK)
+        front = session.tiles(FRONT)
         sent.rounds += 1
         if back.epoch != front.epoch:
             status = ReplyStatus.STALE_EPOCH
@@ -133,67 +133,109 @@ def _show(board: Board, frame: Pixels, crcs: Crcs, sent: Sent, progress: Progres
             # Every tile has the right CRC but not the frame: two contents of a tile share a CRC.
             missing = np.arange(sent.tiles)
             in_front[:] = False
-        sender = _Sender(board, frame, front.epoch, in_front, sent, window_bytes)
-        held = sent.tiles - len(missing)
-
-        def arrived(count: int, held: int = held) -> None:
-            if progress:
-                progress(held + count, sent.tiles)
-
-        status = sender.run(missing.tolist(), arrived, ends=ReplyStatus.STALE_EPOCH)
+        tiles = _TileWindow(session, frame, front.epoch, in_front, sent, window_bytes)
+        status = tiles.run(missing.tolist(), sent.tiles, progress, ends=ReplyStatus.STALE_EPOCH)
         if status == ReplyStatus.OK:
-            status, sent.epoch = board.present(front.epoch, sent.crc)
+            status, sent.epoch = session.present(front.epoch, sent.crc)
         if status == ReplyStatus.OK:
             return
-    raise device_error(
-        board.line.url,
+    raise session.error(
         f"the frame was sent {MAX_ROUNDS} times and is still not whole on the board",
         "check its power, and that no other program uses it",
     )
 
 
-class _Sender(Window[Coded]):
-    """Sends tiles of one frame in one epoch."""
+class _TileWindow(Window):
+    """Sends tiles of one frame in one epoch; tiles `in_front` are copied from the board's front buffer."""
 
     def __init__(
         self,
-        board: Board,
+        session: Session,
         frame: Pixels,
         epoch: int,
-        in_front: np.ndarray[tuple[int], np.dtype[np.bool_]],
+        in_front: npt.NDArray[np.bool_],
         sent: Sent,
-        window_bytes: int,
+        window_bytes: int = WINDOW_BYTES,
     ) -> None:
-        super().__init__(board, Kind.TILE, window_bytes)
-        self.frame, self.epoch, self.in_front, self.sent = frame, epoch, in_front, sent
+        super().__init__(session, Kind.TILE, window_bytes)
+        self._grid, self._frame, self._epoch = session.info.grid, frame, epoch
+        self._in_front, self._sent = in_front, sent
         self._refused: set[int] = set()
 
-    def request(self, item: int) -> tuple[bytes, Coded]:
+    def body(self, item: int) -> bytes:
         """Return the request of a tile in its shortest coding."""
-        pixels = self.board.info.grid.cut(self.frame, item)
-        if self.in_front[item] and item not in self._refused:
-            coded = Coded(Coding.COPY, b"")
+        pixels = self._grid.cut(self._frame, item)
+        if item in self._refused:
+            coded = raw_tile(pixels)
         else:
-            coded = raw_tile(pixels) if item in self._refused else code_tile(pixels)
-        self.sent.sends += 1
-        self.sent.resends += item in self.sent.known
-        self.sent.known.add(item)
-        return TILE_REQUEST.pack(self.epoch, item, coded.coding) + coded.data, coded
+            coded = Coded(Coding.COPY, b"") if self._in_front[item] else code_tile(pixels)
+        self._sent.sends += 1
+        self._sent.resends += item in self._sent.known
+        self._sent.known.add(item)
+        return TILE_REQUEST.pack(self._epoch, item, coded.coding) + coded.data
 
-    def answered(self, flight: Flight[Coded], status: ReplyStatus, body: bytes) -> bool:
+    def judge(self, item: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
         """Count a tile that has arrived; send one raw whose data the board refuses."""
-        tile, coded = flight.item, flight.note
-        if status == ReplyStatus.OK and body == TILE_REPLY.pack(tile):
-            if tile not in self.arrived:
-                self.sent.arrived.add(tile)
-                self.sent.payload_bytes += len(coded.data)
-                count = "copied" if coded.coding == Coding.COPY else coded.coding.name.lower()
-                setattr(self.sent, count, getattr(self.sent, count) + 1)
+        coding = Coding(body[TILE_REQUEST.size - 1])
+        if status == ReplyStatus.OK and reply == TILE_REPLY.pack(item):
+            if item not in self.arrived:
+                self._sent.arrived.add(item)
+                self._sent.payload_bytes += len(body) - TILE_REQUEST.size
+                count = "copied" if coding == Coding.COPY else coding.name.lower()
+                setattr(self._sent, count, getattr(self._sent, count) + 1)
             return True
-        if status == ReplyStatus.BAD_TILE_DATA and coded.coding != Coding.RAW:
+        if status == ReplyStatus.BAD_TILE_DATA and coding != Coding.RAW:
             # Sent raw next: raw pixels need no decoder.
-            self._refused.add(tile)
-            self.again(tile)
+            self._refused.add(item)
+            self.again(item)
         elif status != ReplyStatus.STALE_EPOCH:
-            raise self.board.refusal(Kind.TILE, status)
+            raise self.requests.refusal(Kind.TILE, status)
         return False
+
+
+class Sender:
+    """A thread that shows pictures on a board, each whole; of those that come while it sends, the newest is next."""
+
+    def __init__(self, session: Session) -> None:
+        self.frames = self.tiles = self.wire_bytes = 0
+        self._session = session
+        self._next: Pixels | None = None
+        self._error: Exception | None = None
+        self._over, self._busy = False, False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def send(self, pixels: Pixels) -> None:
+        """Give the next picture (height, width, 3); raise what the board's last one met."""
+        with self._changed:
+            if self._error is not None:
+                raise self._error
+            self._next = pixels.copy()
+            self._changed.notify_all()
+
+    def finish(self) -> None:
+        """Wait until the newest picture is shown, and end the thread; raise as `send`."""
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._next is not None or self._over)
+                pixels, self._next = self._next, None
+            if pixels is None:
+                return
+            try:
+                sent = send_frame(self._session, pixels)
+            except Exception as error:  # it is raised where pictures are made
+                with self._changed:
+                    self._error = error
+                return
+            self.frames += 1
+            self.tiles += len(sent.arrived)
+            self.wire_bytes += sent.wire_bytes

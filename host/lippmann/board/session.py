@@ -1,0 +1,201 @@
+"""A session with a board: HELLO, registers, and the frame buffers with their tiles."""
+
+from __future__ import annotations
+
+import secrets
+import struct
+from collections.abc import Iterable, Sequence
+from typing import Annotated, NamedTuple, Self
+
+import numpy as np
+
+from lippmann.base.toml import documented, key
+from lippmann.board.packets import MAX_PACKET, VERSIONS, Kind, ReplyStatus
+from lippmann.board.port import DEFAULT_BAUD, Line
+from lippmann.board.retries import Requests
+from lippmann.board.tiles import TILE, Crcs, TileGrid
+from lippmann.errors import InputError
+from lippmann.fixed.register_file import Write
+
+#: Longest silence of a board before a request fails, s.
+PATIENCE_S = 10.0
+#: Slowest clock of a board (a simulated one), Hz: bounds the wait for requests that process a whole frame.
+SLOWEST_HZ = 3e5
+#: Clocks for each pixel of a PRESENT: CRC and buffer swap, doubled for safety.
+PRESENT_CLOCKS = 4
+#: Maximum of words in a READ or WRITE, and of tiles in a TILES request.
+MAX_WORDS, MAX_TILES = 64, 512
+#: Address of the optics block's first register.
+OPTICS_BASE = 0x200
+
+HELLO_REQUEST = struct.Struct("<BI")
+HELLO_REPLY = struct.Struct("<BIQHHBHIHI")
+READ_REQUEST = struct.Struct("<HB")
+ADDRESS = struct.Struct("<H")
+PRESENT_REQUEST = struct.Struct("<HI")
+EPOCH = struct.Struct("<H")
+TILES_REQUEST = struct.Struct("<BHH")
+TILES_REPLY = struct.Struct("<HH")
+
+
+@documented
+class Hello(NamedTuple):
+    """A board's reply to HELLO."""
+
+    version: Annotated[int, key("version of the protocol")]
+    identity: Annotated[int, key("identity of the board's display (`Display.identity` as a number)")]
+    width: Annotated[int, key("columns of the panel, px")]
+    height: Annotated[int, key("rows of the panel, px")]
+    tile: Annotated[int, key("side of a tile, px")]
+    max_packet: Annotated[int, key("longest packet that the board accepts, bytes before COBS")]
+    clock_hz: Annotated[int, key("frequency of the board's clock")]
+    epoch: Annotated[int, key("number of buffer swaps, modulo 2^16")]
+    optics: Annotated[int, key("register `build` of the optics block")]
+
+    @property
+    def grid(self) -> TileGrid:
+        """The panel's tiles."""
+        return TileGrid(self.width, self.height)
+
+
+class TileTable(NamedTuple):
+    """CRC-32 of each tile in a buffer (count,), 0 for an empty tile, and the epoch of the reply."""
+
+    epoch: int
+    crcs: Crcs
+
+
+class Session(Requests):
+    """The open line to a board that has answered HELLO; a `with` block closes the line.
+
+    `info` is the board's latest reply to HELLO. Requests raise as in `Requests`.
+    """
+
+    def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
+        super().__init__(line, patience_s)
+        self.info = self.hello()
+
+    @classmethod
+    def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
+        """Open a port, a serial device, a pty, or socket://HOST:PORT, and send HELLO to the board there.
+
+        Raises
+        ------
+        InputError
+            For an invalid URL or baud rate.
+        DeviceError
+            When the port does not open, or no board with this protocol answers.
+        """
+        line = Line(url, baud)
+        try:
+            return cls(line, patience_s)
+        except BaseException:
+            line.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the port."""
+        self.line.close()
+
+    def hello(self) -> Hello:
+        """Begin a session: send HELLO, check the reply, and keep it in `info`.
+
+        Raises DeviceError when the board speaks no version of the protocol that this host knows, and for limits that
+        this host does not support.
+        """
+        nonce = secrets.randbits(32)
+        for asked in VERSIONS:
+            status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(asked, nonce))
+            if status != ReplyStatus.WRONG_VERSION:
+                break
+        version, echo, *others = HELLO_REPLY.unpack(self.checked(Kind.HELLO, status, body, HELLO_REPLY.size))
+        hello = Hello(version, *others)
+        if version != asked:
+            raise self.error(f"the board speaks version {version} of the protocol, this host {asked}", "update one")
+        if echo != nonce:
+            raise self.error("the reply answers another HELLO", "check that no other program uses this line")
+        if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
+            raise self.error(
+                f"the board has limits that this host does not support (panel {hello.width} x {hello.height}, "
+                f"tile {hello.tile}, packet {hello.max_packet})",
+                "update one",
+            )
+        self.info = hello
+        return hello
+
+    def must_be(self, before: Hello) -> None:
+        """Raise DeviceError when this board drives another display than the one that answered before."""
+        if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
+            raise self.error("another board answers than before", "stream an image that was rendered for its display")
+
+    def read(self, address: int, count: int = 1) -> list[int]:
+        """Return `count` words from a byte address, a multiple of 4; raise InputError where there is no register."""
+        words: list[int] = []
+        for first in range(0, count, MAX_WORDS):
+            size = min(MAX_WORDS, count - first)
+            body = self.ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), size), 4 * size)
+            words += struct.unpack(f"<{size}I", body)
+        return words
+
+    def write(self, address: int, words: Sequence[int]) -> None:
+        """Write 1 to 64 words from a byte address, exactly once: all of them or none.
+
+        Raises InputError for an address without a register, and for words that do not fit.
+        """
+        if not 1 <= len(words) <= MAX_WORDS:
+            raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
+        if not all(0 <= word < 1 << 32 for word in words):
+            raise InputError("a word does not fit into 32 bits; give 0 to 0xFFFFFFFF")
+        self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
+
+    def write_all(self, writes: Iterable[Write], base: int = OPTICS_BASE) -> None:
+        """Write registers in order, neighbours in one request; addresses count from `base`."""
+        runs: list[list[Write]] = []
+        for one in writes:
+            if runs and one.address == runs[-1][-1].address + 4 and len(runs[-1]) < MAX_WORDS:
+                runs[-1].append(one)
+            else:
+                runs.append([one])
+        for run in runs:
+            self.write(base + run[0].address, [one.word for one in run])
+
+    def tiles(self, buffer: int) -> TileTable:
+        """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`."""
+        count = self.info.grid.count
+        crcs = np.empty(count, np.uint32)
+        epochs = set()
+        for first in range(0, count, MAX_TILES):
+            size = min(MAX_TILES, count - first)
+            body = self.ask(Kind.TILES, TILES_REQUEST.pack(buffer, first, size), TILES_REPLY.size + 4 * size)
+            epoch, echo = TILES_REPLY.unpack(body[: TILES_REPLY.size])
+            if echo != first:
+                raise self.error(f"the board replies for tile {echo}, not tile {first}", "update the board")
+            epochs.add(epoch)
+            crcs[first : first + size] = np.frombuffer(body[TILES_REPLY.size :], "<u4")
+        if len(epochs) > 1:
+            raise self.error("its buffers were swapped during the query", "let one program at a time use the board")
+        return TileTable(epochs.pop(), crcs)
+
+    def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
+        """Swap the buffers when the back buffer's CRC-32 is `crc`.
+
+        Return OK and the board's new epoch, or STALE_EPOCH or FRAME_CRC_DIFFERS and the epoch of the request.
+        """
+        clocks = PRESENT_CLOCKS * self.info.width * self.info.height
+        status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
+        if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):
+            return ReplyStatus(status), epoch
+        return ReplyStatus.OK, EPOCH.unpack(self.checked(Kind.PRESENT, status, body, EPOCH.size))[0]
+
+
+def _checked(address: int) -> int:
+    """Return the address; refuse one that no request can hold."""
+    if address % 4 or not 0 <= address < 1 << 16:
+        raise InputError(f"0x{address:X} is not a register address; give a multiple of 4 up to 0xFFFC")
+    return address
