@@ -21,7 +21,7 @@ import click
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
-from lippmann.board.bitfile import comment, sealed
+from lippmann.board.bitstreams import comment, sealed
 from lippmann.board.fpga_boards import FILE, FpgaBoard, fpga_board
 from lippmann.cli import run
 from lippmann.cli.output import log

@@ -49,7 +49,7 @@ SAME = {
     ("optics/trace.py", "FARTHEST_LENSLETS = 1 << 29"): "the indices of twice that distance fit into 32 bits too",
     ("display.py", "return pitch_mm[1] if isinstance(pitch_mm, tuple)"): "the first of two equal numbers is the second",
     ("rendering/remarks.py", "settings.seed ^ 2"): "any other seed",
-    ("board/drawn_loop.py", "in zip(wanted, shown, "): "pixels that differ, whichever frame comes first",
+    ("board/virtual_loop.py", "in zip(expected, shown, "): "pixels that differ, whichever frame comes first",
 }
 
 #: Operators, and the wrong one in place of each.

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.board.board import ADDRESS
 from lippmann.board.drawn_scene import BLOCK_REQUEST, MOVE_WORDS
 from lippmann.board.packets import Kind, packed
+from lippmann.board.session import ADDRESS
 from lippmann.board.streaming import TILE_REQUEST
 from lippmann.board.tiles import TileGrid, code_tile
 from lippmann.display.description import Display, load_display

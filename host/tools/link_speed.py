@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from lippmann.board.board import Board
-from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.streaming import send_frame
+from lippmann.board.virtual_loop import run_on_virtual_board
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board

@@ -25,10 +25,11 @@ from typing import Any, NamedTuple
 
 import click
 import numpy as np
-from lippmann.board.board import OPTICS_BASE, SCENE_BASE, Board
+from lippmann.board.board import Board
 from lippmann.board.drawn_scene import BLOCK_REQUEST, BLOCKS_REQUEST, SceneBoard
 from lippmann.board.fpga_boards import fpga_board
 from lippmann.board.packets import BACK, FRONT, REPLY, Kind, packed
+from lippmann.board.session import OPTICS_BASE, SCENE_BASE
 from lippmann.board.streaming import TILE_REQUEST
 from lippmann.board.tiles import Coded, Coding, code_tile, frame_crc, raw_tile
 from lippmann.cli import run
@@ -279,9 +280,10 @@ class Patient(Board):
                 return found
         raise self.silence()
 
-    def _request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
-        found = self.put(kind, body, seq, keep=kind != Kind.HELLO)  # a HELLO has a nonce
-        return found.status, found.body
+    def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
+        """Send a request once, and wait for its reply."""
+        reply = self.put(kind, body, seq, keep=kind != Kind.HELLO)  # a HELLO has a nonce
+        return reply.status, reply.body
 
 
 @dataclass

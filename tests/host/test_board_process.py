@@ -8,7 +8,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from lippmann.board import discovery
+from lippmann.board import board as board_module
 from lippmann.board import port as port_module
 from lippmann.cli import board_start as command
 from lippmann.cli import doctor, run
@@ -155,13 +155,13 @@ MODEM = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)
 def asked(monkeypatch):
     """The ports that a search opens, with no virtual board of this user among them; none answers."""
     opened = []
-    monkeypatch.setattr(discovery, "own_boards", list)
+    monkeypatch.setattr(board_module, "own_boards", list)
 
     def refuse(url, *_):
         opened.append(url)
         raise DeviceError(f"{url}: nothing answers; check it")
 
-    monkeypatch.setattr(discovery.Board, "open", refuse)
+    monkeypatch.setattr(board_module.Board, "open", refuse)
     return opened
 
 

@@ -164,7 +164,7 @@ def foreign_rays(path):
 
 
 def bitstream_file(path):
-    from lippmann.board.bitfile import read_bitfile
+    from lippmann.board.bitstreams import read_bitfile
 
     read_bitfile(path)
 
@@ -234,7 +234,7 @@ def make_seeds(place):
     """Make a folder with a good file for every reader, by the commands that make them."""
     import cv2
     import lippmann as lp
-    from lippmann.board.bitfile import comment, sealed
+    from lippmann.board.bitstreams import comment, sealed
     from lippmann.calibration.coded_patterns import PatternSet
     from lippmann.calibration.result import Calibration, FoundCamera, Parameter
     from lippmann.cli import run

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import re
+import resource
 import signal
 import socket
 import stat
@@ -13,7 +14,7 @@ import struct
 import threading
 import time
 import zlib
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -22,18 +23,17 @@ import pytest
 import serial
 from fault_line import Faults, Proxy
 from lippmann.board import port as port_module
-from lippmann.board.board import TILES_REPLY, Board
-from lippmann.board.check_rays import check_rays
-from lippmann.board.discovery import find_board, find_boards
+from lippmann.board.board import Board, check_rays, find_board, find_boards
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus, packed
 from lippmann.board.port import MAX_WAITING, Line, open_port
-from lippmann.board.round_trip import RoundTrip
+from lippmann.board.retries import RoundTrip
+from lippmann.board.session import TILES_REPLY
 from lippmann.board.streaming import send_frame
 from lippmann.cli import run
-from lippmann.errors import DeviceError, InputError
+from lippmann.errors import DeviceError, InputError, LippmannWarning
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.registers import BOARD_REGISTERS, Write
+from lippmann.fixed.registers import BOARD_REGISTERS, SCENE_REGISTERS, Write
 from lippmann.rendering.integral_image import IntegralImage
 from model_board import ABORT, APPLY, BUSY, CONTROL, OPTICS_BUILD, SIGN_RUNS, SOURCE, STALE, START, ModelBoard
 from optics_cases import display_of
@@ -616,3 +616,44 @@ def test_registers_are_read_with_their_fields(words, told, fields, capsys):
     assert set(result) == {"address", "words", "fields"}
     assert [f"0x{word:08X}" for word in result["words"]] == [line.split()[1] for line in told if line.startswith("0x")]
     assert bool(result["fields"]) == fields
+
+
+@pytest.mark.parametrize("kind", ["socket", "pty"])
+def test_a_line_works_beyond_1023_open_files(kind):
+    """A server with many connections has such file numbers; `select` refuses them."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 4096), hard))
+    with ExitStack() as stack:
+        stack.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
+        server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        for _ in range(1024):
+            stack.enter_context(open(os.devnull, "rb"))
+        if kind == "socket":
+            line = Line(f"socket://127.0.0.1:{server.getsockname()[1]}")
+            far = stack.enter_context(server.accept()[0]).detach()
+        else:
+            far, near = os.openpty()
+            line = Line(os.ttyname(near))
+            stack.callback(os.close, near)
+        stack.callback(os.close, far)
+        stack.callback(line.close)
+        assert line._port.fileno() > 1023
+        packet = packed(Kind.READ, 7, b"body")
+        assert line.send(packet, 1.0)
+        assert os.read(far, 100) == b"\0" + packet
+        os.write(far, packet)
+        assert line.receive(1.0) == (Kind.READ, 7, b"body")
+
+
+def test_an_image_behind_a_scene_is_stored_with_a_warning():
+    """As the command says it; without a scene there is no warning."""
+    display = display_of("hex", "panel", width_px=96, height_px=72)
+    image = IntegralImage(generator(SEED, "image").random((72, 96, 3), np.float32), display)
+    status = 0x400 + SCENE_REGISTERS["status"].address
+    with joined(identity=int(display.identity, 16), scene=(4, 5, 6, 48)) as (model, board):
+        model.registers[status] = 1
+        with pytest.warns(LippmannWarning, match="the frame is stored, and shown when the scene ends"):
+            board.show(image)
+        assert len(model.shown) == 1
+        model.registers[status] = 0
+        assert board.show(image).unchanged

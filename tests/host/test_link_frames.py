@@ -6,8 +6,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from lippmann.base.images import write_picture
-from lippmann.board.board import Hello
 from lippmann.board.panel_frames import Target, image_frame, load_frame
+from lippmann.board.session import Hello
 from lippmann.display.description import Panel
 from lippmann.errors import InputError
 from lippmann.rendering.integral_image import IntegralImage
@@ -96,29 +96,30 @@ def test_tones_other_than_the_files_are_refused(tmp_path, suffix, key, own, othe
             load_frame(path, HELLO, "srgb")
 
 
-def test_what_a_file_does_not_name_is_supplied_or_told(tmp_path):
+def test_what_a_file_does_not_name_is_supplied_or_logged(tmp_path, caplog):
     """EXR of version 0.1 names no panel, PNG its curve; a display supplies the rest."""
+    caplog.set_level("INFO", "lippmann")
+
+    def logged():
+        texts = [record.getMessage().partition(": ")[2] for record in caplog.records]
+        caplog.clear()
+        return texts
+
     light = picture().astype(np.float16).astype(np.float32)
     light[np.abs(srgb_levels(light) % 1 - 0.5) < 1e-3] = 0
     write_picture(tmp_path / "old.exr", light, META)
     write_picture(tmp_path / "old.png", light, META, "linear")
-    notes = []
-    np.testing.assert_array_equal(
-        load_frame(tmp_path / "old.exr", HELLO, note=notes.append), np.rint(srgb_levels(light))
-    )
-    assert [note.partition(": ")[2] for note in notes] == [
-        "srgb and 8 bits are assumed; name the panel with --display FILE"
-    ]
-    linear = load_frame(tmp_path / "old.exr", HELLO, None, panel_of("linear", 6), note=pytest.fail)
+    np.testing.assert_array_equal(load_frame(tmp_path / "old.exr", HELLO), np.rint(srgb_levels(light)))
+    assert logged() == ["srgb and 8 bits are assumed; name the panel with --display FILE"]
+    linear = load_frame(tmp_path / "old.exr", HELLO, None, panel_of("linear", 6))
     np.testing.assert_array_equal(linear, np.rint(np.rint(light * 63) * 255 / 63))
-    notes.clear()
-    for panel, note in ((None, notes.append), (panel_of("linear", 8), pytest.fail)):
-        frame = load_frame(tmp_path / "old.png", HELLO, None, panel, note=note)
-        np.testing.assert_array_equal(frame, np.rint(light * 255))
+    assert logged() == []
     # No board tells its panel's tones.
-    assert [note.partition(": ")[2] for note in notes] == [
-        "made for linear and 8 bits; have the board's panel checked with --display FILE"
-    ]
+    unconfirmed = "made for linear and 8 bits; have the board's panel checked with --display FILE"
+    for panel, texts in ((None, [unconfirmed]), (panel_of("linear", 8), [])):
+        frame = load_frame(tmp_path / "old.png", HELLO, None, panel)
+        np.testing.assert_array_equal(frame, np.rint(light * 255))
+        assert logged() == texts
     with pytest.raises(InputError, match="--transfer, linear in --display"):
         load_frame(tmp_path / "old.exr", HELLO, "srgb", panel_of("linear", 6))
 

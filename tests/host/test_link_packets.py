@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cobs import cobs
 from lippmann.board.packets import MAX_PACKET, MAX_STUFFED, Fault, Packet, PacketReader, packed
-from lippmann.board.round_trip import FIRST_S, LONGEST_S, SHORTEST_S, RoundTrip
+from lippmann.board.retries import FIRST_S, LONGEST_S, SHORTEST_S, RoundTrip
 from scene_cases import generator
 
 SEED = 4501

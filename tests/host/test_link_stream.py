@@ -8,10 +8,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from fault_line import Proxy
-from lippmann.board import round_trip
+from lippmann.board import retries
 from lippmann.board.board import Board
 from lippmann.board.packets import BACK, FRONT, Kind, packed
-from lippmann.board.round_trip import RoundTrip
+from lippmann.board.retries import RoundTrip
 from lippmann.board.streaming import Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
 from model_board import ModelBoard
@@ -184,7 +184,7 @@ def test_a_loss_that_later_replies_tell_of_waits_for_no_time_out(lost, monkeypat
         # HELLO and two TILES came before the 40 tiles.
         model.deaf = lost
         # A time-out that no load of this machine brings about.
-        monkeypatch.setattr("lippmann.board.round_trip.SHORTEST_S", 4.0)
+        monkeypatch.setattr("lippmann.board.retries.SHORTEST_S", 4.0)
         monkeypatch.setattr(RoundTrip, "back_off", lambda _: pytest.fail("waited in vain"))
         image = noise(model)
         sent = send_frame(board, image)
@@ -195,7 +195,7 @@ def test_a_loss_that_later_replies_tell_of_waits_for_no_time_out(lost, monkeypat
 def test_the_last_packets_are_found_lost_by_time_out(monkeypatch):
     waits = []
     # A loaded machine must not delay the reply beyond the time-out.
-    monkeypatch.setattr("lippmann.board.round_trip.SHORTEST_S", 0.5)
+    monkeypatch.setattr("lippmann.board.retries.SHORTEST_S", 0.5)
     back_off = RoundTrip.back_off
     monkeypatch.setattr(RoundTrip, "back_off", lambda self: waits.append(back_off(self)))
     with joined(width=256, height=160) as (model, board):
@@ -285,8 +285,8 @@ def test_resume_after_a_replug(share):
 
 def test_what_a_frame_took_is_summed_over_a_loss_of_the_line(monkeypatch):
     # Time-outs that a slow machine does not reach: the loss alone has tiles sent again.
-    monkeypatch.setattr(round_trip, "FIRST_S", round_trip.LONGEST_S)
-    monkeypatch.setattr(round_trip, "SHORTEST_S", round_trip.LONGEST_S)
+    monkeypatch.setattr(retries, "FIRST_S", retries.LONGEST_S)
+    monkeypatch.setattr(retries, "SHORTEST_S", retries.LONGEST_S)
     with ModelBoard(320, 200) as model, Proxy(model.url, SEED) as line:
         image = noise(model)
         sent = Sent()

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from lippmann.base.tones import encoded_values, psnr_db
 from lippmann.board.board import Board
-from lippmann.board.live_sender import Sender
 from lippmann.board.panel_frames import panel_values
+from lippmann.board.streaming import Sender
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError

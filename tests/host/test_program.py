@@ -7,9 +7,9 @@ import stat
 from types import SimpleNamespace
 
 import pytest
+from lippmann.board import bitstreams as program_module
 from lippmann.board import port as port_module
-from lippmann.board import program as program_module
-from lippmann.board.bitfile import comment, read_bitfile, sealed
+from lippmann.board.bitstreams import comment, read_bitfile, sealed
 from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, read_boards, usual_baud
 from lippmann.cli import doctor as doctor_module
 from lippmann.cli import run
@@ -320,7 +320,7 @@ def test_no_port_is_looked_for_behind_a_url(url, monkeypatch):
 
 @pytest.mark.parametrize(("options", "rate"), [((), 3_000_000), (("--baud", "9600"), 9600)])
 def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
-    from lippmann.board import discovery
+    from lippmann.board import board as board_module
     from lippmann.errors import DeviceError
 
     monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
@@ -330,8 +330,8 @@ def test_a_search_opens_it_at_that_rate(options, rate, monkeypatch):
         opened[url] = baud
         raise DeviceError(f"{url}: nothing answers; check it")
 
-    monkeypatch.setattr(discovery.Board, "open", refuse)
-    monkeypatch.setattr(discovery, "own_boards", list)
+    monkeypatch.setattr(board_module.Board, "open", refuse)
+    monkeypatch.setattr(board_module, "own_boards", list)
     assert run(["board", "info", *options]) == 1
     assert opened == {"/dev/ttyUSB1": rate if options else 115_200, "/dev/ttyUSB3": rate}
     opened.clear()

@@ -8,6 +8,7 @@ import pytest
 from fault_line import Proxy
 from lippmann.base.images import write_picture
 from lippmann.base.tones import decode
+from lippmann.board import panel_frames
 from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.fixed.registers import BOARD_REGISTERS, SCENE_REGISTERS
@@ -109,6 +110,26 @@ def test_a_frame_behind_a_scene_is_stored_and_said_so(picture, capsys, shown):
         np.testing.assert_array_equal(model.shown, [image])
         assert run(words) == 0
         assert ("stored already" if shown else "already on the panel") in capsys.readouterr().out
+
+
+def test_images_are_decoded_one_by_one_after_all_headers_are_checked(picture, monkeypatch, tmp_path):
+    """A long animation needs the memory of one frame; a file that does not belong is refused before the first frame."""
+    with ModelBoard() as model:
+        path, image = picture(model)
+        other = str(tmp_path / "other.png")
+        write_picture(other, decode(image[::-1] / 255.0, "srgb"), {"identity": f"{model.identity:016x}"})
+        foreign = str(tmp_path / "foreign.png")
+        write_picture(foreign, decode(image / 255.0, "srgb"), {"identity": "0123456789abcdef"})
+        shown_before = []
+        read = panel_frames.read_picture
+        monkeypatch.setattr(
+            panel_frames, "read_picture", lambda *words: (shown_before.append(len(model.shown)), read(*words))[1]
+        )
+        assert run(["stream", path, other, foreign, "--port", model.url]) == 2
+        assert (shown_before, model.shown) == ([], [])
+        assert run(["stream", path, other, "--port", model.url]) == 0
+        assert shown_before == [0, 1]
+    np.testing.assert_array_equal(model.shown, [image, image[::-1]])
 
 
 @pytest.mark.parametrize("kind", ["tile", "present", "optics"])

@@ -18,7 +18,7 @@ import pytest
 from full_disk import full_disk
 from lippmann.base.images import read_picture, write_picture
 from lippmann.base.tones import encode
-from lippmann.board.live_sender import Sender
+from lippmann.board.streaming import Sender
 from lippmann.cli import run
 from lippmann.cli.board_start import _option_words, start_command
 from lippmann.display.description import load_display

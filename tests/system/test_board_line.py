@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 from lippmann.base.files import private_path
-from lippmann.board import discovery, socket_port
+from lippmann.board import board as board_module
+from lippmann.board import port as port_module
 from lippmann.board.board import Board
 from lippmann.cli import run
 from lippmann.display.description import load_display
@@ -125,7 +126,7 @@ def test_tcp_asks_for_the_token(tcp, monkeypatch):
     assert len(token) == 32
     with Board.open(tcp.url) as board:
         before = board.read(LENS)
-    monkeypatch.setattr(socket_port, "private_path", lambda: Path("/nowhere"))
+    monkeypatch.setattr(port_module, "private_path", lambda: Path("/nowhere"))
     for url in (tcp.url, f"{tcp.url}?token={token[:-1]}x", f"{tcp.url}?token="):
         with pytest.raises(NoBoardError, match=r"closed the connection"):
             Board.open(url)
@@ -174,12 +175,12 @@ def test_the_only_board_is_found_without_its_port(monkeypatch, capsys):
     """A user's own board on a Unix socket; a socket on which nobody listens is none, and two are named."""
     with tempfile.TemporaryDirectory() as short:
         monkeypatch.setattr(tempfile, "tempdir", short)
-        monkeypatch.setattr(discovery, "adapter_ports", list)
-        assert socket_port.own_boards() == []
+        monkeypatch.setattr(board_module, "adapter_ports", list)
+        assert port_module.own_boards() == []
         with virtual_board.running(small()) as board:
             with socket.socket(socket.AF_UNIX) as dead:
                 dead.bind(str(private_path() / "board-dead.sock"))
-            assert socket_port.own_boards() == [board.url]
+            assert port_module.own_boards() == [board.url]
             assert run(["board", "info", "--json"]) == 0
             assert json.loads(capsys.readouterr().out)["identity"] == small().identity
             with virtual_board.running(small()) as other:
@@ -188,4 +189,4 @@ def test_the_only_board_is_found_without_its_port(monkeypatch, capsys):
                 assert "2 boards answer (" in line
                 assert all(url in line for url in (board.url, other.url))
         private_path().chmod(0o755)  # a folder that others may enter is none of ours
-        assert socket_port.own_boards() == []
+        assert port_module.own_boards() == []

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from board_scenes import HEIGHT, USUAL, WIDTH, display_of, moved, random_layer, random_stack, twin
 from fault_line import NO_FAULTS, Faults, Proxy
-from lippmann.board.board import Board
-from lippmann.board.check_rays import check_rays
-from lippmann.board.closed_loop import capturing
-from lippmann.board.drawn_loop import frames_differ
+from lippmann.board.board import Board, check_rays
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import load_textures, play_film
 from lippmann.board.packets import Kind
 from lippmann.board.streaming import send_frame
+from lippmann.board.virtual_loop import capturing, frames_differ
 from lippmann.errors import DeviceError, InputError, NoBoardError
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
@@ -343,7 +341,7 @@ def test_a_bad_line_never_tears_a_frame(usual, fault):
 def test_a_cut_load_goes_on(usual, window, monkeypatch):
     """The line is cut in the middle: no block that has arrived is sent again."""
     # A time-out that no load of this machine brings about.
-    monkeypatch.setattr("lippmann.board.round_trip.SHORTEST_S", 1.5)
+    monkeypatch.setattr("lippmann.board.retries.SHORTEST_S", 1.5)
     rng = np.random.default_rng([SEED, 7])
     build = usual.build
     contents = {slot: rng.bytes(build.slot_bytes) for slot in range(4)}

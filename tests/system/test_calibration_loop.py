@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from lippmann.base.images import write_picture
 from lippmann.base.tones import decode, encoded_values, psnr_db
-from lippmann.board.check_rays import check_rays
-from lippmann.board.closed_loop import capturing
+from lippmann.board.board import check_rays
 from lippmann.board.streaming import send_frame
+from lippmann.board.virtual_loop import capturing
 from lippmann.calibration.check import rings
 from lippmann.calibration.coded_patterns import PatternSet, write_patterns
 from lippmann.calibration.shooting import frame_of

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.board import drawn_loop
+from lippmann.board import virtual_loop
 from lippmann.board.film_player import Played
 from lippmann.cli import demo, demo_drawn, run
 from lippmann.fixed.scene_build import SceneBuild
@@ -86,7 +86,7 @@ def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monk
     monkeypatch.setattr(demo, "_views", lambda *_: ([], []))  # of the frame that was streamed, before
     monkeypatch.delitem(demo_drawn.FILMS, "chart")  # drawn after it
     if planted == "a drawn pixel":
-        draw, calls = drawn_loop.draw, []
+        draw, calls = virtual_loop.draw, []
 
         def other(*arguments):
             pixels = draw(*arguments).copy()
@@ -95,15 +95,15 @@ def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monk
                 pixels[HEIGHT // 2, 3, 1] ^= 1
             return pixels
 
-        monkeypatch.setattr(drawn_loop, "draw", other)
+        monkeypatch.setattr(virtual_loop, "draw", other)
         wanted = (1, 0)
     else:
-        play_film = drawn_loop.play_film
+        play_film = virtual_loop.play_film
 
         def late(*arguments, **options):
             return Played(**{**vars(play_film(*arguments, **options)), "underflows": 7})
 
-        monkeypatch.setattr(drawn_loop, "play_film", late)
+        monkeypatch.setattr(virtual_loop, "play_film", late)
         wanted = (0, 7)
     code, said, told = ran(scenes, tmp_path, capfd)
     assert code == 1
@@ -119,4 +119,4 @@ def test_frames_that_are_missing_or_too_many_count_whole(shown, differ):
     """Frames of 2 x 3 pixels; 0 is black, 1 is drawn, 2 is another in one pixel."""
     frames = [np.zeros((2, 3, 3), np.uint8), np.full((2, 3, 3), 9, np.uint8), np.full((2, 3, 3), 9, np.uint8)]
     frames[2][1, 1] = 8, 7, 9
-    assert drawn_loop.frames_differ([frames[k] for k in shown], frames[:2]) == differ
+    assert virtual_loop.frames_differ([frames[k] for k in shown], frames[:2]) == differ

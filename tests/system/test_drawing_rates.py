@@ -7,11 +7,11 @@ import zlib
 
 import numpy as np
 import pytest
-from lippmann.board import round_trip
+from lippmann.board import retries
 from lippmann.board.board import Board
-from lippmann.board.closed_loop import PATIENCE_S
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.port import BITS_A_BYTE, Line
+from lippmann.board.virtual_loop import PATIENCE_S
 from lippmann.errors import NoBoardError
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
@@ -30,7 +30,7 @@ VIDEO_HZ = 74_250_000
 def patient(monkeypatch):
     """Nothing is sent again because this machine is slow."""
     for name in ("FIRST_S", "SHORTEST_S", "LONGEST_S"):
-        monkeypatch.setattr(round_trip, name, PATIENCE_S)
+        monkeypatch.setattr(retries, name, PATIENCE_S)
 
 
 def frames_of(board):

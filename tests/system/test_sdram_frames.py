@@ -7,9 +7,9 @@ import zlib
 import numpy as np
 import pytest
 from lippmann.board.board import Board
-from lippmann.board.closed_loop import PATIENCE_S
 from lippmann.board.port import BITS_A_BYTE
 from lippmann.board.streaming import send_frame
+from lippmann.board.virtual_loop import PATIENCE_S
 from lippmann.display.description import load_display
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board

@@ -19,8 +19,7 @@ from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.film_player import load_textures, play_film
-from lippmann.board.live_sender import Sender
-from lippmann.board.streaming import send_frame
+from lippmann.board.streaming import Sender, send_frame
 from lippmann.display.description import load_display
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack

@@ -21,11 +21,11 @@ import pytest
 from cobs import cobs
 from fault_line import NO_FAULTS, Faults, Proxy
 from lippmann.board.board import Board
-from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
 from lippmann.board.panel_frames import load_frame
-from lippmann.board.socket_port import token_of
+from lippmann.board.port import token_of
 from lippmann.board.streaming import send_frame
+from lippmann.board.virtual_loop import run_on_virtual_board
 from lippmann.cli import run
 from lippmann.display.description import display_text, load_display
 from lippmann.errors import DeviceError, InputError

@@ -234,10 +234,25 @@ def read_picture(
     """
     oiio = openimageio()
     path = check_input(path)
+    with _broken_headers_refused(path):
+        return _read(oiio, path, limit, accept, allow)
+
+
+def check_header(path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None]) -> None:
+    """Check an image file as far as `read_picture` does before it reads pixels; raise as it does."""
+    oiio = openimageio()
+    path = check_input(path)
+    with _broken_headers_refused(path), opened(oiio, path, limit, accept):
+        pass
+
+
+@contextlib.contextmanager
+def _broken_headers_refused(path: Path) -> Iterator[None]:
+    """Keep OpenImageIO's own messages off stderr; raise InputError for a header that it cannot quote."""
     try:
         with silent_stderr():
-            return _read(oiio, path, limit, accept, allow)
-    except UnicodeDecodeError:  # OpenImageIO quotes a broken header
+            yield
+    except UnicodeDecodeError:
         raise input_error(str(path), "is broken", "render it again") from None
 
 

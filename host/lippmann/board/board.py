@@ -1,4 +1,4 @@
-"""A board with a panel: its rays, its images and its test patterns; the comparison with the twin; the search for boards.
+"""A board with a panel: its rays, compared with the twin's, its images and test patterns; the search for boards.
 
 A search sends HELLO to serial ports, and a board replies.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import struct
 import time
+import warnings
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,20 +18,26 @@ import numpy as np
 
 from lippmann.base.progress import Progress
 from lippmann.board.fpga_boards import usual_baud
-from lippmann.board.packets import RESET_VERSION, Kind, ReplyStatus
+from lippmann.board.packets import RESET_VERSION, SCENE_VERSION, Kind, ReplyStatus
 from lippmann.board.panel_frames import image_frame
 from lippmann.board.port import adapter_ports, own_boards, ports
 from lippmann.board.retries import BUSY_REPLY, THIS_RUNS
-from lippmann.board.session import OPTICS_BASE, SLOWEST_HZ, Hello, Session
+from lippmann.board.session import OPTICS_BASE, SCENE_BASE, SLOWEST_HZ, Hello, Session
 from lippmann.board.streaming import Sent, send_frame
 from lippmann.display.description import Display
-from lippmann.errors import DeviceError, LippmannError
+from lippmann.errors import DeviceError, LippmannError, LippmannWarning
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.register_file import build_of, optics_writes, raster_writes
-from lippmann.fixed.register_map import BOARD_REGISTERS, OPTICS_REGISTERS
+from lippmann.fixed.registers import (
+    BOARD_REGISTERS,
+    OPTICS_REGISTERS,
+    SCENE_REGISTERS,
+    build_of,
+    optics_writes,
+    raster_writes,
+)
 from lippmann.fixed.words import Ints
 from lippmann.rendering.integral_image import IntegralImage
 
@@ -131,8 +138,9 @@ class Board(Session):
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
         """Show an image on the panel, encoded with the transfer curve and the bits of the image's display.
 
-        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right. Return the tiles, bytes
-        and seconds that the transfer took.
+        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right. A board that draws a
+        scene stores the frame and goes on drawing, of which a LippmannWarning tells. Return the tiles, bytes and
+        seconds that the transfer took.
 
         Parameters
         ----------
@@ -150,7 +158,7 @@ class Board(Session):
         DeviceError
             When the board does not answer, shows a test pattern, or refuses the frame.
         """
-        self.check_no_pattern()
+        self.check_panel()
         return send_frame(self, image_frame(image, self.info, force), progress)
 
     def check_no_pattern(self) -> None:
@@ -163,6 +171,20 @@ class Board(Session):
                 f"the panel shows test pattern {number} ({dict(pattern.names).get(number, 'unknown')}), not the frame"
             )
             raise self.error(what, "end it with lippmann board write display pattern=0")
+
+    def draws_scene(self) -> bool:
+        """Return whether the panel shows a scene that the board draws: a frame that is sent is stored behind it."""
+        if self.info.version < SCENE_VERSION:
+            return False
+        status = SCENE_REGISTERS["status"]
+        return bool(status.fields["shown"].value(self.read(SCENE_BASE + status.address)[0]))
+
+    def check_panel(self) -> None:
+        """Raise DeviceError while the panel shows a test pattern, warn while it shows a scene that the board draws."""
+        self.check_no_pattern()
+        if self.draws_scene():
+            what = "the panel shows the scene that the board draws; the frame is stored, and shown when the scene ends"
+            warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
         """Return the CRC-32 of a frame that was scanned out, from first to last pixel, after this call.

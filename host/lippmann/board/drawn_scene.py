@@ -14,11 +14,12 @@ import numpy.typing as npt
 
 from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
-from lippmann.board.board import END_SCENE, QUERY_S, SCENE_BASE, UPDATE, Board
+from lippmann.board.board import QUERY_S, Board
 from lippmann.board.packets import SCENE_VERSION, Kind, ReplyStatus
-from lippmann.board.request_window import Flight, Window
+from lippmann.board.retries import END_SCENE, UPDATE, Window
+from lippmann.board.session import SCENE_BASE
 from lippmann.display.description import Display
-from lippmann.errors import DeviceError, InputError
+from lippmann.errors import InputError
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.registers import SCENE_REGISTERS, optics_writes, write
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
@@ -27,9 +28,9 @@ from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.layers_folder import check_depth, check_for_display
 from lippmann.layers.stack import Layer, LayerStack
 
-#: Most bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.
+#: Maximum of bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
-#: Most rounds of a load, before it fails.
+#: Maximum of rounds of a load, before it fails.
 MAX_ROUNDS = 8
 #: Longest wait for a frame of the panel, s: a simulated panel is slow.
 FRAME_SECONDS = 120.0
@@ -89,13 +90,13 @@ class SceneBoard:
         if board.info.version < SCENE_VERSION:
             what = f"the board speaks version {board.info.version} of the protocol and draws no scenes"
             remedy = "take a board that draws: lippmann board start --layers 4, or stream a rendered image"
-            raise DeviceError.at(board.line.url, what, remedy)
+            raise board.error(what, remedy)
         identity, version, word = board.read(SCENE_BASE, 3)
         letters = SCENE_REGISTERS["identity"].fields["letters"].reset
         known = SCENE_REGISTERS["version"].fields["major"]
         if identity != letters or known.value(version) != known.reset:
             what = f"its scene's registers are 0x{identity:08X}, version {known.value(version)}, unknown to this host"
-            raise DeviceError.at(board.line.url, what, UPDATE)
+            raise board.error(what, UPDATE)
         #: What the board's scene can do.
         self.build = SceneBuild.of_word(word)
         self._held: list[int] | None = None  # the layers' words on the board
@@ -107,9 +108,9 @@ class SceneBoard:
         count = 8 if slot == CURVE_SLOT else self.build.blocks
         crcs: list[int] = []
         for first in range(0, count, 255):
-            some = min(255, count - first)
-            body = self.board.ask(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, first, some), 2 + 4 * some)
-            crcs += struct.unpack(f"<{some}I", body[2:])
+            size = min(255, count - first)
+            body = self.board.ask(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, first, size), 2 + 4 * size)
+            crcs += struct.unpack(f"<{size}I", body[2:])
         return crcs
 
     def load(
@@ -139,16 +140,11 @@ class SceneBoard:
         DeviceError
             When a slot is shown, or the board does not answer.
         """
-        blocks = {}
-        for slot, content in contents.items():
-            size = 8 * BLOCK_BYTES if slot == CURVE_SLOT else self.build.slot_bytes
-            if not (0 <= slot < self.build.slots_built or slot == CURVE_SLOT):
-                what = f"the board has no slot {slot}"
-                raise InputError(f"{what}; give 0 to {self.build.slots_built - 1}, or {CURVE_SLOT} for the curve")
-            if len(content) != size:
-                raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; fit the texture to the build")
-            for block in range(size // BLOCK_BYTES):
-                blocks[slot << 8 | block] = content[block * BLOCK_BYTES : (block + 1) * BLOCK_BYTES]
+        blocks = {
+            slot << 8 | number: block
+            for slot, content in contents.items()
+            for number, block in enumerate(self._blocks(slot, content))
+        }
         loaded = Loaded() if loaded is None else loaded
         loaded.blocks = len(blocks)
         begun, written = time.monotonic(), self.board.line.written
@@ -161,23 +157,26 @@ class SceneBoard:
                     loaded.skipped = len(blocks) - len(missing)
                 if not missing:
                     return loaded
-                done = len(blocks) - len(missing)
-
-                def arrived(count: int, done: int = done) -> None:
-                    if progress:
-                        progress(done + count, len(blocks))
-
-                _Loader(self.board, blocks, loaded, window_bytes).run(missing, arrived)
+                _BlockWindow(self.board, blocks, loaded, window_bytes).run(missing, len(blocks), progress)
         finally:
             loaded.wire_bytes += self.board.line.written - written
             loaded.seconds += time.monotonic() - begun
         what = f"the textures were sent {MAX_ROUNDS} times and are still not whole on the board"
-        raise DeviceError.at(self.board.line.url, what, "check its power, and that no other program uses it")
+        raise self.board.error(what, "check its power, and that no other program uses it")
+
+    def _blocks(self, slot: int, content: bytes) -> list[bytes]:
+        """Return the blocks of a slot's content; InputError for a slot or a size that the board does not have."""
+        size = 8 * BLOCK_BYTES if slot == CURVE_SLOT else self.build.slot_bytes
+        if not (0 <= slot < self.build.slots_built or slot == CURVE_SLOT):
+            what = f"the board has no slot {slot}"
+            raise InputError(f"{what}; give 0 to {self.build.slots_built - 1}, or {CURVE_SLOT} for the curve")
+        if len(content) != size:
+            raise InputError(f"slot {slot} takes {size} bytes, not {len(content)}; fit the texture to the build")
+        return _cut(content)
 
     def holds(self, slot: int, content: bytes) -> bool:
         """Return whether a slot holds a content, block for block."""
-        blocks = [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
-        return self.crcs(slot) == blocks
+        return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def load_curve(self, display: Display) -> Loaded:
         """Load the table of the panel's curve of a display, unless the board holds it. No scene may be shown."""
@@ -204,26 +203,22 @@ class SceneBoard:
         """
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
-        wanted = [
-            [zlib.crc32(content[at : at + BLOCK_BYTES]) for at in range(0, len(content), BLOCK_BYTES)]
-            for content in contents
-        ]
+        requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
         # Shown slots first, which only their own content can use; then the most alike: a cut load goes on.
-        found: dict[int, int] = {}
+        slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
             for slot in crcs
-            for k, one in enumerate(wanted)
+            for k, one in enumerate(requested)
             if slot not in busy or crcs[slot] == one
         )
         for _, _, slot, k in alike:
-            if k not in found and slot not in found.values():
-                found[k] = slot
-        if len(found) < len(contents):
-            what = f"{len(contents)} textures need slots, and the board shows {len(busy - {CURVE_SLOT})} of its "
-            what += f"{self.build.slots_built}"
-            raise DeviceError.at(self.board.line.url, what, END_SCENE)
-        return [found[k] for k in range(len(contents))]
+            if k not in slots and slot not in slots.values():
+                slots[k] = slot
+        if len(slots) < len(contents):
+            shown = f"the board shows {len(busy - {CURVE_SLOT})} of its {self.build.slots_built}"
+            raise self.board.error(f"{len(contents)} textures need slots, and {shown}", END_SCENE)
+        return [slots[k] for k in range(len(contents))]
 
     # ---- registers ----
 
@@ -299,7 +294,7 @@ class SceneBoard:
         while (status := self.status()).waits or shown not in (None, status.shown):
             if time.monotonic() > until:
                 what = "the panel does not change to the " + ("stored frame" if shown is False else "scene")
-                raise DeviceError.at(self.board.line.url, what, "check the board's clock and its cable")
+                raise self.board.error(what, "check the board's clock and its cable")
             time.sleep(QUERY_S)
 
     def status(self) -> SceneStatus:
@@ -329,20 +324,25 @@ class SceneBoard:
         return SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address + 4 * LAYER_WORDS * number
 
 
-class _Loader(Window[None]):
+class _BlockWindow(Window):
     """Sends blocks; an item is 256 times its slot, plus its number."""
 
     def __init__(self, board: Board, blocks: Mapping[int, bytes], loaded: Loaded, window_bytes: int) -> None:
         super().__init__(board, Kind.BLOCK, window_bytes)
-        self.blocks, self.loaded = blocks, loaded
+        self._blocks, self._loaded = blocks, loaded
 
-    def request(self, item: int) -> tuple[bytes, None]:
+    def body(self, item: int) -> bytes:
         """Return the request of a block."""
-        self.loaded.sends += 1
-        return BLOCK_REQUEST.pack(*divmod(item, 256)) + self.blocks[item], None
+        self._loaded.sends += 1
+        return BLOCK_REQUEST.pack(*divmod(item, 256)) + self._blocks[item]
 
-    def answered(self, flight: Flight[None], status: ReplyStatus, body: bytes) -> bool:
+    def judge(self, item: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
         """Return whether the block is stored; raise where the board refuses it."""
-        if status != ReplyStatus.OK or body != BLOCK_REQUEST.pack(*divmod(flight.item, 256)):
-            raise self.board.refusal(Kind.BLOCK, status, body)
+        if status != ReplyStatus.OK or reply != body[: BLOCK_REQUEST.size]:
+            raise self.requests.refusal(Kind.BLOCK, status, reply)
         return True
+
+
+def _cut(content: bytes) -> list[bytes]:
+    """Return the blocks of a content."""
+    return [content[at : at + BLOCK_BYTES] for at in range(0, len(content), BLOCK_BYTES)]

@@ -10,7 +10,7 @@ from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
 from lippmann.display.description import Display
-from lippmann.errors import DeviceError, InputError
+from lippmann.errors import InputError
 from lippmann.fixed.scene_build import CURVE_SLOT
 from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.motion.layer_film import LayerFilm
@@ -94,32 +94,9 @@ def play_film(
     """
     played = Played() if played is None else played
     line = scene.board.line
-    stack, numbers = film.at(0)
-    order = [slots[number] for number in numbers]
-    shown = scene.status().shown
-    if shown and scene.holds_common(display, stack):
-        written = line.written
-        scene.set_stack(display, stack, order)
-        played.first_bytes = line.written - written
-        scene.wait(True)
-    else:
-        if shown:
-            scene.draw(False)
-        written = line.written
-        scene.prepare(display, stack, order)
-        played.first_bytes = line.written - written
-        scene.draw(True)
+    _show_first(scene, display, film, slots, played)
     before = scene.status()
     begun = time.monotonic()
-
-    def ended() -> SceneStatus:
-        played.seconds = time.monotonic() - begun
-        if every_frame:
-            scene.wait(True)
-        after = scene.status()
-        played.underflows = (after.underflows - before.underflows) % (1 << 32)
-        return after
-
     period = 1.0 / film.frames_per_second
     try:
         while repeat == 0 or played.frames < repeat * film.frames:
@@ -138,10 +115,39 @@ def play_film(
             if progress and repeat:
                 progress(played.frames, repeat * film.frames)
     except KeyboardInterrupt:
-        ended()
+        _finish(scene, played, begun, before, every_frame)
         raise
-    if not ended().shown:
-        raise DeviceError.at(
-            line.url, "the board draws the scene no longer: it was reset, or ended", "play the film again"
-        )
+    if not _finish(scene, played, begun, before, every_frame):
+        raise scene.board.error("the board draws the scene no longer: it was reset, or ended", "play the film again")
     return played
+
+
+def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: list[int], played: Played) -> None:
+    """Show a film's first frame; a scene of the same lattice and background stays on the panel until then."""
+    stack, numbers = film.at(0)
+    order = [slots[number] for number in numbers]
+    shown = scene.status().shown
+    goes_on = shown and scene.holds_common(display, stack)
+    if shown and not goes_on:
+        scene.draw(False)
+    line = scene.board.line
+    written = line.written
+    if goes_on:
+        scene.set_stack(display, stack, order)
+    else:
+        scene.prepare(display, stack, order)
+    played.first_bytes = line.written - written
+    if goes_on:
+        scene.wait(True)
+    else:
+        scene.draw(True)
+
+
+def _finish(scene: SceneBoard, played: Played, begun: float, before: SceneStatus, every_frame: bool) -> bool:
+    """Count the seconds and the underflows of a film that has ended; return whether the panel shows the scene."""
+    played.seconds = time.monotonic() - begun
+    if every_frame:
+        scene.wait(True)
+    after = scene.status()
+    played.underflows = (after.underflows - before.underflows) % (1 << 32)
+    return after.shown

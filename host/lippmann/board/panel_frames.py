@@ -15,10 +15,9 @@ from lippmann.base.images import (
     ENCODED_SUFFIXES,
     SUFFIXES,
     check_header,
-    encoded_values,
     read_picture,
 )
-from lippmann.base.tones import Transfer, transfer_name, transfer_text
+from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
 from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
 from lippmann.display.description import Panel, TransferName

@@ -15,7 +15,7 @@ from lippmann.board.port import DEFAULT_BAUD, Line
 from lippmann.board.retries import Requests
 from lippmann.board.tiles import TILE, Crcs, TileGrid
 from lippmann.errors import InputError
-from lippmann.fixed.register_file import Write
+from lippmann.fixed.registers import Write
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0
@@ -25,8 +25,8 @@ SLOWEST_HZ = 3e5
 PRESENT_CLOCKS = 4
 #: Maximum of words in a READ or WRITE, and of tiles in a TILES request.
 MAX_WORDS, MAX_TILES = 64, 512
-#: Address of the optics block's first register.
-OPTICS_BASE = 0x200
+#: Addresses of the first registers of the optics block and of the scene.
+OPTICS_BASE, SCENE_BASE = 0x200, 0x400
 
 HELLO_REQUEST = struct.Struct("<BI")
 HELLO_REPLY = struct.Struct("<BIQHHBHIHI")

@@ -16,7 +16,7 @@ from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.retries import Window
 from lippmann.board.session import Session
-from lippmann.board.tiles import Coded, Coding, Crcs, Pixels, code_tile, frame_crc, raw_tile
+from lippmann.board.tiles import Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError
 
 #: Maximum of bytes that are sent and not yet acknowledged: about 16 raw tiles.

@@ -1,4 +1,4 @@
-"""Loops on the virtual board: what it traces, shows or draws is compared with the twin, and what it scans out is kept."""
+"""Loops on the virtual board: its rays and drawn frames are compared with the twin's, and what it scans out is kept."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class CapturedBoard:
 
     board: Board
     frames: list[Pixels] = field(default_factory=list)
-    counts: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, Any] = field(default_factory=dict)
 
 
 @contextmanager
@@ -101,7 +101,7 @@ def run_on_virtual_board(
         check = check_rays(captured.board, display, columns, rows)
         sent = send_frame(captured.board, frame, progress)
         crc = captured.board.panel_crc()
-    return Loop(check, sent, crc, captured.frames[-1], int(captured.counts["clocks"]), captured.counts["seconds"])
+    return Loop(check, sent, crc, captured.frames[-1], captured.counts["clocks"], captured.counts["seconds"])
 
 
 def draw_on_virtual_board(

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import click
 
-from lippmann.board.board import OPTICS_BASE, SCENE_BASE, Board
-from lippmann.board.check_rays import check_rays
+from lippmann.board.board import Board, check_rays
 from lippmann.board.drawn_scene import LAYER_WORDS, SceneBoard
 from lippmann.board.packets import SCENE_VERSION
+from lippmann.board.session import OPTICS_BASE, SCENE_BASE
 from lippmann.cli.board_start import start_command, stop_command
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY, Vector

@@ -52,7 +52,7 @@ def _panel(display: Display, path: str, port: str | None, baud: int | None, moni
         return
     with Board.open(*chosen_port(port, baud)) as board:
         check_board(board, display, path)
-        board.check_no_pattern()
+        board.check_panel()
         yield lambda pixels: send_frame(board, pixels)
 
 

@@ -14,12 +14,12 @@ from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import Radiance
 from lippmann.base.progress import report_each
 from lippmann.base.tones import decode, psnr_db
-from lippmann.board.closed_loop import run_on_virtual_board
 from lippmann.board.panel_frames import panel_values
+from lippmann.board.virtual_loop import run_on_virtual_board
 from lippmann.cli.demo_drawn import EYE_DISTANCE_MM, REACH_MM, draw_films
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
@@ -66,7 +66,7 @@ def command(
     frame = panel_values(image.radiance, panel.transfer, panel.bits)
     columns, rows = _middle(panel.width_px), _middle(panel.height_px)
     with progress_bar("stream") as progress:
-        loop = run_on_virtual_board(display, frame, columns, rows, progress, log)
+        loop = run_on_virtual_board(display, frame, columns, rows, progress)
     differ = int((loop.panel_frame != frame).sum())
     # From here on only the frame that was scanned out counts.
     scanned = replace(image, radiance=decode(loop.panel_frame / np.float32(255.0), panel.transfer))

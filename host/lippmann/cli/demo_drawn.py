@@ -12,7 +12,7 @@ from lippmann import api
 from lippmann.base.animation import write_animation
 from lippmann.base.progress import report_each
 from lippmann.base.tones import decode
-from lippmann.board.drawn_loop import draw_on_virtual_board
+from lippmann.board.virtual_loop import draw_on_virtual_board
 from lippmann.cli.output import log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display

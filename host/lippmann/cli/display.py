@@ -11,7 +11,7 @@ from lippmann.board.panel_frames import Target, load_frame
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
 from lippmann.cli.options.port import BAUD, check_board, chosen_port
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 
@@ -47,7 +47,7 @@ def command(
             if display_path is not None and not force:
                 check_board(board, display, display_path)
             target = Target(board.info.identity, board.info.width, board.info.height)
-    pixels = load_frame(image, target, None, panel, force, log)
+    pixels = load_frame(image, target, None, panel, force)
     show(pixels, monitor, seconds)
     result = {
         "image": image, "monitor": monitor, "width": target.width, "height": target.height,

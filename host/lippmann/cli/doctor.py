@@ -10,11 +10,10 @@ from typing import Any
 from lippmann import __version__
 from lippmann.base.machine import free_memory_mb, machine_name
 from lippmann.base.variant import mitsuba, start_mitsuba
-from lippmann.board.discovery import baud_of_board
+from lippmann.board.bitstreams import LOADER
+from lippmann.board.board import baud_of_board
 from lippmann.board.fpga_boards import board_of_port, fpga_boards
-from lippmann.board.port import adapter_ports, port_trouble, ports, serial_number
-from lippmann.board.program import LOADER
-from lippmann.board.socket_port import SCHEMES
+from lippmann.board.port import SCHEMES, adapter_ports, port_trouble, ports, serial_number
 from lippmann.capturing.povray_export import POVRAY
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit

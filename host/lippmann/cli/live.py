@@ -11,7 +11,7 @@ import numpy as np
 
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
-from lippmann.board.live_sender import Sender
+from lippmann.board.streaming import Sender
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
@@ -107,7 +107,7 @@ def command(
             board = stack.enter_context(Board.open(*chosen_port(port, baud)))
             if not force:
                 check_board(board, display, display_path, ", or show it with --force")
-            board.check_no_pattern()
+            board.check_panel()
             sender = Sender(board)
         shown = NoScreens() if window is False else stack.enter_context(screens())
         opened = time.perf_counter()

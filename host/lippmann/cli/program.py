@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lippmann.board.bitfile import read_bitfile
-from lippmann.board.program import program
+from lippmann.board.bitstreams import program, read_bitfile
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.display.description import load_display
 from lippmann.errors import input_error
 
@@ -35,7 +34,7 @@ def program_command(
         if told.identity != display.identity:
             what = f"the bitstream is for display {told.identity or 'unknown'}, {display_path} is {display.identity}"
             raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
-    found = program(path, board, serial, flash, log)
+    found = program(path, board, serial, flash)
     result = {
         "file": file, "board": found.name, "device": told.device, "display": told.display, "identity": told.identity,
         "design": told.design, "flash": flash,

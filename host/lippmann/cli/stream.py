@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Self
 
 from lippmann.base.images import check_input
-from lippmann.board.board import END_SCENE, Board
-from lippmann.board.drawn_scene import SceneBoard
-from lippmann.board.packets import RESET_VERSION, SCENE_VERSION
-from lippmann.board.panel_frames import load_frame
+from lippmann.board.board import Board
+from lippmann.board.packets import RESET_VERSION
+from lippmann.board.panel_frames import check_frame
+from lippmann.board.retries import END_SCENE
 from lippmann.board.streaming import Sent, send_frame
+from lippmann.board.tiles import Pixels
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import Finite
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
@@ -58,81 +59,87 @@ def command(
     for image in images:
         check_input(image)
     url, rate = chosen_port(port, baud)
-    board = _opened(url, rate, resume_s)
-    try:
-        hello = board.info
+    with _Stream(url, rate, resume_s, verify) as stream:
+        hello = stream.board.info
         if display is not None and not force:
-            check_board(board, display, str(display_path), ", or stream with --force")
-        board.check_no_pattern()
-        behind = _is_behind_scene(board, verify)
+            check_board(stream.board, display, str(display_path), ", or stream with --force")
+        behind = stream.board.draws_scene()
+        if behind and verify:
+            what = "the panel shows the scene that the board draws, so that a frame cannot be verified there"
+            raise device_error(url, what, f"{END_SCENE}; or stream without --verify")
+        stream.board.check_panel()
         panel = None if display is None else display.panel
-        # All files are read before the first frame is sent: when one is refused, nothing changes on the panel.
-        notes: list[str] = []
-        frames = [load_frame(image, hello, transfer, panel, force, notes.append) for image in images]
-        if notes:
-            log(notes[0] + (f" (and {len(notes) - 1} other images)" if notes[1:] else ""))
+        # All headers are checked before the first frame is sent: when one is refused, nothing changes on the panel.
+        files = [check_frame(image, hello, transfer, panel, force) for image in images]
+        assumptions = [file.assumption for file in files if file.assumption]
+        if assumptions:
+            log(assumptions[0] + (f" (and {len(assumptions) - 1} other images)" if assumptions[1:] else ""))
         results = []
-        for image, frame in zip(images, frames, strict=True):
-            sent = Sent()
-            arrived, was_reset = -1, False
-            with progress_bar(f"streaming {image}") as progress:
-                while True:
-                    try:
-                        send_frame(board, frame, progress, sent=sent)
-                        if verify:
-                            board.verify(sent.crc)
-                        break
-                    except NoBoardError as error:
-                        if not resume_s:
-                            raise
-                        # Without a new tile since the last loss, another attempt would fail the same way.
-                        stuck = len(sent.arrived) == arrived
-                        if stuck and (was_reset or hello.version < RESET_VERSION):
-                            after = ", also after a reset" if was_reset else ""
-                            raise NoBoardError(f"{error} (lost twice without a new tile in between{after})") from None
-                        arrived = len(sent.arrived)
-                        log(f"{error}; looking for the board for {resume_s:g} s")
-                        board.close()
-                        board = _opened(url, rate, resume_s)
-                        board.must_be(hello)
-                        if stuck:
-                            log(f"{url}: no tile arrives; resetting the board")
-                            board.reset()
-                            was_reset = True
+        for image, file in zip(images, files, strict=True):
+            sent = stream.send(file.pixels(), f"streaming {image}")
             rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
             verified = {"verified": True} if verify else {}
             results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **verified})
-    finally:
-        board.close()
-
     result = {"port": url, "identity": f"{hello.identity:016x}", "behind_scene": behind, "frames": results}
     emit(result, (_line(one, behind) for one in results))
 
 
-def _is_behind_scene(board: Board, verify: bool) -> bool:
-    """Return whether a streamed frame is stored behind the scene that a board draws; refuse to verify it there."""
-    if board.info.version < SCENE_VERSION or not SceneBoard(board).status().shown:
-        return False
-    shows = "the panel shows the scene that the board draws"
-    if verify:
-        what = f"{shows}, so that a frame cannot be verified there"
-        raise device_error(board.line.url, what, f"{END_SCENE}; or stream without --verify")
-    log(f"note: {shows}; the frame is stored, and shown when the scene ends")
-    return True
+class _Stream:
+    """A board that is opened again when its connection is lost, for at most `resume_s` seconds each time."""
 
+    def __init__(self, url: str, baud: int, resume_s: float, verify: bool) -> None:
+        self._url, self._baud, self._resume_s, self._verify = url, baud, resume_s, verify
+        self.board = self._opened()
 
-def _opened(url: str, baud: int, seconds: float) -> Board:
-    """Open a board; repeat until it answers, for at most `seconds`. Raises as `Board.open`."""
-    deadline = time.monotonic() + seconds
-    while True:
-        try:
-            return Board.open(url, baud)
-        except NoBoardError as error:
-            if time.monotonic() >= deadline:
-                if not seconds:
-                    raise
-                raise NoBoardError(f"{error} (waited {seconds:g} s; the same command continues the frame)") from None
-        time.sleep(RETRY_S)
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.board.close()
+
+    def send(self, frame: Pixels, label: str) -> Sent:
+        """Show a frame, and verify it where that is asked for; continue it when the connection is lost."""
+        sent = Sent()
+        hello = self.board.info
+        arrived, was_reset = -1, False
+        with progress_bar(label) as progress:
+            while True:
+                try:
+                    send_frame(self.board, frame, progress, sent=sent)
+                    if self._verify:
+                        self.board.verify(sent.crc)
+                    return sent
+                except NoBoardError as error:
+                    if not self._resume_s:
+                        raise
+                    # Without a new tile since the last loss, another attempt would fail the same way.
+                    stuck = len(sent.arrived) == arrived
+                    if stuck and (was_reset or hello.version < RESET_VERSION):
+                        after = ", also after a reset" if was_reset else ""
+                        raise NoBoardError(f"{error} (lost twice without a new tile in between{after})") from None
+                    arrived = len(sent.arrived)
+                    log(f"{error}; looking for the board for {self._resume_s:g} s")
+                    self.board.close()
+                    self.board = self._opened()
+                    self.board.must_be(hello)
+                    if stuck:
+                        log(f"{self._url}: no tile arrives; resetting the board")
+                        self.board.reset()
+                        was_reset = True
+
+    def _opened(self) -> Board:
+        """Open the board; repeat until it answers. Raises as `Board.open`."""
+        deadline = time.monotonic() + self._resume_s
+        while True:
+            try:
+                return Board.open(self._url, self._baud)
+            except NoBoardError as error:
+                if time.monotonic() >= deadline:
+                    if not self._resume_s:
+                        raise
+                    what = f"{error} (waited {self._resume_s:g} s; the same command continues the frame)"
+                    raise NoBoardError(what) from None
+            time.sleep(RETRY_S)
 
 
 def _line(result: dict[str, Any], behind: bool) -> str:

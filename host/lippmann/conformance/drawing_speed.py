@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.board.board import QUERY_S
-from lippmann.board.closed_loop import capturing
 from lippmann.board.drawn_scene import SceneBoard
+from lippmann.board.virtual_loop import capturing
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw

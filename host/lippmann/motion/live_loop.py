@@ -21,7 +21,7 @@ from lippmann.motion.screens import Screens
 from lippmann.rendering.sources import Window
 
 if TYPE_CHECKING:
-    from lippmann.board.live_sender import Sender
+    from lippmann.board.streaming import Sender
 
 #: Samples at which a resting picture is done.
 MOST_SAMPLES = 64

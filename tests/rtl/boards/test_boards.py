@@ -4,7 +4,7 @@ import re
 
 import pytest
 from click.testing import CliRunner
-from lippmann.board.bitfile import read_bitfile
+from lippmann.board.bitstreams import read_bitfile
 from lippmann.board.fpga_boards import fpga_board, fpga_boards
 from lippmann.display.description import load_display
 from lippmann.simulation.toolchain import repository

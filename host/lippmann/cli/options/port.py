@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from lippmann.board.board import Board
-from lippmann.board.discovery import find_board
+from lippmann.board.board import Board, find_board
 from lippmann.board.fpga_boards import usual_baud
 from lippmann.cli.frame import option
 from lippmann.display.description import Display
