@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from lippmann.errors import missing_library
+
 if TYPE_CHECKING:
     from lippmann.api import capture, draw, load_layers, load_scene, observe, render, sweep, view, widget
     from lippmann.board.board import Board
@@ -63,7 +65,10 @@ def __getattr__(name: str) -> Any:
     """Import a public name at its first use, so that the command line starts quickly."""
     for home, names in _HOMES.items():
         if name in names:
-            return getattr(import_module(home), name)
+            try:
+                return getattr(import_module(home), name)
+            except ImportError as error:
+                raise missing_library(error) from error
     raise AttributeError(f"module 'lippmann' has no attribute '{name}'")
 
 

@@ -78,12 +78,30 @@ def path_of(value: object, what: str) -> Path:
     return Path(value)
 
 
+#: The modules that each extra of the package brings (pyproject.toml); the others come with the package itself.
+EXTRA_MODULES = {
+    "render": ("mitsuba", "drjit", "OpenImageIO", "trimesh", "plyfile", "imageio_ffmpeg"),
+    "board": ("serial", "cobs", "qoi"),
+    "calibrate": ("cv2",),
+    "live": ("pygame",),
+    "cluster": ("distributed", "dask", "cryptography"),
+}
+
+
 def to_install(extra: str = "") -> str:
     """Return the remedy for a missing package, or one of an extra: make in a checkout, pip elsewhere."""
     top = Path(__file__).resolve().parents[2]
     if (top / "Makefile").is_file() and (top / "pyproject.toml").is_file():
         return "run make setup"
     return f"run pip install 'lippmann[{extra}]'" if extra else "run pip install --upgrade lippmann"
+
+
+def missing_library(error: ImportError) -> MissingLibraryError:
+    """Return the error of a library that cannot be imported, with the command that installs it."""
+    module = (error.name or "").partition(".")[0]
+    extra = "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
+    what = f"{module} cannot be imported ({error})" if module else str(error)
+    return MissingLibraryError(f"{what}; {to_install(extra)}")
 
 
 def whole_number(name: str, value: object, low: int, high: int) -> int:
@@ -116,4 +134,4 @@ def not_there(path: Path, what: str = "file") -> str:
 
 def printable(text: str) -> str:
     """Return a text for the terminal: what files and names bring that it would obey is shown escaped."""
-    return OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return OBEYED.sub(lambda match: match[0].encode("unicode_escape").decode(), text)

@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 from pathlib import Path
@@ -767,6 +768,7 @@ def test_a_missing_library_is_exit_code_3(place, capfd, monkeypatch):
 SLOW_RENDER = """
 import signal
 import sys
+import tempfile
 import lippmann.rendering.integral as command
 import lippmann.rendering.renderer as renderer
 from lippmann.cli import main
@@ -963,3 +965,39 @@ def test_a_file_that_cannot_be_opened_is_told_in_plain_words(capfd, monkeypatch,
     line = capfd.readouterr().err.strip()
     assert line.startswith(f"lippmann: {said}")
     assert "Errno" not in line
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+@pytest.mark.parametrize("error", [TypeError("'int' object"), AssertionError(), ValueError("of a library"), OSError(5)])
+def test_an_unexpected_exception_is_a_fault_of_ours(error, as_json, tmp_path, capfd, monkeypatch):
+    """It is not called bad input: exit code 70, and the traceback is in a file that the line names."""
+    monkeypatch.delenv("LIPPMANN_TRACEBACK", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    @click.command()
+    @click.option("--json", "as_json", is_flag=True)
+    def fails(as_json):
+        raise error
+
+    assert run(["--json"] if as_json else [], fails, "fails") == 70
+    out, err = capfd.readouterr()
+    assert err.startswith(f"lippmann: a fault of Lippmann's ({type(error).__name__}: ")
+    assert len(err.splitlines()) == 1
+    path = Path(err.rpartition("traceback in ")[2].strip())
+    assert path.parent == tmp_path
+    assert "in fails" in path.read_text()
+    assert (json.loads(out)["exit_code"] if as_json else out) == (70 if as_json else "")
+
+
+def test_a_fault_whose_traceback_cannot_be_kept_prints_it(tmp_path, capfd, monkeypatch):
+    monkeypatch.delenv("LIPPMANN_TRACEBACK", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+
+    @click.command()
+    def fails():
+        raise KeyError("x")
+
+    assert run([], fails, "fails") == 70
+    err = capfd.readouterr().err
+    assert "Traceback" in err
+    assert "with the traceback above" in err.splitlines()[-1]

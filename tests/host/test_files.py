@@ -7,7 +7,9 @@ import socket
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -156,6 +158,29 @@ def test_partial_names_fit_and_are_known_again(name, tmp_path):
     assert Path(partial).suffix == Path(name).suffix or not Path(name).suffix
 
 
+def test_two_threads_that_write_one_file_do_not_tear_each_other(tmp_path):
+    path, both_write = tmp_path / "a.bin", threading.Barrier(2, timeout=10.0)
+
+    def write(content):
+        with files.replacing(path) as partial, partial.open("wb") as stream:
+            stream.write(content[: len(content) // 2])
+            stream.flush()
+            both_write.wait()
+            stream.write(content[len(content) // 2 :])
+
+    contents = [b"a" * 1000, b"b" * 1000]
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(write, contents))
+    assert path.read_bytes() in contents
+    assert [file.name for file in tmp_path.iterdir()] == ["a.bin"]
+
+
+def test_two_threads_that_make_one_folder_do_not_remove_each_others(tmp_path):
+    with files.partial_folder(tmp_path / "set") as first, files.partial_folder(tmp_path / "set") as second:
+        (first / "a").write_text("first")
+        assert not (second / "a").exists()
+
+
 def test_another_users_private_folder_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(files.tempfile, "gettempdir", lambda: str(tmp_path))
     place = files.private_folder()
@@ -173,8 +198,9 @@ def test_another_users_private_folder_is_refused(tmp_path, monkeypatch):
 # --- other users ----------------------------------------------------------------------------------
 
 
-def test_planted_links_are_not_followed(tmp_path):
+def test_planted_links_are_not_followed(tmp_path, monkeypatch):
     """In a folder that others may write, a temporary file's name can be guessed."""
+    monkeypatch.setattr(files, "partial_name", lambda name: f".{name}.guessed.partial")
     mine = tmp_path / "mine"
     mine.write_text("precious")
     target = tmp_path / "a.bin"
@@ -334,7 +360,7 @@ def test_a_signal_ends_the_programs_programs_too(tmp_path, number):
     )
     code = """
         import signal, sys
-        from lippmann import interrupts, programs
+        from lippmann.base import interrupts, programs
         signal.signal(int(sys.argv.pop(1)), signal.SIG_DFL)  # nohup, where the tests may run, has SIGHUP ignored
         programs.GRACE_S = 0.5
         interrupts.install()

@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 import pytest
 from lippmann.base.animation import FRAME_MS, write_animation, write_contact_sheet
 from lippmann.base.files import replacing
-from lippmann.base.images import PREFIX, check_output, read_picture, write_picture
+from lippmann.base.images import PREFIX, StoredRows, check_output, read_picture, write_picture
 from lippmann.base.tones import decode, encode
 from lippmann.board.panel_frames import Target, load_frame
 from lippmann.errors import InputError
@@ -450,3 +450,22 @@ def test_contact_sheets_hold_every_view(tmp_path):
         assert (sheet == level).all(axis=2).sum() >= 120
     with pytest.raises(InputError, match="unknown extension"):
         write_contact_sheet(tmp_path / "sheet.gif", views, ["a"] * 4)
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".tif", ".png"])
+def test_metadata_with_line_breaks_stay(tmp_path, suffix):
+    metadata = {"note": "first\nsecond\n\tthird\n", "after": "a = b", "mark": "one\u2028line"}
+    write_picture(tmp_path / f"a{suffix}", np.zeros((4, 4, 3), np.float32), metadata)
+    assert read_picture(tmp_path / f"a{suffix}").metadata.items() >= metadata.items()
+
+
+def test_rows_on_disk_are_closed_with_their_block(tmp_path):
+    values = np.linspace(0.0, 1.0, 128 * 4 * 3, dtype=np.float32).reshape(128, 4, 3)
+    write_picture(tmp_path / "a.tif", values, {})
+    before = set(os.listdir("/proc/self/fd"))
+    with StoredRows(tmp_path / "a.tif", (4, 128)) as rows:
+        assert np.array_equal(rows[3:70], values[3:70])
+    assert set(os.listdir("/proc/self/fd")) == before
+    rows.close()
+    with pytest.raises(ValueError, match="closed"):
+        rows[100:120]

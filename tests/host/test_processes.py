@@ -16,7 +16,7 @@ from tools.processes import processes
 PROGRAM = """
 import time
 from multiprocessing import active_children
-from lippmann import interrupts
+from lippmann.base import interrupts
 from tools.processes import processes
 
 interrupts.install()

@@ -1,30 +1,35 @@
 """Files and folders that appear whole or not at all, after a signal, a full disk and a power cut too.
 
 They are written under a temporary name in the same folder, synced, and renamed. The temporary name says which process
-owns it, so that the next command removes what a killed one left.
+owns it, so that the next command removes what a killed one left. Locks, links and owners of files are checked where
+the system has them.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import functools
 import hashlib
+import importlib.util
+import itertools
 import os
+import platform
 import re
 import shutil
 import stat
 import tempfile
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from lippmann.base import interrupts
 from lippmann.errors import LippmannError, NoSpaceError, input_error
 
+#: Only Unix locks folders.
+HAS_LOCKS = importlib.util.find_spec("fcntl") is not None
 #: Folders that `make_folder` made.
 made: list[Path] = []
 
@@ -36,7 +41,11 @@ PROBE_BYTES = 1 << 20
 FOREIGN_S = 86_400.0
 #: Most bytes of a name that a partial file keeps.
 KEPT_BYTES = 180
-#: A partial file's name: its file's stem, the machine, the process and its life, the file's suffix.
+#: Flags of `os.open` for files that others must not redirect or inherit, as far as the system has them.
+OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+#: Numbers of this process's partial files: two threads that write the same file do not share one.
+numbers = itertools.count()
+#: A partial file's name: its file's stem, its number, the machine, the process and its life, the file's suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
@@ -48,11 +57,19 @@ def owner() -> str:
 @functools.cache
 def _machine() -> str:
     """Return the processes that this one can see: the machine, and the container on it."""
-    return _short(os.uname().nodename.encode() + str(os.stat("/proc/self/ns/pid").st_ino).encode())
+    container = ""
+    with contextlib.suppress(OSError):
+        container = str(os.stat("/proc/self/ns/pid").st_ino)
+    return _short(f"{platform.node()}{container}".encode())
 
 
 def _life(pid: int) -> str:
-    """Return what tells a process from a later one of the same number; nothing when there is no such process."""
+    """Return what tells a process from a later one of the same number; nothing when there is no such process.
+
+    Where the system has no /proc, each process counts as alive.
+    """
+    if not Path("/proc/self/stat").exists():
+        return "0" * 8
     try:
         fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
         boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
@@ -66,18 +83,18 @@ def _short(text: bytes) -> str:
 
 
 def partial_name(name: str) -> str:
-    """Return the temporary name of a file or folder of this process; it ends in the same suffix."""
+    """Return a temporary name for a file or folder, another one at each call; it ends in the same suffix."""
     stem, suffix = os.path.splitext(name)
     kept = stem.encode(errors="surrogateescape")[:KEPT_BYTES].decode(errors="ignore")
-    return f".{kept}.{owner()}.partial{suffix}"
+    return f".{kept}.{next(numbers)}.{owner()}.partial{suffix}"
 
 
 def remove_stale(folder: Path) -> None:
     """Remove the partial files and folders of processes that have ended; those of others stay."""
     with contextlib.suppress(OSError):
         for entry in list(os.scandir(folder)):
-            found = PARTIAL.fullmatch(entry.name)
-            if found is not None and _is_stale(entry, *found.groups()[:3]):
+            match = PARTIAL.fullmatch(entry.name)
+            if match is not None and _is_stale(entry, *match.groups()[:3]):
                 _remove(Path(entry.path))
 
 
@@ -153,7 +170,9 @@ def refused(path: Path, error: OSError, tried: Path | None = None) -> LippmannEr
 
 def sync(path: Path) -> None:
     """Return when the content of a file, or the names in a folder, are on the disk."""
-    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    if os.name == "nt" and path.is_dir():  # Windows opens no folders
+        return
+    handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
         os.fsync(handle)
     except OSError as error:
@@ -195,15 +214,20 @@ def new_file(path: Path) -> BinaryIO:
     What another user put there, such as a link to one of this user's files, is removed or refused, never followed.
     """
     _remove(path)
-    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666), "wb")
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FLAGS, 0o666), "wb")
+
+
+def user_id() -> int:
+    """Return the number of this process's user, as files name their owner; 0 where the system has none."""
+    return os.getuid() if hasattr(os, "getuid") else 0
 
 
 def own_text(path: Path) -> str:
     """Return the text of a plain file of this user; OSError for a link, a pipe, or a file of another user."""
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | OWN_FLAGS)
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
-        found = os.fstat(handle)
-        if not stat.S_ISREG(found.st_mode) or found.st_uid != os.getuid():
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode) or status.st_uid != user_id():
             raise PermissionError(errno.EPERM, "another user's, or no plain file", str(path))
         return stream.read()
 
@@ -256,18 +280,21 @@ class FolderLock:
 
     def __init__(self, folder: Path, remedy: str) -> None:
         """Raise errors as `make_folder` does, and InputError when another command has the folder."""
-        handle = None
-        while handle is None:
-            make_folder(folder, remedy)
-            handle = _locked(folder, remedy)
         #: Lets another one have it.
-        self.close = weakref.finalize(self, os.close, handle)
+        self.close: Callable[[], object] = lambda: None
+        make_folder(folder, remedy)
+        if HAS_LOCKS:
+            while (handle := _locked(folder, remedy)) is None:
+                make_folder(folder, remedy)
+            self.close = weakref.finalize(self, os.close, handle)
 
 
 def _locked(folder: Path, remedy: str) -> int | None:
-    """Return the handle of a folder that is locked; None when who had it has removed it meanwhile."""
+    """Return the handle of a folder that is locked; None when its owner has removed it meanwhile."""
+    import fcntl
+
     try:
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except FileNotFoundError:
         return None
     try:
@@ -294,7 +321,7 @@ def remove_empty() -> None:
 
 def private_path() -> Path:
     """Return where this user's own folder is; see `private_folder`."""
-    return Path(tempfile.gettempdir()) / f"lippmann-{os.getuid()}"
+    return Path(tempfile.gettempdir()) / f"lippmann-{user_id()}"
 
 
 def private_folder() -> Path:
@@ -305,15 +332,17 @@ def private_folder() -> Path:
     folder = private_path()
     with contextlib.suppress(FileExistsError):
         folder.mkdir(mode=0o700)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+    status = folder.lstat()
+    shared = os.name != "nt" and (status.st_uid != user_id() or status.st_mode & 0o077)
+    if not stat.S_ISDIR(status.st_mode) or shared:
         raise input_error(str(folder), "is not a folder of yours alone", "remove it, or set TMPDIR to your own folder")
     return folder
 
 
 def listening() -> set[str]:
-    """Return the paths of the Unix sockets on which a program listens."""
-    rows = Path("/proc/net/unix").read_text(errors="replace").splitlines()
+    """Return the paths of the Unix sockets on which a program listens, as Linux tells them."""
+    table = Path("/proc/net/unix")
+    rows = table.read_text(errors="replace").splitlines() if table.exists() else []
     return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
 
 

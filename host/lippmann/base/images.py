@@ -14,11 +14,12 @@ import struct
 import tempfile
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,10 @@ from lippmann.base.files import clean_before_writing, not_written, refused, repl
 from lippmann.base.limits import check_expanded, png_chunks
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Transfer, decode, encoded_values, transfer_text
-from lippmann.errors import InputError, MissingLibraryError, input_error, likely_file, not_there, path_of, to_install
+from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of
+
+if TYPE_CHECKING:
+    import OpenImageIO
 
 #: Formats with linear radiance, and with panel values.
 LINEAR_SUFFIXES = (".exr", ".tif", ".tiff")
@@ -135,15 +139,46 @@ def write_picture(
 
     Raises InputError when the file cannot be written.
     """
-    oiio = openimageio()
     path = check_output(path)
     suffix = path.suffix.lower()
-    height, width = radiance.shape[:2]
-    for first in range(0, height, BAND_ROWS):
+    firsts = range(0, radiance.shape[0], BAND_ROWS)
+    for first in firsts:
         rows = np.asarray(radiance[first : first + BAND_ROWS])
         # Other formats write infinite light as their largest value.
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
             raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
+
+    def file_values(first: int) -> npt.NDArray[Any]:
+        """Return the file's values of the band from this row on: no copy of the whole image is made."""
+        rows: npt.NDArray[Any] = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
+        if suffix == ".png":
+            rows = encoded_values(rows, transfer, bits)
+        elif suffix == ".exr":
+            rows = np.clip(rows, np.float32(-HALF_MAX), np.float32(HALF_MAX))
+        return np.ascontiguousarray(rows)
+
+    spec = _file_spec(suffix, radiance.shape, metadata, transfer, bits)
+    with replacing(path) as partial:
+        out = openimageio().ImageOutput.create(str(partial))
+        if out is None:
+            raise input_error(str(path), openimageio().geterror(), "choose another extension")
+        with silent_stderr():
+            complete = out.open(str(partial), spec)
+            sums = _write_bands(out, firsts, file_values) if complete else None
+            trouble = _first_line(out.geterror(), partial)
+            complete = out.close() and sums is not None
+        # OpenImageIO does not notice when a full disk truncates a PNG.
+        if complete and suffix in ENCODED_SUFFIXES and _band_sums(partial) != sums:
+            complete, trouble = False, "the disk holds only part of it"
+        if not complete:
+            raise not_written(path, trouble, partial)
+
+
+def _file_spec(
+    suffix: str, shape: tuple[int, ...], metadata: Mapping[str, str], transfer: Transfer, bits: int
+) -> OpenImageIO.ImageSpec:
+    """Return the header of a file: its size, the type of its values, how it is compressed, and our metadata."""
+    oiio = openimageio()
     entries, kind = dict(metadata), oiio.FLOAT
     # Of level 1: a picture is written in three quarters of the time, and is 2 % larger.
     settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
@@ -153,68 +188,52 @@ def write_picture(
         settings = {"oiio:ColorSpace": COLOUR_SPACES.get(transfer_text(transfer), ""), **PNG_SETTINGS}
     elif suffix == ".exr":
         kind = oiio.HALF
-    spec = oiio.ImageSpec(width, height, 3, kind)
+    if suffix in (".tif", ".tiff"):
+        # TIFF has no free keys: all entries go into the description, a line each; a tab continues a value.
+        lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
+        settings["ImageDescription"] = "\n".join(lines)
+    else:
+        settings |= {PREFIX + key: value for key, value in entries.items()}
+    spec: OpenImageIO.ImageSpec = oiio.ImageSpec(shape[1], shape[0], 3, kind)
     for key, setting in settings.items():
         spec.attribute(key, setting)
-    if suffix in (".tif", ".tiff"):
-        # TIFF has no free keys: all entries go into the description.
-        spec.attribute("ImageDescription", "\n".join(f"{PREFIX}{k}={v}" for k, v in entries.items()))
-    else:
-        for key, value in entries.items():
-            spec.attribute(PREFIX + key, value)
-
-    def band(first: int) -> npt.NDArray[Any]:
-        """Return the file's values of the band from this row on: no copy of the whole image is made."""
-        rows: npt.NDArray[Any] = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
-        if suffix == ".png":
-            rows = encoded_values(rows, transfer, bits)
-        elif suffix == ".exr":
-            rows = np.clip(rows, np.float32(-HALF_MAX), np.float32(HALF_MAX))
-        return np.ascontiguousarray(rows)
-
-    sums: list[int] = []
-
-    def write_bands(out: Any) -> bool:
-        """Write all bands and keep their sums; the next band is encoded while one is compressed."""
-        with ThreadPoolExecutor(1) as other:
-            ahead = other.submit(band, 0)
-            for first in range(0, height, BAND_ROWS):
-                rows = ahead.result()
-                ahead = other.submit(band, first + BAND_ROWS)
-                sums.append(zlib.crc32(rows.data) if suffix in ENCODED_SUFFIXES else 0)
-                if not out.write_scanlines(first, first + len(rows), 0, rows):
-                    return False
-        return True
-
-    with replacing(path) as partial:
-        out = oiio.ImageOutput.create(str(partial))
-        if out is None:
-            raise input_error(str(path), oiio.geterror(), "choose another extension")
-        with silent_stderr():
-            good = out.open(str(partial), spec) and write_bands(out)
-            trouble = _first_line(out.geterror(), partial)
-            good = out.close() and good
-        # OpenImageIO does not notice when a full disk truncates a PNG.
-        if good and suffix in ENCODED_SUFFIXES and not _holds(oiio, partial, sums, kind):
-            good, trouble = False, "the disk holds only part of it"
-        if not good:
-            raise not_written(path, trouble, partial)
+    return spec
 
 
-def _holds(oiio: Any, path: Path, sums: Sequence[int], kind: Any) -> bool:
-    """Tell whether the bands of a file have these CRC-32 sums."""
+def _write_bands(
+    out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], npt.NDArray[Any]]
+) -> list[int] | None:
+    """Write the bands and return their CRC-32 sums; None on failure. One is compressed while the next is encoded."""
+    sums = []
+    with ThreadPoolExecutor(1) as encoder:
+        ahead = encoder.submit(file_values, 0)
+        for first in firsts:
+            rows = ahead.result()
+            ahead = encoder.submit(file_values, first + BAND_ROWS)
+            sums.append(zlib.crc32(rows.data))
+            if not out.write_scanlines(first, first + len(rows), 0, rows):
+                return None
+    return sums
+
+
+def _band_sums(path: Path) -> list[int]:
+    """Return the CRC-32 sums of the bands of a file as it is on the disk; of none from the first that is broken on."""
+    oiio, sums = openimageio(), list[int]()
     with silent_stderr():
         source = oiio.ImageInput.open(str(path))
         if source is None:
             oiio.geterror()  # otherwise printed at exit
-            return False
+            return sums
         try:
-            height = source.spec().height
-            firsts = range(0, height, BAND_ROWS)
-            bands = (source.read_scanlines(0, 0, y, min(y + BAND_ROWS, height), 0, 0, 3, kind) for y in firsts)
-            same = [0 if rows is None else zlib.crc32(rows) for rows in bands] == sums
+            spec = source.spec()
+            for first in range(0, spec.height, BAND_ROWS):
+                last = min(first + BAND_ROWS, spec.height)
+                rows = source.read_scanlines(0, 0, first, last, 0, 0, 3, spec.format)
+                if rows is None:
+                    break
+                sums.append(zlib.crc32(rows))
             source.geterror()
-            return same
+            return sums
         finally:
             source.close()
 
@@ -232,59 +251,46 @@ def read_picture(
 
     Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
-    oiio = openimageio()
     path = check_input(path)
-    with _broken_headers_refused(path):
-        return _read(oiio, path, limit, accept, allow)
+    with _quiet(path), _opened(path, limit, accept) as (source, metadata):
+        spec = source.spec()
+        if allow is not None:
+            allow(spec.width * spec.height)
+        needed_bytes = spec.width * spec.height * (spec.nchannels + 3) * 4
+        check_expanded(str(path), f"{spec.width} x {spec.height} pixels", needed_bytes, "take a smaller image")
+        pixels = source.read_image(openimageio().FLOAT)
+        if pixels is None:
+            raise _broken(path, source)
+        values = _three_colours(pixels)
+        for first in range(0, len(values), BAND_ROWS):
+            _decode_rows(path, values[first : first + BAND_ROWS], metadata)
+    return Picture(values, metadata)
 
 
 def check_header(path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None]) -> None:
     """Check an image file as far as `read_picture` does before it reads pixels; raise as it does."""
-    oiio = openimageio()
     path = check_input(path)
-    with _broken_headers_refused(path), opened(oiio, path, limit, accept):
+    with _quiet(path), _opened(path, limit, accept):
         pass
 
 
 @contextlib.contextmanager
-def _broken_headers_refused(path: Path) -> Iterator[None]:
-    """Keep OpenImageIO's own messages off stderr; raise InputError for a header that it cannot quote."""
+def _quiet(path: Path) -> Iterator[None]:
+    """Keep OpenImageIO from printing errors that it also returns."""
     try:
         with silent_stderr():
             yield
-    except UnicodeDecodeError:
+    except UnicodeDecodeError:  # OpenImageIO quotes a broken header
         raise input_error(str(path), "is broken", "render it again") from None
 
 
-def _read(
-    oiio: Any,
-    path: Path,
-    limit: tuple[int, int] | None,
-    accept: Callable[[Mapping[str, str]], None] | None,
-    allow: Callable[[int], None] | None,
-) -> Picture:
-    """Read a file that is there; the rest of `read_picture`."""
-    with opened(oiio, path, limit, accept) as (source, metadata):
-        spec = source.spec()
-        what = f"{spec.width} x {spec.height} pixels"
-        if allow is not None:
-            allow(spec.width * spec.height)
-        check_expanded(str(path), what, spec.width * spec.height * (spec.nchannels + 3) * 4, "take a smaller image")
-        pixels = source.read_image(oiio.FLOAT)
-        if pixels is None:
-            raise broken(path, source)
-        values = three_colours(pixels)
-    for first in range(0, len(values), BAND_ROWS):
-        decode_rows(path, values[first : first + BAND_ROWS], metadata)
-    return Picture(values, metadata)
-
-
 @contextlib.contextmanager
-def opened(
-    oiio: Any, path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
-) -> Iterator[tuple[Any, dict[str, str]]]:
+def _opened(
+    path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
+) -> Iterator[tuple[OpenImageIO.ImageInput, dict[str, str]]]:
     """Open an image file that is there; yield OpenImageIO's input and our metadata. See `read_picture`."""
     _check_texts(path)
+    oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
     if source is None:
         trouble = oiio.geterror()
@@ -306,13 +312,13 @@ def opened(
         source.close()
 
 
-def broken(path: Path, source: Any) -> InputError:
+def _broken(path: Path, source: OpenImageIO.ImageInput) -> InputError:
     """Return the error of a file whose rows OpenImageIO cannot read."""
     trouble = _first_line(source.geterror(), path)
     return input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
 
 
-def three_colours(pixels: npt.NDArray[Any]) -> Radiance:
+def _three_colours(pixels: npt.NDArray[Any]) -> Radiance:
     """Return (height, width, 3) of values (height, width, 1 to 4)."""
     values = np.asarray(pixels, np.float32)
     if values.shape[2] < 3:
@@ -320,7 +326,7 @@ def three_colours(pixels: npt.NDArray[Any]) -> Radiance:
     return np.ascontiguousarray(values[:, :, :3])
 
 
-def decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
+def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
     """Make a file's values linear, in place; refuse those that are not finite."""
     if not np.isfinite(rows).all():
         raise input_error(str(path), "contains pixels that are not finite", "render it again")
@@ -353,27 +359,27 @@ def _first_line(trouble: str, path: Path) -> str:
     return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "no reason given")
 
 
-def _metadata_of(spec: Any) -> dict[str, str]:
+def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
     """Return our keys from a file's header."""
-    found: dict[str, str] = {}
+    metadata: dict[str, str] = {}
     for attribute in spec.extra_attribs:
         if attribute.name.startswith(PREFIX):
-            found[attribute.name.removeprefix(PREFIX)] = str(attribute.value)
+            metadata[attribute.name.removeprefix(PREFIX)] = str(attribute.value)
         elif attribute.name == "ImageDescription":
-            for line in str(attribute.value).splitlines():
-                if line.startswith(PREFIX) and "=" in line:
-                    key, value = line.removeprefix(PREFIX).split("=", 1)
-                    found[key] = value
-    return found
+            for entry in re.split(r"\r?\n(?!\t)", str(attribute.value)):
+                if entry.startswith(PREFIX) and "=" in entry:
+                    key, value = entry.removeprefix(PREFIX).split("=", 1)
+                    metadata[key] = value.replace("\n\t", "\n")
+    return metadata
 
 
-def openimageio() -> Any:
+def openimageio() -> ModuleType:
     """Return the library; MissingLibraryError without it."""
     try:
         with interrupts.held():  # an exception while its types load aborts the process
             import OpenImageIO
     except ImportError as error:
-        raise MissingLibraryError(f"OpenImageIO cannot be imported ({error}); {to_install()}") from None
+        raise missing_library(error) from None
     return OpenImageIO
 
 
@@ -389,21 +395,24 @@ class StoredRows:
         self, path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None] | None = None
     ) -> None:
         """Open an image file; see `read_picture`, whose errors this raises too."""
-        self._oiio, self._path = openimageio(), check_input(path)
+        self._path = check_input(path)
         self._first, self._rows = 0, np.empty((0, limit[0], 3), np.float32)
-        with self._quiet():
-            self._open = contextlib.ExitStack()
-            self._source, self.metadata = self._open.enter_context(opened(self._oiio, self._path, limit, accept))
+        self._file, self._closed = contextlib.ExitStack(), False
+        with _quiet(self._path):
+            self._source, self.metadata = self._file.enter_context(_opened(self._path, limit, accept))
         self.shape = (limit[1], limit[0], 3)
         self.size = 3 * limit[0] * limit[1]
 
-    @contextlib.contextmanager
-    def _quiet(self) -> Iterator[None]:
-        try:
-            with silent_stderr():
-                yield
-        except UnicodeDecodeError:  # OpenImageIO quotes a broken header
-            raise input_error(str(self._path), "is broken", "render it again") from None
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file, after which no row can be read; a second time does nothing."""
+        self._file.close()
+        self._closed = True
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -422,19 +431,20 @@ class StoredRows:
 
     def _read(self, first: int, last: int) -> Radiance:
         """Return rows; those of the last call are not read again, so that reading goes forwards."""
+        if self._closed:
+            raise ValueError(f"{self._path} is closed")
         kept = self._rows[max(0, first - self._first) :] if first >= self._first else self._rows[:0]
         start = first + len(kept)
         parts = [kept[: last - first]]
-        with self._quiet():
+        with _quiet(self._path):
             for low in range(start, last, BAND_ROWS):
                 high = min(low + BAND_ROWS, last)
-                pixels = self._source.read_scanlines(
-                    0, 0, low, high, 0, 0, self._source.spec().nchannels, self._oiio.FLOAT
-                )
+                channels = self._source.spec().nchannels
+                pixels = self._source.read_scanlines(0, 0, low, high, 0, 0, channels, openimageio().FLOAT)
                 if pixels is None:
-                    raise broken(self._path, self._source)
-                values = three_colours(pixels)
-                decode_rows(self._path, values, self.metadata)
+                    raise _broken(self._path, self._source)
+                values = _three_colours(pixels)
+                _decode_rows(self._path, values, self.metadata)
                 parts.append(values)
         self._first, self._rows = first, np.concatenate(parts)
         self._rows.setflags(write=False)

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, noted: some libraries drop the exception while they load, so long work asks between its steps."""
+"""Ctrl-C and SIGTERM, remembered: some libraries drop the exception while they load; long work asks between steps."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+#: The signal of a terminal that is lost; Windows has none.
+HANGUP = getattr(signal, "SIGHUP", None)
 #: Signals that end a command: Ctrl-C, the end that another program asks for, and the loss of the terminal.
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 
 #: Signals received.
 received: list[int] = []
@@ -20,8 +22,8 @@ received: list[int] = []
 def install() -> None:
     """Have each signal of `ENDING` raise KeyboardInterrupt; SIGHUP stays ignored under nohup."""
     for number in ENDING:
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, note)
+        if number != HANGUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, receive)
 
 
 def ignore() -> None:
@@ -30,8 +32,8 @@ def ignore() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def note(number: int, frame: FrameType | None) -> None:
-    """Note a signal and raise KeyboardInterrupt, as Python's own handler does for SIGINT."""
+def receive(number: int, frame: FrameType | None) -> None:
+    """Keep the signal's number and raise KeyboardInterrupt, as Python's own handler does for SIGINT."""
     received.append(number)
     raise KeyboardInterrupt
 

@@ -19,6 +19,8 @@ VERSIONS = {
 }
 #: Limits from here on count as none: where memory is not limited, version 1 writes a number just below 2^63.
 UNLIMITED = 1 << 62
+#: Free memory that is assumed where the system does not tell it, MB.
+UNTOLD_MB = 4000.0
 
 
 def free_memory_mb() -> float:
@@ -26,7 +28,7 @@ def free_memory_mb() -> float:
 
     Containers and batch systems limit their programs by control groups, of which /proc/meminfo knows nothing.
     """
-    machine = proc_mb("meminfo", "MemAvailable") or os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e6
+    machine = proc_mb("meminfo", "MemAvailable") or UNTOLD_MB
     return min([machine, *group_memory_mb()])
 
 
@@ -96,8 +98,12 @@ def _information() -> str:
 
 def machine_name() -> str:
     """Return processor and cores, such as "AMD EPYC with AVX-512, 2 cores, Linux x86_64"."""
-    cores = len(os.sched_getaffinity(0))
-    return f"{processor_name()}, {cores} cores, {platform.system()} {platform.machine()}"
+    return f"{processor_name()}, {processor_count()} cores, {platform.system()} {platform.machine()}"
+
+
+def processor_count() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def gpu_name() -> str:

@@ -76,9 +76,12 @@ def run_program(
 
 def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
     """End a program and all that it started; return what it printed."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
+    for name in ("SIGTERM", "SIGKILL"):
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, number)
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.Signals[name])
+            else:  # Windows has no groups of processes
+                process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
             return process.communicate(timeout=GRACE_S)
     return "", ""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import sys
+import tempfile
+import traceback
 from importlib import import_module
 
 import click
@@ -13,7 +15,7 @@ from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.files import is_full, made, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
-from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, printable, to_install
+from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
 #: Commands in the order of the work; each is a function of its own name in a module of its own name.
 COMMANDS = (
@@ -48,8 +50,8 @@ def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
     Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing, or no
-    space; 4 regress found wrong rays, calibrate a wrong display; 130, 143 and 129 ended by Ctrl-C, by SIGTERM and by
-    the loss of the terminal.
+    space; 4 regress found wrong rays, calibrate a wrong display; 70 a fault of Lippmann's, to be reported; 130, 143 and
+    129 ended by Ctrl-C, by SIGTERM and by the loss of the terminal.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
@@ -92,6 +94,8 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
 FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
 #: Longest line of an error.
 MOST_LETTERS = 1000
+#: Exit code of an error that no input should cause (EX_SOFTWARE of sysexits.h).
+FAULT_CODE = 70
 #: What is said of a file that cannot be opened, where its reader does not say it.
 CANNOT_OPEN: dict[type[OSError], str] = {
     PermissionError: "you may not open it; change its permissions, or name another file",
@@ -111,19 +115,34 @@ def _explain(error: BaseException) -> tuple[str, int]:
     if is_full(error):
         named = getattr(error, "filename", None)
         error = no_space(str(named)) if named else NoSpaceError(FULL_DISK)
+    if isinstance(error, MemoryError):
+        error = InputError("out of memory; take a smaller panel or fewer samples")
+    elif isinstance(error, ImportError) and not (error.name or "").startswith("lippmann"):
+        error = missing_library(error)
+    elif isinstance(error, OSError) and error.filename and error.strerror:
+        remedies = [remedy for kind, remedy in CANNOT_OPEN.items() if isinstance(error, kind)]
+        remedy = (*remedies, f"{error.strerror}; name another file")[0]
+        error = InputError(f"{error.filename}: {remedy}")
     if isinstance(error, LippmannError):
         return str(error), error.exit_code
-    if isinstance(error, MemoryError):
-        return "out of memory; take a smaller panel or fewer samples", InputError.exit_code
     if os.environ.get("LIPPMANN_TRACEBACK"):
         raise error
-    if isinstance(error, ImportError):
-        return f"{error}; {to_install()}", MissingLibraryError.exit_code
-    what = f"{type(error).__name__}: {error}; check the input (LIPPMANN_TRACEBACK=1 shows where this came from)"
-    for kind, remedy in CANNOT_OPEN.items():
-        if isinstance(error, kind) and error.filename:
-            what = f"{error.filename}: {remedy}"
-    return what, InputError.exit_code
+    return _fault(error), FAULT_CODE
+
+
+def _fault(error: BaseException) -> str:
+    """Keep the traceback of an error that no input should cause in a file; return the line that says so."""
+    what = f"a fault of Lippmann's ({type(error).__name__}: {error})"
+    trace = "".join(traceback.format_exception(error))
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", errors="replace", prefix="lippmann-fault-", suffix=".txt", delete=False
+        ) as file:
+            file.write(trace)
+    except OSError as unwritable:
+        click.echo(trace, err=True)
+        return f"{what}; please report it with the traceback above (no file holds it: {unwritable.strerror})"
+    return f"{what}; please report it with the traceback in {file.name}"
 
 
 def _usage(error: click.ClickException) -> str:
