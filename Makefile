@@ -110,7 +110,7 @@ report-bitstream: $(READY) ## clocks and cells of the ULX3S's bitstreams, into d
 	$(BIN)/python -m tools.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --seeds 1,2,4 --report docs/reports
 
 report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
-	$(BIN)/lippmann report -o docs/reports
+	$(BIN)/python -m tools.full_report -o docs/reports
 
 report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/reports
 	$(BIN)/python -m tools.bench fixed --report docs/reports > /dev/null

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from lippmann.base.tones import encode
-from lippmann.conformance.test_pictures import middle
+from lippmann.conformance.engine_speeds import middle
 from lippmann.display.description import Display, load_display
 from lippmann.rendering.renderer import Settings, render_rays
 from lippmann.rendering.samples import TILE_PX

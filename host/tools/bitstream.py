@@ -26,7 +26,6 @@ from lippmann.board.fpga_boards import FILE, FpgaBoard, fpga_board
 from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import bar_charts
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.fixed.build import Build
@@ -39,6 +38,7 @@ from tools import flow
 from tools.anchors import TRIALS, anchor
 from tools.flow import Source, run_tool
 from tools.pll import SHIFT_CLOCKS, TOLERANCE, Pll, panel_pixel_mhz, solve
+from tools.report_plots import draw_bar_charts, make_page
 
 #: Seeds that are tried unless others are asked for.
 SEEDS = "1,2,3,4,5,6,7,8"
@@ -396,8 +396,8 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
         f"{role}: met / asked": [row.get(f"{role}_ratio") or 0.0 for row in rows]
         for role in ("shift", "system", "memory")
     }
-    plot = bar_charts("bitstream", labels, charts)
-    return Page("bitstream", origin, [plot], {"bitstream": rows}, {"rows": rows}, Path(__file__).with_name("templates"))
+    plot = draw_bar_charts("bitstream", labels, charts)
+    return make_page("bitstream", origin, [plot], {"bitstream": rows}, {"rows": rows})
 
 
 def _told(row: Mapping[str, Any]) -> list[str]:

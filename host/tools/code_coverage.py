@@ -26,10 +26,11 @@ from lippmann.base.provenance import provenance
 from lippmann.base.toml import documented, key
 from lippmann.cli import run
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import bar_charts
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.simulation.compilation import COVERAGE, TOGGLES
 from lippmann.simulation.toolchain import build_folder, repository
+
+from tools.report_plots import draw_bar_charts, make_page
 
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
 #: What coverage.py is told: every process counts, also those that a command starts and that a signal ends.
@@ -159,7 +160,7 @@ def page(
     """Return the page; `why` has the reasons by file."""
     least = sorted([*rtl, *host], key=lambda row: row["met"] - row["lines"])[:SHOWN]
     charts = {"lines that no quick test executes": [float(row["lines"] - row["met"]) for row in least]}
-    plot = bar_charts("code-coverage", [row["file"].removeprefix("host/lippmann/") for row in least], charts)
+    plot = draw_bar_charts("code-coverage", [row["file"].removeprefix("host/lippmann/") for row in least], charts)
     context = {
         "rtl": rtl,
         "host": host,
@@ -169,7 +170,7 @@ def page(
     }
     lines = [{name: value for name, value in row.items() if name not in ("toggles", "toggled")} for row in rtl]
     tables = {"code-coverage-rtl": lines, "code-coverage-host": host}
-    return Page("code-coverage", origin, [plot], tables, context, Path(__file__).with_name("templates"))
+    return make_page("code-coverage", origin, [plot], tables, context)
 
 
 def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapping[str, str]) -> Page:
@@ -178,12 +179,11 @@ def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapp
     least = sorted((row for row in rows if row["still"]), key=lambda row: -row["still"])
     shown = least[:SHOWN]
     charts = {"toggles that no bench sees": [float(row["still"]) for row in shown]}
-    plot = bar_charts("toggles", [row["file"] for row in shown], charts)
+    plot = draw_bar_charts("toggles", [row["file"] for row in shown], charts)
     context = {"least": least, "share": share(rtl, "toggled", "toggles"), "toggles": sum(row["toggles"] for row in rtl)}
-    templates = Path(__file__).with_name("templates")
     columns = ("file", "toggles", "toggled", "still")
     table = [{name: row[name] for name in columns} for row in rows]
-    return Page("toggles", origin, [plot], {"toggles": table}, context, templates)
+    return make_page("toggles", origin, [plot], {"toggles": table}, context)
 
 
 def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
 from pathlib import Path
 
 from lippmann.conformance.engine_errors import Row, measure_fixed
@@ -12,8 +12,10 @@ from lippmann.display.description import load_display
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.simulation.harness import rtl_pipeline
 
+logger = logging.getLogger("lippmann.report")
 
-def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) -> tuple[list[Row], list[Row]]:
+
+def measure(scenes: Path, seed: int, device: str) -> tuple[list[Row], list[Row]]:
     """Compare golden and fast with 50 digits, the twin with golden, and the RTL (F = 23) with the twin.
 
     The displays are the founding paper's, as they ship and with the plano side to the viewer.
@@ -22,7 +24,7 @@ def measure(scenes: Path, seed: int, device: str, log: Callable[[str], None]) ->
     turned = [changed(one, plano_side="viewer", gap_mm=one.array.focal_length_mm) for one in shipped]
     real, fixed = [], []
     for display in (one for pair in zip(shipped, turned, strict=True) for one in pair):
-        log(f"{display.name}, plano side to the {display.array.plano_side} ...")
+        logger.info("%s, plano side to the %s ...", display.name, display.array.plano_side)
         for rays in hard_sets(display, "all", seed):
             real += measure_engines(rays, ("golden", "fast"), device)
             if isinstance(rays, Out):

@@ -28,10 +28,9 @@ from lippmann.capturing.capture import capture_source, rays_from_picture
 from lippmann.capturing.capture_setup import Setup, load_setup
 from lippmann.capturing.povray_export import POVRAY, Exported, Run, write_folder
 from lippmann.capturing.povray_optics import setup_view
-from lippmann.conformance.figures import in_turn, row_of
+from lippmann.conformance.engine_speeds import in_turn
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot
-from lippmann.conformance.test_pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import PanelFrame
@@ -42,7 +41,9 @@ from PIL import Image as PngImage
 from scipy import ndimage
 
 from tools.bench import Bench, measurement
-from tools.seed import ANTIALIAS, SETUPS, TEMPLATES, fastest, load_for, with_window
+from tools.picture_strips import every_strip, rows_of_strips
+from tools.report_plots import make_page, row_of
+from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
 
 #: Side of the windows whose pictures are compared, px.
 PICTURE_PX = 600
@@ -302,7 +303,7 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -
         "WHOLE_ROUNDS",
     )
     context = {"rows": rows, "times": times, **{name: globals()[name] for name in names}}
-    return Page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context, TEMPLATES)
+    return make_page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context)
 
 
 @measurement(page="peers")

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from lippmann.base.machine import gpu_name
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.conformance.figures import in_turn
-from lippmann.conformance.renderer_speed import ROUNDS, separately, timed
+from lippmann.conformance.engine_speeds import in_turn
 from lippmann.display.description import Display, load_display
 from lippmann.rendering.coherence import coherence_hint
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.scene import Scene, load_scene
+
+from tools.renderer_speed import ROUNDS, separately, timed
 
 #: Displays and samples a pixel; the larger ones for a GPU, which a small picture leaves idle.
 CPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1))

@@ -23,10 +23,8 @@ from lippmann.capturing.capture_setup import Setup, load_setup
 from lippmann.capturing.povray_export import POVRAY, Run, export_view, write_folder
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli.frame import option
-from lippmann.conformance.figures import row_of
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import MARKS, Plot, drawn, finish
-from lippmann.conformance.renderer_speed import with_pitch
+from lippmann.conformance.plots import MARKS, Plot, finish_picture, make_axes
 from lippmann.display.description import MM_PER_INCH, Display
 from lippmann.rendering.renderer import Rendered, Settings, render_rays
 from lippmann.rendering.sources import RaySource, Window, eye_source
@@ -34,6 +32,8 @@ from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
 
 from tools.bench import Bench, measurement
+from tools.renderer_speed import with_pitch
+from tools.report_plots import make_page, row_of
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
@@ -44,7 +44,6 @@ ROUNDS = 2
 #: POV-Ray's options for anti-aliasing.
 ANTIALIAS = ("+WT2", "+A0.3")
 EYE_MM = (0.0, 0.0, 600.0)
-TEMPLATES = Path(__file__).with_name("templates")
 
 
 class Sweep(NamedTuple):
@@ -199,7 +198,7 @@ def findings(rows: Sequence[Timed]) -> Findings:
 
 def plot(rows: Sequence[Timed]) -> Plot:
     """Draw t_R over the number of lenslets: a curve for each window and tracer; hexagonal arrays dashed."""
-    picture, axes = drawn(1, 2, (5.5, 4.5))
+    picture, axes = make_axes(1, 2, (5.5, 4.5))
     windows = sorted({r.window_px for r in rows if r.grid != "none"})
     for axis, antialias in zip(axes[0], (False, True), strict=True):
         for tracer, window, grid in itertools.product(("lippmann", "POV-Ray"), windows, SETUPS):
@@ -214,7 +213,7 @@ def plot(rows: Sequence[Timed]) -> Plot:
         axis.set(xscale="log", yscale="log", xlabel="lenslets in the window", ylabel="relative time t_R")
         axis.set_title("anti-aliasing" if antialias else "no anti-aliasing")
         axis.legend(fontsize=7)
-    return Plot("seed", finish(picture))
+    return Plot("seed", finish_picture(picture))
 
 
 def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) -> Page:
@@ -228,7 +227,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
     }
     context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial}
     kept = {"seed": [row_of(row) for row in rows]}
-    return Page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES}, TEMPLATES)
+    return make_page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES})
 
 
 @measurement(page="seed")

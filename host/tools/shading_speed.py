@@ -15,7 +15,7 @@ from lippmann.base.tones import psnr_db
 from lippmann.base.variant import drjit, mitsuba
 from lippmann.capturing.capture import capture, placement_before
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.conformance.test_pictures import EYE_MM, VIEW_SAMPLES, every_strip, rows_of_strips
+from lippmann.conformance.engine_speeds import EYE_MM, VIEW_SAMPLES
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.rendering.renderer import Rendered, Settings, Shading, render_integral, render_rays
@@ -24,6 +24,8 @@ from lippmann.rendering.sources import display_source
 from lippmann.rendering.surface_lattice import NONE, Place
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
+
+from tools.picture_strips import every_strip, rows_of_strips
 
 #: Display, numbers of lamps, and samples a pixel.
 DISPLAY, LAMPS, SAMPLES = "paper-square", (1, 2, 5, 20), (1, 2, 4, 8)

@@ -22,9 +22,10 @@ from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import bar_charts
 from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import repository
+
+from tools.report_plots import draw_bar_charts, make_page
 
 #: Folders and files of the checkout that tests read.
 TESTED = (
@@ -35,7 +36,6 @@ TESTED = (
 TEST_S, STAGE_S = 300, 3600
 #: So many tests run in one process.
 FEW = 16
-TEMPLATES = Path(__file__).with_name("templates")
 #: Changed lines that are no faults: end of the file's path, a part of the text, and the reason.
 Same = Mapping[tuple[str, str], str]
 
@@ -259,7 +259,7 @@ def faults_page(
         "faults tried": [len(ends) for ends in tried.values()],
         "survivors": [ends.count("survived") for ends in tried.values()],
     }
-    plot = bar_charts(name, list(tried), charts, xlim=(0, max(map(len, tried.values())) + 0.5))
+    plot = draw_bar_charts(name, list(tried), charts, xlim=(0, max(map(len, tried.values())) + 0.5))
     context = {
         "name": name,
         "result": f"{caught} of {count} faults caught ({100.0 * caught / max(count, 1):.1f} %)",
@@ -268,7 +268,7 @@ def faults_page(
         "diffs": [fault.diff((scratch.folder / fault.file).read_text()) for fault in survivors],
         "left_out": scratch.left_out,
     }
-    return Page(name, origin, [plot], {name: records}, context, TEMPLATES)
+    return make_page(name, origin, [plot], {name: records}, context)
 
 
 def _line(text: str) -> str:

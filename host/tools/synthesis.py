@@ -24,10 +24,7 @@ from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
 from lippmann.cli import run
 from lippmann.cli.output import log
-from lippmann.conformance.fixed_errors import measure
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import bar_charts
-from lippmann.conformance.word_sets import frame_words
 from lippmann.errors import InputError, LippmannError
 from lippmann.fixed.build import CONFIGURATIONS, Named
 from lippmann.fixed.scene_build import SceneBuild
@@ -37,8 +34,11 @@ from lippmann.simulation.virtual_board import KNOWN_TIMINGS, TIMING
 
 from tools import flow
 from tools.bench_pages import measured_page
+from tools.fixed_errors import measure
 from tools.flow import SYNTHESIS, Source
 from tools.lint import elaborated
+from tools.report_plots import draw_bar_charts, make_page
+from tools.word_sets import frame_words
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200
@@ -220,18 +220,17 @@ ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point
 
 def drawing_page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
     """Return the page of the designs that draw a scene."""
-    folder = Path(__file__).with_name("templates")
-    return Page("synthesis-drawing", origin, [], {"synthesis-drawing": rows}, {"rows": rows, "mhz": WANTED_MHZ}, folder)
+    return make_page("synthesis-drawing", origin, [], {"synthesis-drawing": rows}, {"rows": rows, "mhz": WANTED_MHZ})
 
 
 def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Sequence[Mapping[str, Any]]) -> Page:
     """Return the page of the configurations and of the whole designs."""
     shown = rows or whole
     charts = {"clock, MHz": [row["mhz"] for row in shown], "LUT": [row["lut"] for row in shown]}
-    plot = bar_charts("synthesis", [row["configuration"] for row in shown], charts)
+    plot = draw_bar_charts("synthesis", [row["configuration"] for row in shown], charts)
     tables = {"synthesis": rows, "synthesis-board": whole}
     context = {"rows": rows, "whole": whole, "mhz": WANTED_MHZ, "pixels": SAMPLE_PIXELS}
-    return Page("synthesis", origin, [plot], tables, context, Path(__file__).with_name("templates"))
+    return make_page("synthesis", origin, [plot], tables, context)
 
 
 @click.command()

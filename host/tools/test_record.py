@@ -12,8 +12,9 @@ from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
 from lippmann.cli import run
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import bar_charts
 from lippmann.errors import InputError
+
+from tools.report_plots import draw_bar_charts, make_page
 
 #: So many test files have a bar.
 SHOWN = 20
@@ -35,7 +36,7 @@ def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
             failed.append(f"{file}::{case.attrib['name']}")
     slowest = sorted(files, key=lambda file: -files[file]["seconds"])
     charts = {name: [files[file][name] for file in slowest[:SHOWN]] for name in ("seconds", "tests")}
-    plot = bar_charts("tests", [file.removeprefix("tests/") for file in slowest[:SHOWN]], charts)
+    plot = draw_bar_charts("tests", [file.removeprefix("tests/") for file in slowest[:SHOWN]], charts)
     rows = [{"file": file, **files[file]} for file in slowest]
     context = {
         "rows": rows,
@@ -43,7 +44,7 @@ def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
         "minutes": float(suite.attrib["time"]) / 60.0,
         "slowest": max(suite.iter("testcase"), key=lambda case: float(case.attrib["time"])),
     }
-    return Page("tests", origin, [plot], {"tests": rows}, context, Path(__file__).with_name("templates"))
+    return make_page("tests", origin, [plot], {"tests": rows}, context)
 
 
 def _has(case: ElementTree.Element, kinds: Iterable[str]) -> bool:

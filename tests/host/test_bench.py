@@ -5,10 +5,10 @@ import re
 
 import click.testing
 import pytest
-from lippmann.conformance import renderer_speed
+from lippmann.cli import run
 from lippmann.conformance.figures import read_csv
 from lippmann.simulation.toolchain import repository
-from tools import animate_speed, bench, bench_pages
+from tools import animate_speed, bench, bench_pages, renderer_speed
 from tools.bench_pages import (
     MEASURED,
     calibration_page,
@@ -59,6 +59,12 @@ def test_old_command_lines_work(measured, capfd, words):
     assert said["rows"] == [ROW]
     assert {"machine", "date", "command", "versions"} < set(said)
     assert said["command"] == f"python -m tools.bench animate --scenes {SCENES} --seed 5 --device llvm"
+
+
+def test_the_old_command_is_answered_with_the_new_one(capfd):
+    assert run(["bench", "trace"]) == 2
+    said = "lippmann bench: measurements of Lippmann itself are made in a checkout: python -m tools.bench"
+    assert said in capfd.readouterr().err
 
 
 def test_the_origin_tells_a_command_that_runs(monkeypatch, capfd):

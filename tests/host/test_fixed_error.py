@@ -13,7 +13,6 @@ import os
 import click.testing
 import numpy as np
 import pytest
-from lippmann.conformance import fixed_errors, stage_errors, word_sets
 from lippmann.display.description import load_display
 from lippmann.engines import trace, trace_fixed
 from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, turned_over
@@ -26,7 +25,7 @@ from lippmann.optics.rays import MODELS, Status, gets_through
 from lippmann.optics.system import System
 from lippmann.simulation.toolchain import repository
 from optics_cases import exit_cosine, random_in_cell
-from tools import bench
+from tools import bench, fixed_errors, stage_errors, word_sets
 
 SCENES = repository() / "scenes"
 RAYS = 20_000

@@ -9,7 +9,6 @@ import pytest
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.capturing.capture import capture_source
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.conformance.test_pictures import every_strip, rows_of_strips
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.pixel_filter import MOST_SAMPLES, PixelFilter, is_filtered, softness
@@ -20,6 +19,7 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, generator
+from tools.picture_strips import every_strip, rows_of_strips
 
 WIDTH, HEIGHT = 40, 150
 

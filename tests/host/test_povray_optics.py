@@ -10,7 +10,6 @@ from lippmann.capturing.capture_setup import load_setup
 from lippmann.capturing.povray_export import Run, write_folder
 from lippmann.capturing.povray_optics import lattice_rows, setup_view
 from lippmann.cli import run
-from lippmann.conformance.test_pictures import every_strip
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
@@ -25,6 +24,7 @@ from test_povray_scene import ball, card, diffuse, light
 from tools import bench
 from tools.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams
 from tools.peers import page as peers_page
+from tools.picture_strips import every_strip
 from tools.seed import Timed, findings, lenslets_in, with_window
 
 SMALL_PX = 120

@@ -1,4 +1,4 @@
-"""`lippmann report` end to end, and what it refuses before any work is done."""
+"""`make report` and `lippmann report` end to end, and what they refuse before any work is done."""
 
 import csv
 import json
@@ -7,20 +7,25 @@ from pathlib import Path
 
 import pytest
 from lippmann.cli import run
+from lippmann.conformance.display_report import compare
 from lippmann.conformance.figures import read_stored
-from lippmann.conformance.report_changes import compare
-from lippmann.conformance.report_plan import QUICK
-from lippmann.conformance.report_run import TABLES
 from lippmann.simulation.toolchain import repository
 from PIL import Image
 from test_report_page import check_page
+from tools import full_report
+from tools.full_report import TABLES
 
 SCENES = str(repository() / "scenes")
+SHIPPED = f"{SCENES}/displays/vga-square.toml"
 ORIGIN = ("machine", "date", "command", "versions", "seed", "load")
 
 
-def report(folder, *options):
-    return run(["report", "--scenes", SCENES, "-o", str(folder), "--device", "llvm", *options])
+def report(folder, *options, display=None):
+    """Run `lippmann report` for a display; without one, the report about everything."""
+    words = ["--scenes", SCENES, "-o", str(folder), "--device", "llvm", *options]
+    if display is None:
+        return run(words, full_report.main)
+    return run(["report", "--display", str(display), *words])
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +35,7 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         said = []
         patch.setattr("lippmann.cli.report.emit", lambda result, text: said.append(result))
-        patch.setattr("lippmann.conformance.report_plan.QUICK", replace(QUICK, memory_rounds=1))
+        patch.setattr(full_report, "QUICK", replace(full_report.QUICK, memory_rounds=1))
         assert report(folder, "--quick", "--seed", "3") == 0
     return folder, json.loads(json.dumps(said[0]))
 
@@ -116,6 +121,27 @@ def test_a_run_that_was_kept_has_not_moved_against_itself(made):
     assert (found.moved, found.new, found.gone, found.differs) == ((), 0, 0, ())
 
 
+def test_the_report_of_a_users_display(tmp_path, capsys):
+    """A display file that lies outside the project."""
+    text = (Path(SCENES) / "displays/vga-square.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace("vga-square", "mine"))
+    assert report(tmp_path / "new", "--quick", "--json", display=tmp_path / "mine.toml") == 0
+    result = json.loads(capsys.readouterr().out)
+    assert list(result["tables"]) == ["report-engines"]
+    rows = result["tables"]["report-engines"]
+    assert {row["display"] for row in rows} == {"mine"}
+    assert {row["engine"] for row in rows} == {"golden", "fast", "twin"}
+    check_page((tmp_path / "new/report.html").read_text(), result, images=1, tables=1)
+    assert result["command"].startswith(f"lippmann report --display {tmp_path}/mine.toml --scenes ")
+
+
+def test_two_displays_of_one_name_are_refused(tmp_path, capsys):
+    display = Path(SCENES) / "displays/vga-square.toml"
+    assert report(tmp_path / "new", "--display", str(display), display=display) == 2
+    wrong(capsys, "two displays have the name", "give each a name of its own")
+    assert not (tmp_path / "new").exists()
+
+
 def wrong(capsys, *needles):
     said = capsys.readouterr().err.strip()
     assert said.startswith("lippmann: ")
@@ -125,15 +151,15 @@ def wrong(capsys, *needles):
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert report(tmp_path / "file", "--quick") == 2
+    assert report(tmp_path / "file", "--quick", display=SHIPPED) == 2
     wrong(capsys, "file: cannot be made", "choose another place")
-    assert report(tmp_path / "file" / "below", "--quick") == 2
+    assert report(tmp_path / "file" / "below", "--quick", display=SHIPPED) == 2
     wrong(capsys, "below: cannot be made")
 
 
 def test_a_page_that_cannot_be_written_is_refused(tmp_path, capsys):
     (tmp_path / "report.html").mkdir()
-    assert report(tmp_path, "--quick") == 2
+    assert report(tmp_path, "--quick", display=SHIPPED) == 2
     wrong(capsys, "report.html: is a folder")
 
 

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.conformance.configurations import pareto_front
-from lippmann.conformance.figures import Figures, Measured, in_turn, read_figures, read_stored
+from lippmann.conformance.display_report import compare, has_moved
+from lippmann.conformance.engine_speeds import in_turn
+from lippmann.conformance.figures import Figures, Measured, read_figures, read_stored, write_csv
 from lippmann.conformance.pages import TEMPLATES, Page
-from lippmann.conformance.report_changes import compare, has_moved
-from lippmann.conformance.tables import write_csv
 from lippmann.errors import InputError
+from tools.report_builds import pareto_front
 
 ORIGIN = {"machine": "one", "date": "2026-01-01", "command": "lippmann report", "versions": "1", "seed": "0"}
 
@@ -31,9 +31,8 @@ def kept(folder, *tables, origin=None):
 
 def told(found, folder):
     """The section of the report that tells a comparison."""
-    text = (TEMPLATES / "report.md").read_text()
-    (folder / "moves.md").write_text(text.splitlines()[0] + "\n## Since" + text.partition("## Since")[2])
-    return Page("moves", ORIGIN, context={"found": found}, templates=folder).text()
+    (folder / "moves.md").write_text((TEMPLATES / "report-changes.md").read_text())
+    return Page("moves", ORIGIN, context={"comparison": found}, templates=folder).text()
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,12 @@ import itertools
 import re
 
 import pytest
-from lippmann.conformance.configurations import on_front
 from lippmann.conformance.figures import read_stored
-from lippmann.conformance.report_plan import WHOLE
-from lippmann.conformance.report_run import TABLES
 from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.optics.rays import ENGINES, MODELS
 from lippmann.simulation.toolchain import repository
+from tools.full_report import TABLES, WHOLE
+from tools.report_builds import on_front
 
 REPORTS = repository() / "docs/reports"
 

@@ -8,12 +8,10 @@ import math
 import numpy as np
 import pytest
 from lippmann.base.tones import decode
-from lippmann.conformance import configurations, engine_speeds, processor_load, renderer_speed
+from lippmann.conformance import display_report, engine_speeds
+from lippmann.conformance.engine_speeds import middle
 from lippmann.conformance.fifty_digits import true_rays
 from lippmann.conformance.figures import Figures, Measured
-from lippmann.conformance.plots import size_label
-from lippmann.conformance.report_plan import QUICK, WHOLE
-from lippmann.conformance.test_pictures import middle, noise_levels
 from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
@@ -21,6 +19,10 @@ from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Status
 from lippmann.simulation.toolchain import repository
+from tools import renderer_speed, report_builds
+from tools.full_report import QUICK, WHOLE
+from tools.renderer_speed import noise_levels
+from tools.report_plots import size_label
 
 SCENES = repository() / "scenes"
 DEPTHS = (-165.0, 78.0)
@@ -180,7 +182,7 @@ def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
 
 
 def test_the_whole_plan_measures_every_configuration_and_word_length():
-    found = configurations.configurations(WHOLE)
+    found = report_builds.configurations(WHOLE)
     assert {c.name for c in found} >= set(CONFIGURATIONS)
     assert len({c.name for c in found}) == len({c.build for c in found}) == len(found)
     exact = {(c.build.grid, c.build.fraction_bits) for c in found if c.build.model == "exact"}
@@ -188,22 +190,22 @@ def test_the_whole_plan_measures_every_configuration_and_word_length():
 
 
 def test_the_quick_plan_measures_a_few():
-    assert {c.name for c in configurations.configurations(QUICK)} == set(configurations.SIMULATED)
+    assert {c.name for c in report_builds.configurations(QUICK)} == set(report_builds.SIMULATED)
 
 
 def test_placed_figures_are_those_that_are_kept():
-    origin, sizes = configurations.placed()
+    origin, sizes = report_builds.placed()
     assert {"machine", "date", "command"} <= set(origin)
-    assert set(configurations.SIMULATED) <= set(sizes)
+    assert set(report_builds.SIMULATED) <= set(sizes)
     assert all(size["lut"] > 1000 and size["mhz"] > 50 for size in sizes.values())
 
 
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
     (tmp_path / "docs/reports").mkdir(parents=True)
-    (tmp_path / configurations.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
-    monkeypatch.setattr(configurations, "repository", lambda: tmp_path)
+    (tmp_path / report_builds.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
+    monkeypatch.setattr(report_builds, "repository", lambda: tmp_path)
     with pytest.raises(InputError, match=r"synthesis\.csv: holds no figures of place-and-route .*; run make synth"):
-        configurations.placed()
+        report_builds.placed()
 
 
 def test_the_front_counts_cells_clock_and_error():
@@ -221,7 +223,7 @@ def test_the_front_counts_cells_clock_and_error():
         row("elsewhere", 90000, 10, 1.0, display="other"),
         row("aims", 90000, 10, 1.0, rays="full"),
     ]
-    found = configurations.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
+    found = report_builds.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
     assert found == {"small": True, "exact": True, "worse": False, "fast": True, "elsewhere": True, "aims": True}
 
 
@@ -230,22 +232,22 @@ def test_the_front_counts_cells_clock_and_error():
 
 @pytest.mark.parametrize(("everybody", "others"), [(100.0, 70), (30.0, 0), (10.0, 0)])
 def test_load_tells_the_work_that_was_not_ours(monkeypatch, everybody, others):
-    start = processor_load.Load(0.25, 1000.0, 50.0)
-    monkeypatch.setattr(processor_load.Load, "now", lambda: processor_load.Load(9.0, 1000.0 + everybody, 80.0))
-    assert processor_load.load_since(start) == (
+    start = display_report.Load(0.25, 1000.0, 50.0)
+    monkeypatch.setattr(display_report.Load, "now", lambda: display_report.Load(9.0, 1000.0 + everybody, 80.0))
+    assert display_report.load_since(start) == (
         f"average 0.2 at the start; {others} of {everybody:.0f} s of processor time since then were other programs'"
     )
 
 
 def test_load_counts_our_own_work():
-    start = processor_load.Load.now()
+    start = display_report.Load.now()
     x = np.random.default_rng(0).random(1_000_000)
-    while processor_load.Load.now().ours - start.ours < 0.3:
+    while display_report.Load.now().ours - start.ours < 0.3:
         np.sort(x)
-    end = processor_load.Load.now()
+    end = display_report.Load.now()
     assert end.everybody is None or end.everybody - start.everybody >= 0.25
 
 
 def test_load_without_proc(monkeypatch):
-    monkeypatch.setattr(processor_load.Load, "now", lambda: processor_load.Load(1.0, None, 2.0))
-    assert processor_load.load_since(processor_load.Load(0.5, None, 0.0)) == "average 0.5 at the start"
+    monkeypatch.setattr(display_report.Load, "now", lambda: display_report.Load(1.0, None, 2.0))
+    assert display_report.load_since(display_report.Load(0.5, None, 0.0)) == "average 0.5 at the start"

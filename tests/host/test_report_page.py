@@ -8,7 +8,7 @@ import jinja2
 import pytest
 from lippmann.conformance.figures import Figures, Measured
 from lippmann.conformance.pages import Page, stamped
-from lippmann.conformance.plots import Plot, drawn, finish
+from lippmann.conformance.plots import Plot, finish_picture, make_axes
 from PIL import Image
 
 ORIGIN = {
@@ -71,12 +71,14 @@ Text with `code` < 3, {{ link("more", "../more.md") }}. All of it: {{ file("repo
 @pytest.fixture
 def page(tmp_path):
     (tmp_path / "made.md").write_text(TEMPLATE)
-    picture, axes = drawn(1, 1)
+    picture, axes = make_axes(1, 1)
     axes[0][0].plot([0, 1], [1, 0])
     rows = [{"engine": "fast", "rate": Measured(1234567.0, 0.5)}, {"engine": "a<b", "rate": None}]
     data = Figures("report-made", ("engine",), rows)
     context = {"rows": rows, "repeat_origin": True}
-    return Page("made", ORIGIN, [Plot("report-made", finish(picture))], {"report-made": data.flat()}, context, tmp_path)
+    return Page(
+        "made", ORIGIN, [Plot("report-made", finish_picture(picture))], {"report-made": data.flat()}, context, tmp_path
+    )
 
 
 def check_page(text, origin, images, tables):

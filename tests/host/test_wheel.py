@@ -1,10 +1,13 @@
 """The wheel carries the RTL: what simulates it works from `pip install`, without a checkout."""
 
+import email
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -42,6 +45,34 @@ def test_the_wheel_has_the_rtl_and_what_simulates_it(wheel):
     said = subprocess.check_output(["tar", "tf", str(sources)], text=True)
     packed = {line.partition("/")[2] for line in said.split() if "/rtl/" in line or "/sim/" in line}
     assert set(files("rtl", "sim/batch", "sim/board")) <= packed
+
+
+def test_the_wheel_is_the_product_alone(wheel):
+    """No tool of the maintainers, no test, and no package that only they need."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        (metadata,) = (name for name in names if name.endswith(".dist-info/METADATA"))
+        said = email.message_from_bytes(archive.read(metadata))
+    assert {name.partition("/")[0] for name in names} == {"lippmann", metadata.partition("/")[0]}
+    needed = [line.split(";") for line in said.get_all("Requires-Dist")]
+    packages = {re.match(r"[\w-]+", line[0])[0] for line in needed if "extra" not in "".join(line[1:])}
+    assert "numpy" in packages
+    assert not packages & {"pytest", "hypothesis", "cocotb", "playwright", "ruff", "mypy", "sphinx", "asttokens"}
+
+
+def test_the_source_archive_builds_the_same_wheel(wheel):
+    """Offline, and without a checkout: it brings the program that packs the RTL."""
+    (sources,) = wheel.parent.glob("*.tar.gz")
+    folder = wheel.parent / "from-sources"
+    with tarfile.open(sources) as archive:
+        archive.extractall(folder, filter="data")
+    (place,) = folder.iterdir()
+    build = "import setuptools.build_meta as b; b.build_wheel('..')"
+    done = subprocess.run([sys.executable, "-c", build], cwd=place, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (other,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as one, zipfile.ZipFile(other) as two:
+        assert set(one.namelist()) == set(two.namelist())
 
 
 @pytest.fixture(scope="module")

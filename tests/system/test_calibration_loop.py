@@ -12,10 +12,10 @@ from lippmann.calibration.coded_patterns import PatternSet, write_patterns
 from lippmann.calibration.shooting import frame_of
 from lippmann.calibration.simulated_photographs import photograph_folder
 from lippmann.calibration.solve import calibrate
-from lippmann.conformance.fixed_errors import compare, stated_nm
-from lippmann.conformance.word_sets import frame_words
 from lippmann.eye.observer import Eye, observe, whole_window
 from tools.calibration_accuracy import judge, random_case
+from tools.fixed_errors import compare, stated_nm
+from tools.word_sets import frame_words
 
 #: Photographs' width for each pixel of the panel.
 SHARPNESS = 25 / 16

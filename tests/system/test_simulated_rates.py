@@ -1,13 +1,13 @@
 """The measurement of the simulated drawing (`tools.bench rtl`): what it counts and compares. No rate is judged."""
 
 import numpy as np
-from lippmann.conformance import drawing_speed
 from lippmann.fixed import drawn_frame
 from lippmann.layers.stack import LayerStack
 from lippmann.simulation import harness, virtual_board
 from lippmann.simulation.harness import SceneHarness
 from lippmann.simulation.toolchain import repository
 from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, display_of, random_layer
+from tools import ray_speed
 from tools.bench_pages import measured_page
 
 
@@ -19,7 +19,7 @@ def stack_on(display):
 def test_a_board_counts_every_pixel():
     """The clocks, which the simulator counts apart, are those of so many frames and what is left of one."""
     display = display_of("square")
-    row = drawing_speed.board(display, stack_on(display), USUAL, 3)
+    row = ray_speed.board(display, stack_on(display), USUAL, 3)
     front, sync, back, above, lines, below, *_ = virtual_board.REDUCED
     frames, rest = divmod(row["pixels"], WIDTH * HEIGHT)
     assert rest == 0
@@ -31,7 +31,7 @@ def test_a_board_counts_every_pixel():
 def test_bands_on_threads_are_the_whole_picture(monkeypatch):
     """Three models draw bands of two rows; each loads the textures and the curve once; a wrong pixel is counted."""
     display, loads = display_of("square"), []
-    load, drawn = SceneHarness.load, drawing_speed.rtl_scene
+    load, drawn = SceneHarness.load, ray_speed.rtl_scene
 
     def noted(harness, slot, content):
         loads.append((id(harness), slot))
@@ -40,7 +40,7 @@ def test_bands_on_threads_are_the_whole_picture(monkeypatch):
     monkeypatch.setattr(harness, "_models", {})
     monkeypatch.setattr(drawn_frame, "_CHUNK_RAYS", 2 * WIDTH)
     monkeypatch.setattr(SceneHarness, "load", noted)
-    row = drawing_speed.rendered(display, stack_on(display), USUAL, 3)
+    row = ray_speed.rendered(display, stack_on(display), USUAL, 3)
     assert row["pixels"] == WIDTH * HEIGHT
     assert row["pixels_differ"] == 0
     assert 4 <= len(loads) <= 3 * 4
@@ -51,8 +51,8 @@ def test_bands_on_threads_are_the_whole_picture(monkeypatch):
         pixels[0, 0] ^= 1
         return pixels
 
-    monkeypatch.setattr(drawing_speed, "rtl_scene", wrong)
-    assert drawing_speed.rendered(display, stack_on(display), USUAL, 3)["pixels_differ"] == HEIGHT // 2
+    monkeypatch.setattr(ray_speed, "rtl_scene", wrong)
+    assert ray_speed.rendered(display, stack_on(display), USUAL, 3)["pixels_differ"] == HEIGHT // 2
 
 
 def test_another_texture_is_loaded():
@@ -60,7 +60,7 @@ def test_another_texture_is_loaded():
     display = display_of("square")
     first = stack_on(display)
     for stack in (first, LayerStack(first.layers[::-1], first.background)):
-        assert drawing_speed.rendered(display, stack, USUAL, 1)["pixels_differ"] == 0
+        assert ray_speed.rendered(display, stack, USUAL, 1)["pixels_differ"] == 0
 
 
 def test_the_rates_are_on_the_page_of_measured_figures():

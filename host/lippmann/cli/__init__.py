@@ -22,6 +22,10 @@ COMMANDS = (
     "inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view",
     "pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor",
 )  # fmt: skip
+#: Commands of earlier versions, and the answer to each.
+OLD_COMMANDS = {
+    "bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench",
+}
 
 
 class _Commands(click.Group):
@@ -35,6 +39,8 @@ class _Commands(click.Group):
             # Shell completion, which is resilient, asks for the start of a name.
             if ctx.resilient_parsing:
                 return None
+            if cmd_name in OLD_COMMANDS:
+                raise InputError(f"lippmann {cmd_name}: {OLD_COMMANDS[cmd_name]}")
             raise click.exceptions.NoSuchCommand(cmd_name, possibilities=COMMANDS, ctx=ctx)
         command: click.Command = import_module(f"lippmann.cli.{cmd_name}").command
         return command

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lippmann.base.tones import psnr_db
 from lippmann.calibration.check import rings
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import COLOURS, Plot, drawn, finish
+from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display, parse_display
 from lippmann.eye.observer import Eye, observe, whole_window
 
@@ -29,7 +29,7 @@ Floats = npt.NDArray[np.float64]
 
 def residual_plot(field: Floats, cameras: list[dict[str, Any]]) -> Plot:
     """Draw the residuals of the panel points over the array, one picture for each position."""
-    picture, axes = drawn(1, max(1, len(cameras)))
+    picture, axes = make_axes(1, max(1, len(cameras)))
     rng = np.random.default_rng(1)
     for axis, k in zip(axes[0], range(len(cameras)), strict=False):
         rows = field[(field[:, POSITION] == k) & (field[:, KEPT] > 0)]
@@ -41,18 +41,18 @@ def residual_plot(field: Floats, cameras: list[dict[str, Any]]) -> Plot:
             scale=40.0 * typical / span, width=0.003,
         )  # fmt: skip
         axis.set(title=f"{cameras[k]['name']}: median {typical:.3f} px", xlabel="x, mm", ylabel="y, mm", aspect="equal")
-    return Plot("calibration-residuals", finish(picture))
+    return Plot("calibration-residuals", finish_picture(picture))
 
 
 def histogram_plot(field: Floats) -> Plot:
     """Draw how the residuals of the panel points are distributed."""
-    picture, axes = drawn(1, 2)
+    picture, axes = make_axes(1, 2)
     kept = field[field[:, KEPT] > 0]
     for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("right", "down"), strict=True):
         axis.hist(kept[:, column], bins=60, color=COLOURS[0])
         axis.set(xlabel=f"residual to the {label}, panel pixels" if label == "right" else "residual down, panel pixels")
         axis.set_ylabel("lenslets")
-    return Plot("calibration-histogram", finish(picture))
+    return Plot("calibration-histogram", finish_picture(picture))
 
 
 def views(nominal: Display, display: Display, eye: Eye) -> Plot:
@@ -61,7 +61,7 @@ def views(nominal: Display, display: Display, eye: Eye) -> Plot:
     The first two are seen through the calibrated array; their titles give the decibels against the last.
     """
     window = whole_window(display, min(640, display.panel.width_px))
-    picture, axes = drawn(1, 3, (4.0, 3.2))
+    picture, axes = make_axes(1, 3, (4.0, 3.2))
     seen = {}
     for name, made, through in (
         ("before", nominal, display), ("after", display, display), ("ideal", nominal, nominal),
@@ -71,7 +71,7 @@ def views(nominal: Display, display: Display, eye: Eye) -> Plot:
         axis.imshow(np.clip(light, 0.0, 1.0) ** (1.0 / 2.2))
         title = name if name == "ideal" else f"{name}: {psnr_db(light, seen['ideal']):.1f} dB"
         axis.set(title=title, xticks=[], yticks=[])
-    return Plot("calibration-views", finish(picture))
+    return Plot("calibration-views", finish_picture(picture))
 
 
 def digits(number: float, half: float) -> str:

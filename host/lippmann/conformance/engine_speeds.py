@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
+from lippmann.conformance.engine_errors import words_differ
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
-from lippmann.conformance.figures import Figures, Measured, in_turn
+from lippmann.conformance.figures import Figures, Measured
 from lippmann.conformance.hard_cases import Out
 from lippmann.conformance.ray_search import random_aims
-from lippmann.conformance.report_plan import Plan
-from lippmann.conformance.simulation_speed import Simulation
-from lippmann.conformance.test_pictures import Pictures
 from lippmann.display.description import Display, load_display
+from lippmann.errors import input_error
+from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.fixed.build import Build
-from lippmann.fixed.conversion import aims_of_words, words_of_aims
+from lippmann.fixed.configuration import configuration
+from lippmann.fixed.conversion import aims_of_words, words_of_aims, words_of_pixels
+from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
@@ -32,13 +36,48 @@ from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Rays, g
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System
 from lippmann.optics.trace import rays_from_pixels
+from lippmann.rendering.renderer import Settings, render_integral, render_view
 from lippmann.rendering.sources import APERTURES, Aperture
+from lippmann.scenes.scene import Scene, load_scene
+from lippmann.simulation.harness import ray_harness
 
-#: The largest and root mean square errors that `errors` returns.
-ERRORS = ("max_urad", "rms_urad", "max_nm", "rms_nm", "max_mm", "rms_mm")
-#: What `tools.bench trace` measures.
-TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
-TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
+#: Position of the eye: off the axis, within the viewing angle of the displays that ship.
+EYE_MM = (20.0, -20.0, 600.0)
+#: Samples a pixel of a view.
+VIEW_SAMPLES = 64
+logger = logging.getLogger("lippmann.report")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much a run of the report measures."""
+
+    #: The shipped scene that is rendered, and the shipped displays on which engines and models are measured.
+    scene: str = "fish"
+    displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
+    #: Display files that are measured in place of the shipped displays.
+    display_files: tuple[str, ...] = ()
+    #: Rays over which each error is taken; rays of one timed run of golden, twin or RTL, and of the fast engine; rays
+    #: that are compared with 50 digits.
+    rays: int = 400_000
+    timed_rays: int = 300_000
+    fast_rays: int = 1 << 24
+    digits_rays: int = 200
+    #: Repeats of each time.
+    rounds: int = 5
+    #: Whether the RTL is simulated. The first simulation of a build compiles it.
+    simulate: bool = True
+    #: Maximum width and height of the panels that are rendered: of a larger panel, its middle.
+    panel_px: int = 960
+
+    def load_displays(self, scenes: Path) -> list[Display]:
+        """Load the displays; raise InputError when a file is wrong, or two displays have the same name."""
+        files = self.display_files or tuple(str(scenes / f"displays/{name}.toml") for name in self.displays)
+        displays = [load_display(file) for file in files]
+        names = [display.name for display in displays]
+        if repeated := next((name for name in names if names.count(name) > 1), None):
+            raise input_error("--display", f"two displays have the name {repeated}", "give each a name of its own")
+        return displays
 
 
 def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
@@ -85,6 +124,18 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
     return Out("sample", display, pixels, aims_of_words(display, *words, WIDEST))
 
 
+# ---- rates ----
+
+
+def in_turn(works: Mapping[Any, Callable[[], float]], rounds: int) -> dict[Any, list[float]]:
+    """Call all works one after the other, `rounds` times; return what each returned in each round.
+
+    Other programs then slow all works alike: a ratio within one round is more reliable than a ratio of two medians.
+    """
+    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: [times[name] for times in found] for name in works}
+
+
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
     """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s.
 
@@ -117,6 +168,34 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
 
     launch()
     return launch
+
+
+class Simulation:
+    """Chief rays through random pixel centres, in the words of a build."""
+
+    def __init__(self, display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> None:
+        """Draw the pixels, and compile the build unless it is compiled already."""
+        panel = display.panel
+        pixels = np.random.default_rng(seed).integers((0, 0), (panel.width_px, panel.height_px), (rays, 2))
+        u, v = words_of_pixels(display, pixels.astype(float) + 0.5)
+        self.build, self.rays, self.engine = build, rays, ray_harness(build)
+        self.inputs = (u, v, np.zeros_like(u), np.zeros_like(v), configuration(display, build, model))
+
+    def rtl_rate(self) -> float:
+        """Simulate the RTL; return the rays/s by the processor time of its one thread."""
+        started = time.thread_time()
+        self.engine.trace(*self.inputs)
+        return self.rays / (time.thread_time() - started)
+
+    def twin_rate(self) -> float:
+        """Trace with the twin; return the rays/s by wall-clock time."""
+        started = time.perf_counter()
+        ray_pipeline(*self.inputs, self.build)
+        return self.rays / (time.perf_counter() - started)
+
+    def words_differ(self) -> int:
+        """Count the words in which RTL and twin differ."""
+        return words_differ(self.engine.trace(*self.inputs), ray_pipeline(*self.inputs, self.build))
 
 
 def rates_of(
@@ -188,12 +267,59 @@ def measure_rays(
     return rows
 
 
-def measure_all(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+# ---- pictures ----
+
+
+def middle(display: Display, most_px: int) -> Display:
+    """Return the display with its panel cropped to the middle, at most `most_px` pixels wide and high."""
+    panel = display.panel
+    width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
+    return replace(display, panel=replace(panel, width_px=width, height_px=height))
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures of a scene for the middle of a display.
+
+    Each has one sample per pixel, at the pixel's centre, so two pictures differ only by the rays of their engines.
+    """
+
+    scene: Scene
+    display: Display
+    seed: int
+
+    @classmethod
+    def of(cls, scenes: Path, display: Display, plan: Plan, seed: int) -> Pictures:
+        """Load the plan's scene, and take the middle of a display."""
+        scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
+        return cls(scene, middle(display, plan.panel_px), seed)
+
+    def integral(
+        self, model: Model, engine: Engine, fraction_bits: int | None = None, aperture: Aperture = "chief"
+    ) -> Radiance:
+        """Return the integral image, rendered with the rays of a model and an engine."""
+        settings = Settings(aperture=aperture, seed=self.seed)
+        return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
+
+    def seen(self, integral: Radiance) -> Radiance:
+        """Return the eye's view of an integral image, through exact lenslets."""
+        window = whole_window(self.display)
+        return observe(integral, self.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
+
+    def direct(self) -> Radiance:
+        """Return the eye's view of the scene itself."""
+        settings = Settings(samples=VIEW_SAMPLES, seed=self.seed)
+        return render_view(self.scene, EYE_MM, whole_window(self.display), settings).radiance
+
+
+# ---- all engines ----
+
+
+def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Measure every model with every engine on the plan's displays."""
     rows = []
-    for name in plan.displays:
-        display = load_display(scenes / f"displays/{name}.toml")
-        log(f"engines: {display.name} ...")
+    for display in plan.load_displays(scenes):
+        logger.info("engines: %s ...", display.name)
         pictures = Pictures.of(scenes, display, plan, seed)
         for aperture in APERTURES:
             # With aims the RTL would need further builds. The twin gives the same words.
@@ -211,28 +337,3 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
     views = {(m, e): pictures.seen(pictures.integral(m, e)) for m in MODELS for e in engines}
     true, direct = views["exact", "golden"], pictures.direct()
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
-
-
-def measure(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[dict[str, Any]]:
-    """Measure golden and fast on some displays: all models with chief rays, `exact` over the full aperture too.
-
-    Rates are in rays/s. The errors are those of fast against golden: microradian, and nm at the exit; `status_differs`
-    counts the rays, of those `compared`, that have another fate and so no such error.
-    """
-    for name in plan.displays:
-        display = load_display(scenes / f"displays/{name}.toml")
-        for model, aperture in TRACED:
-            golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
-            yield {
-                "display": display.name,
-                "grid": display.array.grid,
-                "model": model,
-                "aperture": aperture,
-                "golden_rays_per_second": golden["rays_per_second"].median,
-                "fast_rays_per_second": fast["rays_per_second"].median,
-                "max_direction_urad": fast["own_max_urad"].median,
-                "rms_direction_urad": fast["own_rms_urad"].median,
-                "max_origin_nm": fast["own_max_nm"].median,
-                "status_differs": int(fast["own_other_fates"].median),
-                "compared": plan.rays,
-            }

@@ -1,4 +1,4 @@
-"""Measured values with their spread, in tables that are kept as CSV, so that the next run can be compared with them.
+"""Measured values with their spread, in tables: kept as CSV for a comparison with the next run, and shown on pages.
 
 A column NAME with a neighbour NAME_spread holds measured values. The other columns name the row.
 """
@@ -6,25 +6,19 @@ A column NAME with a neighbour NAME_spread holds measured values. The other colu
 from __future__ import annotations
 
 import csv
-import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lippmann.base.files import replacing
 from lippmann.errors import InputError, input_error
 
 #: Suffix of the column that holds a measured value's spread.
 SPREAD = "_spread"
-
-
-def row_of(row: Any) -> dict[str, Any]:
-    """Return a dataclass as a table's row: its fields, then its properties."""
-    properties = [name for name, value in vars(type(row)).items() if isinstance(value, property)]
-    return {**dataclasses.asdict(row), **{name: getattr(row, name) for name in properties}}
 
 
 @dataclass(frozen=True)
@@ -49,16 +43,19 @@ class Measured:
         return cls(value) if math.isfinite(value) else None
 
 
-#: A row: text or numbers that name it, and measured values. None: does not apply to this row.
-Row = Mapping[str, Any]
+#: A value of a table: text, a number, a truth value, several of these, `Measured`, or None where it does not apply.
+Value = Any
+#: A row of a table by its columns: some name the row, the others hold measured values.
+Row = Mapping[str, Value]
+Rows = Sequence[Row]
 
 
 def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
     """Return the rows in groups that have the same values of some keys, in the order of their first rows."""
-    found: dict[tuple[Any, ...], list[Row]] = {}
+    rows_of: dict[tuple[Value, ...], list[Row]] = {}
     for row in rows:
-        found.setdefault(tuple(row[key] for key in keys), []).append(row)
-    return list(found.values())
+        rows_of.setdefault(tuple(row[key] for key in keys), []).append(row)
+    return list(rows_of.values())
 
 
 @dataclass(frozen=True)
@@ -85,11 +82,11 @@ class Figures:
             if isinstance(value := row[column], Measured)
         }
 
-    def flat(self) -> list[dict[str, Any]]:
+    def flat(self) -> list[dict[str, Value]]:
         """Return the rows as the CSV holds them: for each measured value its median, then its spread."""
         return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
-    def _cells(self, column: str, value: Any) -> dict[str, Any]:
+    def _cells(self, column: str, value: Value) -> dict[str, Value]:
         if column in self.keys:
             return {column: value}
         return {column: value and value.median, column + SPREAD: value and value.spread}
@@ -143,7 +140,7 @@ def _measured(row: Row, column: str) -> Measured | None:
     return value
 
 
-def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
+def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows.
 
     Numbers are read as numbers, empty cells as None. Raises InputError when the file cannot be read, or a row has
@@ -163,7 +160,7 @@ def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Any]]]:
     return {key.strip(): value.strip() for key, _, value in origin}, values
 
 
-def _value(text: str) -> Any:
+def _value(text: str) -> Value:
     try:
         return int(text) if text.isdecimal() else float(text)
     except ValueError:
@@ -174,10 +171,75 @@ def _broken(path: Path, what: str) -> InputError:
     return input_error(str(path), what, "remove it, or name another run's folder with --against")
 
 
-def in_turn(works: Mapping[Any, Callable[[], float]], rounds: int) -> dict[Any, list[float]]:
-    """Call all works one after the other, `rounds` times; return what each returned in each round.
+# ---- tables ----
 
-    Other programs then slow all works alike: a ratio within one round is more reliable than a ratio of two medians.
-    """
-    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
-    return {name: [times[name] for times in found] for name in works}
+
+def where(rows: Rows, **wanted: Value) -> list[Row]:
+    """Return the rows whose columns have the wanted values."""
+    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+
+
+def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
+    """Return a column of rows or dataclasses, measured values as their medians; numbers are divided by the unit."""
+    plain = (row.get(key) if isinstance(row, Mapping) else getattr(row, key) for row in rows)
+    medians = (value.median if isinstance(value, Measured) else value for value in plain)
+    return [value if unit == 1.0 or value is None else value / unit for value in medians]
+
+
+def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[str, list[Value]]:
+    """Return columns for a table: `names` has a key, or a key and its unit, under each heading."""
+    return {heading: values(rows, *([key] if isinstance(key, str) else key)) for heading, key in names.items()}
+
+
+def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
+    """Return the range of the numbers that are not None, such as "21.5 to 23.3"; "-" when there are none."""
+    given = [number for number in numbers if number is not None]
+    ends = [f"{number:.{digits}f}" for number in (min(given), max(given))] if given else ["-"]
+    return " to ".join(dict.fromkeys(ends))
+
+
+def figure(value: Value) -> str:
+    """Return a value as a table shows it: numbers in three digits, counts whole, the median of repeats, None as "-"."""
+    if isinstance(value, Measured):
+        value = value.median
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "**no**"
+    if isinstance(value, float):
+        if math.isinf(value):
+            return "further"
+        return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(figure(one) for one in value)
+    return str(value)
+
+
+def table(columns: Mapping[str, Sequence[Value]]) -> str:
+    """Return a Markdown table of columns of equal length under their headings."""
+    rows = [list(columns), ["---"] * len(columns)]
+    rows += [[figure(value) for value in row] for row in zip(*columns.values(), strict=True)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def plain_table(rows: Rows) -> str:
+    """Return rows as a terminal shows them: padded columns under their names."""
+    names = column_names(rows)
+    cells = [names, *([figure(row.get(name)) for name in names] for row in rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(names))]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def column_names(rows: Rows) -> list[str]:
+    """Return the names of all columns, in the order in which rows have them first."""
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def write_csv(path: Path, origin: Mapping[str, str], rows: Rows) -> None:
+    """Write rows, after lines `# key: value` with their origin. A column that a row lacks stays empty."""
+    with replacing(path) as partial, partial.open("w", newline="") as stream:
+        stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
+        writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

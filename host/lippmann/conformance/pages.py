@@ -21,8 +21,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from lippmann.base.files import make_folder, replacing
+from lippmann.conformance.figures import columns, figure, spanned, table, values, where, write_csv
 from lippmann.conformance.plots import Plot
-from lippmann.conformance.tables import columns, figure, spanned, table, values, where, write_csv
 
 TEMPLATES = Path(__file__).with_name("templates")
 

@@ -11,7 +11,7 @@ from lippmann.conformance.coverage_points import summary
 from lippmann.conformance.error_maps import REACH, ErrorMap, edges
 from lippmann.conformance.lens_faults import FIELDS
 from lippmann.conformance.pages import Page
-from lippmann.conformance.plots import COLOURS, Plot, drawn, finish
+from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 
 if TYPE_CHECKING:
     from lippmann.conformance.judge import Verdict
@@ -25,7 +25,7 @@ def map_plot(maps: Maps) -> Plot:
     """Draw the largest errors over the panel and over the lenslet, a row for each array."""
     from matplotlib.colors import LogNorm
 
-    picture, axes = drawn(len(maps), 2)
+    picture, axes = make_axes(len(maps), 2)
     for row, (name, made) in zip(axes, maps.items(), strict=True):
         seen = np.concatenate([made.panel.ravel(), made.lenslet.ravel()])
         low, high = (float(end(seen[seen > 0.0], initial=start)) for end, start in ((np.min, np.inf), (np.max, 0.0)))
@@ -43,12 +43,12 @@ def map_plot(maps: Maps) -> Plot:
             across, up = ("width", "height") if where == "panel" else ("pitch", "pitch")
             axis.set(title=f"{name} over the {where}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
             picture.colorbar(image, ax=axis, label=f"largest error, {made.unit}")
-    return Plot("errors-map", finish(picture))
+    return Plot("errors-map", finish_picture(picture))
 
 
 def histogram_plot(maps: Maps, last_place: str) -> Plot:
     """Draw how many rays have which error."""
-    picture, axes = drawn(1, 1, (8.0, 3.8))
+    picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
     used = np.flatnonzero(np.any([made.counts[1:] for made in maps.values()], axis=0))
     first, last = (used[0], used[-1]) if len(used) else (0, len(ends) - 2)
@@ -57,7 +57,7 @@ def histogram_plot(maps: Maps, last_place: str) -> Plot:
         axis.stairs(made.counts[first + 1 : last + 2], ends[first : last + 2], color=colour, label=label)
     axis.set(xscale="log", yscale="symlog", xlabel=f"error, units of the last place of {last_place}", ylabel="rays")
     axis.legend()
-    return Plot("errors-histogram", finish(picture))
+    return Plot("errors-histogram", finish_picture(picture))
 
 
 def errors_page(

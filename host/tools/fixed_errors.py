@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator
+import logging
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-
-from lippmann.conformance import word_sets
 from lippmann.conformance.figures import Figures, Measured
-from lippmann.conformance.report_plan import Plan
-from lippmann.conformance.stage_errors import hybrids, steps_of
-from lippmann.conformance.word_sets import Words
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.fixed.build import CONFIGURATIONS, Build, Named, chosen
@@ -29,6 +25,14 @@ from lippmann.fixed.words import WIDEST, Bools, Ints
 from lippmann.optics.rays import Floats, Rays, Status, gets_through
 from lippmann.optics.system import System
 
+from tools import word_sets
+from tools.stage_errors import hybrids, steps_of
+from tools.word_sets import Words
+
+if TYPE_CHECKING:
+    from tools.full_report import Plan
+
+logger = logging.getLogger("lippmann.report")
 #: Rays of each adversarial set, and of the budget.
 ADVERSARIAL, BUDGET = 200_000, 200_000
 #: Panels up to this many pixels are traced whole.
@@ -100,7 +104,6 @@ def measure(
     display: Display,
     rays_of: str,
     chunks: Iterator[Words],
-    log: Callable[[str], None] = lambda text: None,
 ) -> dict[str, Any]:
     """Measure a row of the report over chunks of a set of rays.
 
@@ -122,9 +125,13 @@ def measure(
         kept = (
             max(found["max_point_nm"], found["edge_nm"]) <= point and found["max_weighted_urad"] <= named.promise_urad
         )
-    log(
-        f"{named.name}, {display.name}, {rays_of}: "
-        f"{found['max_direction_urad']:.3g} urad, {found['max_point_nm']:.3g} nm"
+    logger.info(
+        "%s, %s, %s: %.3g urad, %.3g nm",
+        named.name,
+        display.name,
+        rays_of,
+        found["max_direction_urad"],
+        found["max_point_nm"],
     )
     return {
         "configuration": named.name,
@@ -232,15 +239,13 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
     return [*rows, row("all", total, 0.0 * total)]
 
 
-def measure_all(
-    names: tuple[str, ...], scenes: Path, seed: int, log: Callable[[str], None]
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def measure_all(names: tuple[str, ...], scenes: Path, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Measure named configurations (all when none is named) on their displays, and the budgets of the exact ones."""
     errors, steps = [], []
     for named in chosen(names):
         for display in named.displays(scenes):
             sets = sets_of(named.build, display, seed)
-            errors += [measure(named, display, rays_of, chunks, log) for rays_of, chunks in sets.items()]
+            errors += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]
             steps += budget(named, display, seed) if named.build.model == "exact" else []
     return errors, steps
 
@@ -256,11 +261,11 @@ BUDGETED = {
 }
 
 
-def measure_budget(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Measure the budgets of the plan's configurations, each on the founding paper's display with its grid."""
     rows = []
     for name in plan.budget:
-        log(f"error budget: {name} ...")
+        logger.info("error budget: %s ...", name)
         named = CONFIGURATIONS[name]
         for step in budget(named, named.displays(scenes)[0], seed, min(BUDGET, plan.rays)):
             values = {column: Measured(step[key]) for column, key in BUDGETED.items()}

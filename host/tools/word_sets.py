@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-
 from lippmann.conformance import ray_search
 from lippmann.display.description import Display
 from lippmann.engines import trace

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -16,22 +17,24 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
 from lippmann.base.images import Radiance
-from lippmann.base.tones import psnr_db
+from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.conformance.figures import Figures, Measured, groups, in_turn
-from lippmann.conformance.report_plan import Plan
-from lippmann.conformance.test_pictures import middle, noise_levels
+from lippmann.conformance.engine_speeds import in_turn, middle
+from lippmann.conformance.figures import Figures, Measured, groups
 from lippmann.display.description import Array, Display, display_text, load_display
 from lippmann.errors import LippmannError
 from lippmann.rendering.renderer import Settings, make_integrator, render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 
+if TYPE_CHECKING:
+    from tools.full_report import Plan
+
+logger = logging.getLogger("lippmann.report")
 #: Returns the seconds that it took.
 Work = Callable[[], float]
 
@@ -62,9 +65,18 @@ def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radianc
 # ---- noise ----
 
 
-def measure_noise(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def noise_levels(one: Radiance, other: Radiance) -> float:
+    """Return the standard deviation of a pixel value, in 8-bit sRGB levels, from two renders with different seeds.
+
+    The difference of two independent values with the same noise has twice the variance of one value.
+    """
+    apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
+    return float(np.sqrt((apart**2).mean() / 2.0))
+
+
+def measure_noise(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Render the plan's scene with each integrator and number of samples, with another seed in each round."""
-    log("renderer: noise ...")
+    logger.info("renderer: noise ...")
     scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
     display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
     settings = Settings(samples=plan.reference_samples, integrator=REFERENCE, seed=seed)
@@ -146,7 +158,7 @@ def waves(triangles: int, lights: int) -> Scene:
     return Scene(Path("waves"), scene, Placement(near_mm=0.0, far_mm=-50.0))
 
 
-def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Time renders of growing size. The sizes of each row are measured in turn."""
     path = scenes / f"{plan.scene}/{plan.scene}.xml"
     scene, display = load_scene(path), load_display(scenes / "displays/paper-square.toml")
@@ -169,7 +181,7 @@ def measure_growth(scenes: Path, plan: Plan, seed: int, log: Callable[[str], Non
     }
     rows = []
     for name, sizes in works.items():
-        log(f"growth: {name} ...")
+        logger.info("growth: %s ...", name)
         times = in_turn(sizes, plan.rounds)
         memory = _memory(device, path, panels, plan.memory_rounds) if name == "pixels" else {}
         first = next(iter(times.values()), [])

@@ -14,8 +14,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-
-from lippmann.conformance.word_sets import Words
 from lippmann.display.description import Grid
 from lippmann.fixed import ray_pipeline
 from lippmann.fixed.build import Build
@@ -25,6 +23,8 @@ from lippmann.fixed.words import OFFSET_FRACTION, Ints, extra_bits
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats
+
+from tools.word_sets import Words
 
 #: The registers and the ray between two steps, under the names of the twin's parameters: words, or numbers.
 State = dict[str, Any]

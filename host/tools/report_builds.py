@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-
 from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
-from lippmann.conformance.engine_speeds import errors, random_rays
-from lippmann.conformance.figures import Figures, Measured, groups, in_turn, read_csv
-from lippmann.conformance.report_plan import Plan
-from lippmann.conformance.simulation_speed import Simulation
-from lippmann.conformance.test_pictures import Pictures
+from lippmann.conformance.engine_speeds import Pictures, Simulation, errors, in_turn, random_rays
+from lippmann.conformance.figures import Figures, Measured, groups, read_csv
 from lippmann.display.description import Display
 from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
@@ -25,6 +21,10 @@ from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, Named
 from lippmann.rendering.sources import Aperture
 from lippmann.simulation.toolchain import repository
 
+if TYPE_CHECKING:
+    from tools.full_report import Plan
+
+logger = logging.getLogger("lippmann.report")
 #: The configurations that are simulated. Each of the others would take half a minute to compile.
 SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
 #: Figures of place-and-route, and the sign with which each counts as a cost: a faster clock costs less.
@@ -56,10 +56,10 @@ def configurations(plan: Plan) -> list[Named]:
     return named + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
 
 
-def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> Figures:
+def measure(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Measure the plan's configurations, each on the founding paper's display with its grid."""
     chosen, (_, sizes) = configurations(plan), placed()
-    log("configurations of the RTL: simulation ...")
+    logger.info("configurations of the RTL: simulation ...")
     runs = {
         c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
         for c in chosen
@@ -77,7 +77,7 @@ def measure(scenes: Path, plan: Plan, seed: int, log: Callable[[str], None]) -> 
 
     rows = []
     for named in chosen:
-        log(f"configurations of the RTL: {named.name} ...")
+        logger.info("configurations of the RTL: %s ...", named.name)
         build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
         aperture: Aperture = "full" if build.aims else "chief"
         sample = random_rays(display, aperture, plan.rays, seed)

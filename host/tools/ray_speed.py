@@ -1,7 +1,11 @@
-"""Pixels a second of the simulated drawing, all captured and compared with the twin (`tools.bench rtl`)."""
+"""Rays and pixels a second of golden and fast (`tools.bench trace`), and of the simulated RTL (`tools.bench rtl`).
+
+Every word and pixel of the RTL is compared with the twin.
+"""
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -12,23 +16,75 @@ from typing import Any
 from lippmann.board.board import QUERY_S
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.virtual_loop import capturing
+from lippmann.conformance.engine_speeds import Plan, Simulation, measure_rays
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.words import COMPACT
+from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.stack import LayerStack
+from lippmann.optics.rays import MODELS, Model
+from lippmann.rendering.sources import Aperture
 from lippmann.simulation.harness import rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
+#: What `tools.bench trace` measures.
+TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
+TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
+#: Rays of one run, and runs of `bench rtl`, which takes the fastest: other programs only slow a run.
+RAYS, RUNS = 1_000_000, 3
 #: Frames that the board scans out after the scene is shown.
 FRAMES = 10
 #: The panels: a board's, and for the bare drawing one on which a load of the textures counts little.
 BOARD_DISPLAY, DISPLAY = "vga-square", "paper-square"
 
 
-def measure(scenes: Path) -> Iterator[dict[str, Any]]:
+def measure_trace(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[dict[str, Any]]:
+    """Measure golden and fast on some displays: all models with chief rays, `exact` over the full aperture too.
+
+    Rates are in rays/s. The errors are those of fast against golden: microradian, and nm at the exit; `status_differs`
+    counts the rays, of those `compared`, that have another fate and so no such error.
+    """
+    for display in plan.load_displays(scenes):
+        for model, aperture in TRACED:
+            golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
+            yield {
+                "display": display.name,
+                "grid": display.array.grid,
+                "model": model,
+                "aperture": aperture,
+                "golden_rays_per_second": golden["rays_per_second"].median,
+                "fast_rays_per_second": fast["rays_per_second"].median,
+                "max_direction_urad": fast["own_max_urad"].median,
+                "rms_direction_urad": fast["own_rms_urad"].median,
+                "max_origin_nm": fast["own_max_nm"].median,
+                "status_differs": int(fast["own_other_fates"].median),
+                "compared": plan.rays,
+            }
+
+
+def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure exact builds on the founding paper's displays: two word lengths, cross terms in logic and in cells.
+
+    The drawing follows (`measure_drawing`).
+    """
+    for name in ("paper-square", "paper-hex"):
+        display = load_display(scenes / f"displays/{name}.toml")
+        for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
+            run = Simulation(display, Build(bits, display.array.grid, cross_cells=cells), seed, RAYS)
+            yield {
+                "display": display.name,
+                "build": f"F {bits}, cross terms in {'cells' if cells else 'logic'}",
+                "rtl_rays_per_second": max(run.rtl_rate() for _ in range(RUNS)),
+                "twin_rays_per_second": run.twin_rate(),
+                "words_differ": run.words_differ(),
+                "rays": RAYS,
+            }
+    yield from measure_drawing(scenes)
+
+
+def measure_drawing(scenes: Path) -> Iterator[dict[str, Any]]:
     """Measure the whole board and `render --engine rtl`, both with four layers and the optics of a board."""
     stack, build = load_layers(scenes / "layers/chart"), SceneBuild()
     yield board(load_display(scenes / f"displays/{BOARD_DISPLAY}.toml"), stack, build, FRAMES)
