@@ -11,6 +11,8 @@ CARRIED = ("rtl/*", "rtl/*/*", "rtl/board/*/*", "sim/batch/*", "sim/board/*")
 #: Their folder in the package; `lippmann.simulation.toolchain.hardware` returns it. setuptools imports this file alone,
 #: without the package, so the name is written twice.
 INSTALLED = "hardware"
+#: What builds a wheel from a source archive: this file and its package.
+BUILDER = ("host/tools/__init__.py", "host/tools/wheel.py")
 
 
 def carried() -> list[str]:
@@ -30,7 +32,7 @@ class BuildPy(build_py):  # type: ignore[misc]
 
     def get_source_files(self) -> list[str]:
         """Return the files of a source archive."""
-        return [*super().get_source_files(), *carried()]
+        return [*super().get_source_files(), *carried(), *BUILDER]
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """Return the files that the command makes."""
