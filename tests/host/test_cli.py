@@ -24,7 +24,7 @@ from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.images import read_picture
 from lippmann.board.port import open_port
-from lippmann.cli import COMMANDS, doctor, run
+from lippmann.cli import COMMANDS, cli, doctor, run
 from lippmann.errors import InputError, MissingLibraryError
 from model_board import ModelBoard
 from PIL import Image
@@ -991,13 +991,54 @@ def test_an_unexpected_exception_is_a_fault_of_ours(error, as_json, tmp_path, ca
 
 def test_a_fault_whose_traceback_cannot_be_kept_prints_it(tmp_path, capfd, monkeypatch):
     monkeypatch.delenv("LIPPMANN_TRACEBACK", raising=False)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
 
     @click.command()
     def fails():
         raise KeyError("x")
 
-    assert run([], fails, "fails") == 70
+    with monkeypatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+        assert run([], fails, "fails") == 70
     err = capfd.readouterr().err
     assert "Traceback" in err
     assert "with the traceback above" in err.splitlines()[-1]
+
+
+# --- start ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_list_of_commands_holds_the_first_sentence_of_each_help(command):
+    assert COMMANDS[command] == cli.get_command(click.Context(cli), command).get_short_help_str(limit=1000)
+
+
+@pytest.mark.parametrize(
+    ("words", "environment"),
+    [(["--help"], {}), ([], {"COMP_WORDS": "lippmann ", "COMP_CWORD": "1", "_LIPPMANN_COMPLETE": "bash_complete"})],
+)
+def test_help_and_completion_load_no_command(words, environment):
+    code = (
+        "import sys, atexit\nfrom lippmann.cli import main\n"
+        "ours = ('lippmann.cli.', 'numpy')\n"
+        "atexit.register(lambda: print('loaded', [name for name in sys.modules if name.startswith(ours)]))\n"
+        "main(sys.argv[1:])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    *lines, loaded = done.stdout.splitlines()
+    assert all(any(command in line for line in lines) for command in COMMANDS)
+    assert loaded == "loaded ['lippmann.cli.output']"
+
+
+def test_inspect_loads_no_engine_and_no_plots():
+    display = Path(__file__).parents[2] / "scenes/displays/vga-square.toml"
+    code = "import sys\nfrom lippmann.cli import run\nrun(sys.argv[1:])\nprint(sorted(sys.modules))"
+    command = [sys.executable, "-c", code, "inspect", display]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    for module in ("matplotlib", "lippmann.fixed", "lippmann.engines", "scipy", "mitsuba", "OpenImageIO", "PIL"):
+        assert f"'{module}'" not in done.stdout.splitlines()[-1]

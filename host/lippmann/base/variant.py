@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
+from types import ModuleType
 
 from lippmann.base import interrupts
-from lippmann.errors import InputError, MissingLibraryError, to_install
+from lippmann.errors import InputError, MissingLibraryError, missing_library
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
@@ -33,8 +32,7 @@ def start_mitsuba(device: str = "auto") -> str:
     if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
         needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
         raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
-    with late_syntax(dr):
-        mi.set_variant(VARIANTS[device])
+    mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return device
 
@@ -57,7 +55,7 @@ def own_variant(device: str = "auto") -> Iterator[str]:
             mi.set_log_level(level)
 
 
-def mitsuba() -> Any:
+def mitsuba() -> ModuleType:
     """Return the module `mitsuba` with one of our variants set; `start_mitsuba("auto")` when none is set yet.
 
     Raises InputError when another variant is set; MissingLibraryError as `start_mitsuba`.
@@ -74,14 +72,14 @@ def mitsuba() -> Any:
     return mi
 
 
-def drjit() -> Any:
+def drjit() -> ModuleType:
     """Return the module `drjit`, whose functions a type checker cannot follow."""
     import drjit
 
     return drjit
 
 
-def _loaded() -> Any:
+def _loaded() -> ModuleType:
     """Import Mitsuba."""
     if "mitsuba" in sys.modules:
         return sys.modules["mitsuba"]
@@ -89,7 +87,7 @@ def _loaded() -> Any:
         with interrupts.held():
             import mitsuba as mi
     except ImportError as error:
-        raise MissingLibraryError(f"mitsuba cannot be imported ({error}); {to_install()}") from None
+        raise missing_library(error) from None
     return mi
 
 
@@ -97,30 +95,3 @@ def current_device() -> str:
     """Return "llvm" or "cuda", the device of the variant that is set."""
     variant: str = mitsuba().variant()
     return variant.split("_", maxsplit=1)[0]
-
-
-@contextlib.contextmanager
-def late_syntax(dr: Any) -> Iterator[None]:
-    """Inside the block, let `@drjit.syntax` rewrite a function when it is first called, not when it is defined.
-
-    Mitsuba defines all its differentiable integrators whenever a variant is set. To rewrite them takes most of that
-    time, and hardly any is ever called.
-    """
-    at_once = dr.syntax
-
-    def late(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-        if function is None:  # called with options alone, which returns a decorator
-            return functools.partial(late, **options)
-        rewritten = functools.cache(lambda: at_once(function, **options))
-
-        @functools.wraps(function)
-        def call(*values: Any, **named: Any) -> Any:
-            return rewritten()(*values, **named)
-
-        return call
-
-    dr.syntax = late
-    try:
-        yield
-    finally:
-        dr.syntax = at_once

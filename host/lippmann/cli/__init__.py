@@ -10,6 +10,7 @@ import traceback
 from importlib import import_module
 
 import click
+from click.shell_completion import CompletionItem
 
 from lippmann import __version__
 from lippmann.base import interrupts
@@ -17,11 +18,33 @@ from lippmann.base.files import is_full, made, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
-#: Commands in the order of the work; each is a function of its own name in a module of its own name.
-COMMANDS = (
-    "inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view",
-    "pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor",
-)  # fmt: skip
+#: Commands in the order of the work, with the first sentence of their help, which is so told without loading them. Each
+#: is a function `command` in a module of the command's name.
+COMMANDS = {
+    "inspect": "Print the properties of a display file, with units and warnings, and what eyes will see.",
+    "fit": "Choose the cheapest lens model, samples and RTL build; of a scene also the layers and the build that draws "
+    "them.",
+    "trace": "Trace rays from pixels through the lenslets.",
+    "vectors": "Write test vectors: rays that are hard to compute.",
+    "regress": "Check the rays of another ray tracer or RTL design.",
+    "render": "Render the integral image of a scene, or of a folder of layers, for a display.",
+    "layers": "Cut a scene into layers that a board draws by itself.",
+    "animate": "Render a film, frame by frame, for a display.",
+    "capture": "Capture a scene through an imaging lens and a microlens array.",
+    "observe": "Compute what an eye sees through the lenslets.",
+    "view": "Make a browser page that shows an integral image.",
+    "pattern": "Draw a test pattern for a display's panel.",
+    "calibrate": "Calibrate a display from photographs of its mounted array.",
+    "export": "Write scenes and pictures in the forms of other tools.",
+    "board": "Start a virtual board, or use a real or virtual one.",
+    "stream": "Stream images to the panel of a board.",
+    "play": "Play a film of layers, or show a folder of layers, on a board that draws.",
+    "display": "Show an image on a monitor, full-screen and unscaled.",
+    "live": "Show a scene on a display, and move it by hand.",
+    "demo": "Run the main steps once: render, stream, draw, observe.",
+    "report": "Measure speed and error of everything, and write a report.",
+    "doctor": "Check libraries, rendering, the RTL's tools and serial ports.",
+}
 #: Commands of earlier versions, and the answer to each.
 OLD_COMMANDS = {
     "bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench",
@@ -29,7 +52,7 @@ OLD_COMMANDS = {
 
 
 class _Commands(click.Group):
-    """Loads a command's module when it is called, so that `--help` is quick."""
+    """Loads a command's module when it is called, so that `--help` and the shell's completion are quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -41,9 +64,18 @@ class _Commands(click.Group):
                 return None
             if cmd_name in OLD_COMMANDS:
                 raise InputError(f"lippmann {cmd_name}: {OLD_COMMANDS[cmd_name]}")
-            raise click.exceptions.NoSuchCommand(cmd_name, possibilities=COMMANDS, ctx=ctx)
+            raise click.exceptions.NoSuchCommand(cmd_name, possibilities=list(COMMANDS), ctx=ctx)
         command: click.Command = import_module(f"lippmann.cli.{cmd_name}").command
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        commands = [CompletionItem(name, help=text) for name, text in COMMANDS.items() if name.startswith(incomplete)]
+        # Of the group itself, click completes the options.
+        return commands + click.Command.shell_complete(self, ctx, incomplete)
 
 
 @click.group(

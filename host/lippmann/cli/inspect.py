@@ -19,7 +19,6 @@ from lippmann.cli.frame import Choice, argument, make_command, option
 from lippmann.cli.options.common import Point, Vector
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
-from lippmann.eye import display_drawing
 from lippmann.optics.display_properties import (
     DISTANCES,
     DisplayProperties,
@@ -32,6 +31,8 @@ from lippmann.optics.display_properties import (
 )
 from lippmann.optics.zones import Zone, viewing_distance
 
+#: Kinds of files of --zones and --draw.
+DRAWING_SUFFIXES = (".svg", ".png")
 #: Kind of TOML file -> module and class that declare it.
 FILES = {
     "display": ("lippmann.display.description", "DisplayFile"),
@@ -73,7 +74,7 @@ def command(
         return
     if display_path is None:
         raise click.UsageError("Missing argument 'DISPLAY.toml'.")
-    pictures = [check_output(path, display_drawing.SUFFIXES) for path in (zones, draw) if path is not None]
+    pictures = [check_output(path, DRAWING_SUFFIXES) for path in (zones, draw) if path is not None]
     if len(set(pictures)) < len(pictures):
         raise click.UsageError("--zones and --draw name the same file; give two names")
     display = load_display(display_path)
@@ -94,10 +95,13 @@ def command(
         "distances": [_as_json(view) for view in views],
         "eye": None if seen is None else _as_json(seen),
     }
-    if zones is not None:
-        display_drawing.draw_zones(display, Path(zones), eye)
-    if draw is not None:
-        display_drawing.draw_display(display, Path(draw))
+    if pictures:
+        from lippmann.eye import display_drawing  # at its first use: it loads the engines
+
+        if zones is not None:
+            display_drawing.draw_zones(display, Path(zones), eye)
+        if draw is not None:
+            display_drawing.draw_display(display, Path(draw))
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
     if seen is not None:
         x, y, z = seen.eye_mm

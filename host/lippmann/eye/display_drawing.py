@@ -22,7 +22,6 @@ from lippmann.optics.zones import middle_eye, status_share, status_shares, viewi
 
 Ints = npt.NDArray[np.int64]
 
-SUFFIXES = (".svg", ".png")
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
 #: Lenslets across a close-up, marks of lenslets across the panel, and pixels that a close-up still tells apart.
