@@ -1040,5 +1040,13 @@ def test_inspect_loads_no_engine_and_no_plots():
     code = "import sys\nfrom lippmann.cli import run\nrun(sys.argv[1:])\nprint(sorted(sys.modules))"
     command = [sys.executable, "-c", code, "inspect", display]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    for module in ("matplotlib", "lippmann.fixed", "lippmann.engines", "scipy", "mitsuba", "OpenImageIO", "PIL"):
+    for module in (
+        "matplotlib",
+        "lippmann.fixed.ray_pipeline",
+        "lippmann.engines",
+        "scipy",
+        "mitsuba",
+        "OpenImageIO",
+        "PIL",
+    ):
         assert f"'{module}'" not in done.stdout.splitlines()[-1]

@@ -42,7 +42,7 @@ COMMANDS = {
     "display": "Show an image on a monitor, full-screen and unscaled.",
     "live": "Show a scene on a display, and move it by hand.",
     "demo": "Run the main steps once: render, stream, draw, observe.",
-    "report": "Measure speed and error of everything, and write a report.",
+    "report": "Measure speed and error of each engine and lens model on displays, and write a report.",
     "doctor": "Check libraries, rendering, the RTL's tools and serial ports.",
 }
 #: Commands of earlier versions, and the answer to each.
