@@ -7,7 +7,8 @@ from pathlib import Path
 
 from lippmann.conformance.engine_errors import Row, measure_fixed
 from lippmann.conformance.engine_errors import measure as measure_engines
-from lippmann.conformance.hard_cases import Out, changed, hard_sets
+from lippmann.conformance.hard_cases import changed, hard_sets
+from lippmann.conformance.ray_sets import PanelRays
 from lippmann.display.description import load_display
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.simulation.harness import rtl_pipeline
@@ -27,7 +28,7 @@ def measure(scenes: Path, seed: int, device: str) -> tuple[list[Row], list[Row]]
         logger.info("%s, plano side to the %s ...", display.name, display.array.plano_side)
         for rays in hard_sets(display, "all", seed):
             real += measure_engines(rays, ("golden", "fast"), device)
-            if isinstance(rays, Out):
+            if isinstance(rays, PanelRays):
                 fixed.append(measure_fixed(rays, COMPACT))
                 fixed.append(measure_fixed(rays, WIDEST, rtl_pipeline))
     return real, fixed

@@ -83,7 +83,7 @@ def measure(scenes: Path, plan: Plan, seed: int) -> Figures:
         sample = random_rays(display, aperture, plan.rays, seed)
         words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
-        found = errors(sample.traced(), twin, pictures(display).scene.depth_range_mm)
+        found = errors(sample.trace(), twin, pictures(display).scene.depth_range_mm)
         picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
         own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
         size = sizes.get(named.name)

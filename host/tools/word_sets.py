@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from lippmann.conformance import ray_search
+from lippmann.conformance import ray_sets
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
@@ -58,7 +58,7 @@ def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
     """Return pixels on the edges and vertices of cells, within 1/16 pixel, and aims on edges and vertices likewise."""
     random = np.random.default_rng(seed)
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
-    edge, aimed = (ray_search.edge_points(display, random, count, vertices=0.25) for _ in range(2))
+    edge, aimed = (ray_sets.edge_points(display, random, count, vertices=0.25) for _ in range(2))
     size = panel_size(display)
     near = words_of_pixels(display, np.clip(pixels_from_cells(display, lenslets, edge), 0.0, size))
     limit = size.astype(np.int64)[:, None] << (PIXEL_FRACTION - 1)
@@ -104,16 +104,16 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
     """Return random words of pixels, anywhere on the panel."""
-    return words_of_pixels(display, ray_search.random_pixels(display, random, count))
+    return words_of_pixels(display, ray_sets.random_pixels(display, random, count))
 
 
 def cell_aims(display: Display, build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
     """Return words of random points of a cell; zeros for chief rays."""
-    points = ray_search.random_aims(display, random, count) if build.aims else np.zeros((count, 2))
+    points = ray_sets.random_aims(display, random, count) if build.aims else np.zeros((count, 2))
     return words_of_aims(display, points, build.fraction_bits)
 
 
-def too_slanted(display: Display, build: Build, words: Words) -> ray_search.Bools:
+def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
     """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/lipp_aim.sv).
 
     The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at. In a build with

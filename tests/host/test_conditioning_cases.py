@@ -8,7 +8,8 @@ import pytest
 import truth
 from lippmann.conformance.engine_errors import measure
 from lippmann.conformance.fifty_digits import exact_array, size, true_hits, true_rays
-from lippmann.conformance.hard_cases import CASES, Back, Out, changed, hard_sets
+from lippmann.conformance.hard_cases import CASES, changed, hard_sets
+from lippmann.conformance.ray_sets import PanelRays, WorldRays
 from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
@@ -80,7 +81,7 @@ def test_the_50_digits_are_those_of_an_independent_tracer(grid, side):
     compared = 0
     for rays in hard_sets(base(grid, side), "all", SEED + 1, 2):
         optics = optics_of(rays.display)
-        if isinstance(rays, Back):
+        if isinstance(rays, WorldRays):
             hits = true_hits(rays)
             for k in range(len(rays.origin_mm)):
                 landing = truth.world_to_panel(optics, rays.origin_mm[k], rays.direction[k])
@@ -143,7 +144,7 @@ def test_no_seed_launches_rays_to_where_no_lenslet_stands(path):
     flattest = 1.0
     for seed in range(200):
         (rays,) = hard_sets(display, "grazing-launch", seed)
-        assert isinstance(rays, Out)
+        assert isinstance(rays, PanelRays)
         trace(rays.display, rays.pixels, rays.aperture)
         slopes = display.aperture_distance_mm / np.linalg.norm(rays.aperture, axis=1)
         flattest = min(flattest, slopes.min())
@@ -196,7 +197,7 @@ def test_every_case_says_what_it_is_for_and_repeats():
     for case in CASES.values():
         assert len(case.__doc__) > 40
     for one, two in zip(hard_sets(display, "tangent", 3), hard_sets(display, "tangent", 3), strict=True):
-        assert isinstance(one, Out)
+        assert isinstance(one, PanelRays)
         np.testing.assert_array_equal(one.pixels, two.pixels)
     with pytest.raises(InputError, match="unknown case"):
         list(hard_sets(display, "nosuch"))

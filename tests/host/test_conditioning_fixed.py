@@ -9,8 +9,10 @@ import sys
 import lippmann.fixed
 import numpy as np
 import pytest
-from lippmann.conformance.engine_errors import fixed_words, measure_fixed
-from lippmann.conformance.hard_cases import Out, changed, hard_sets
+from lippmann.conformance.engine_errors import measure_fixed
+from lippmann.conformance.hard_cases import changed, hard_sets
+from lippmann.conformance.ray_sets import PanelRays
+from lippmann.conformance.ray_words import fixed_words
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
@@ -48,7 +50,7 @@ def test_no_word_wraps_unseen(grid, side, fraction_bits, overflows):
     traced = flagged = 0
     print(f"seed {SEED}")
     for rays in hard_sets(base(grid, side), "all", SEED, 24):
-        if not isinstance(rays, Out):
+        if not isinstance(rays, PanelRays):
             continue
         case, why = fixed_words(rays, fraction_bits)
         if case is None:
@@ -71,7 +73,7 @@ def test_twin_stays_with_golden_on_hard_rays(grid, side):
     """The stated microradian, over the cosine at the exit, wherever formats hold the set, for aims in the cell."""
     for name in ("chief-ray", "cell-edges", "cell-ties", "rotations", "offsets", "tiny-values"):
         for rays in hard_sets(base(grid, side), name, SEED, 24):
-            if isinstance(rays, Out):
+            if isinstance(rays, PanelRays):
                 row = measure_fixed(rays, 23)
                 assert not row["overflowed"], row
                 case, _ = fixed_words(rays, 23)
@@ -79,7 +81,7 @@ def test_twin_stays_with_golden_on_hard_rays(grid, side):
                     continue
                 u, v, a, b = case.words
                 pixels = pixels_of_words(rays.display, u, v)
-                got = rays_of_words(rays.display, pixels, case.traced(), 23)
+                got = rays_of_words(rays.display, pixels, case.trace(), 23)
                 golden = trace(rays.display, pixels, aims_of_words(rays.display, a, b, 23))
                 same = gets_through(got.status) & (got.status == golden.status)
                 turn = 1e6 * np.linalg.norm(got.direction - golden.direction, axis=1)[same]
@@ -108,7 +110,7 @@ def test_refusals_are_counted():
     """Of rays, one by one, and of whole sets; each with its reason."""
     display = base("square", "panel")
     pixels = np.full((3, 2), 100.5)
-    rays = Out("far aims", display, pixels, np.array([[0.0, 0.0], [0.1, 0.1], [9.0, 0.0]]))
+    rays = PanelRays("far aims", display, pixels, np.array([[0.0, 0.0], [0.1, 0.1], [9.0, 0.0]]))
     assert measure_fixed(rays, 23)["refused"] == 1
     flat = dataclasses.replace(rays, display=changed(display, radius_mm=1e6), aperture=None)
     row = measure_fixed(flat, 23)

@@ -9,13 +9,11 @@ import lippmann
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.conformance.engine_errors import fixed_words
-from lippmann.conformance.foreign_rays import Foreign
-from lippmann.conformance.hard_cases import Out, changed, hard_sets
+from lippmann.conformance.fault_search import fitted_together
+from lippmann.conformance.hard_cases import changed, hard_sets
 from lippmann.conformance.judge import _rounding, judge
-from lippmann.conformance.lens_faults import fitted_together
-from lippmann.conformance.ray_search import random_aims, random_pixels
-from lippmann.conformance.vectors import INPUTS
+from lippmann.conformance.ray_sets import PanelRays, random_aims, random_pixels
+from lippmann.conformance.ray_words import INPUTS, ForeignRays, fixed_words
 from lippmann.display.description import display_text, load_display
 from lippmann.fixed import leave_glass
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
@@ -41,7 +39,7 @@ def rays_for(display, count=600):
 def judged(display, arrays, two_faults=True):
     fields = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
     fields["status"] = fields["status"][:, None]
-    foreign = Foreign(Out("foreign", display, fields.pop("pixel"), fields.pop("aperture_mm")), fields)
+    foreign = ForeignRays(PanelRays("foreign", display, fields.pop("pixel"), fields.pop("aperture_mm")), fields)
     return judge(foreign, two_faults=two_faults)
 
 
@@ -352,7 +350,7 @@ def test_a_fit_of_two_numbers_names_those_that_moved():
     """Index and gap are fitted to rays of another index: the gap stays, so it is not named."""
     display = display_for("square")
     pixels, aims = rays_for(display, 200)
-    given = Out("foreign", display, pixels, aims)
+    given = PanelRays("foreign", display, pixels, aims)
     wrong = traced(changed(display, index=1.53), pixels, aims)
     names = [one.name for some in fitted_together(given, wrong) if len(some) == 1 for one in some]
     assert "array.index is 1.53 for 1.52" in names
@@ -375,7 +373,7 @@ def test_two_faults_are_looked_for_in_eight_rays(monkeypatch, wrong, looked_for)
 def test_tie_rule():
     display = display_of("square", "panel", pixel_pitch=0.0625)
     (rays,) = hard_sets(display, "cell-ties", SEED, 36)
-    assert isinstance(rays, Out)
+    assert isinstance(rays, PanelRays)
     aims = np.zeros_like(rays.pixels)
     assert judged(rays.display, faulty_tracer.trace(rays.display, rays.pixels, aims)).right
     verdict = judged(rays.display, faulty_tracer.trace(rays.display, rays.pixels, aims, "tie rule"))
@@ -506,7 +504,7 @@ def test_the_tolerance_is_the_tolerance(grid):
 def test_float32_is_right_on_hard_cases(case):
     """The engine fast works in float32 from the lenslet's centre on."""
     for rays in hard_sets(display_for("hex"), case, SEED, 24):
-        assert isinstance(rays, Out)
+        assert isinstance(rays, PanelRays)
         aims = np.zeros_like(rays.pixels) if rays.aperture is None else rays.aperture
         verdict = judged(rays.display, traced(rays.display, rays.pixels, aims, engine="fast"))
         assert verdict.right, (rays.name, verdict)
@@ -518,7 +516,7 @@ def test_float32_is_right_on_hard_cases(case):
 def words_for(display, fraction_bits=16):
     pixels, aims = rays_for(display, 400)
     (chief,) = hard_sets(display, "chief-ray", SEED, 10)
-    rays = Out("words", display, np.concatenate([pixels, chief.pixels]), np.concatenate([aims, 0 * chief.pixels]))
+    rays = PanelRays("words", display, np.concatenate([pixels, chief.pixels]), np.concatenate([aims, 0 * chief.pixels]))
     case, why = fixed_words(rays, fraction_bits)
     assert case is not None, why
     return case
@@ -549,7 +547,7 @@ def written(tmp_path):
 
 def test_right_words(written, capsys):
     case, judge_words = written
-    code, said = judge_words(case.traced(), capsys)
+    code, said = judge_words(case.trace(), capsys)
     assert (code, said["wrong"], said["stage"]) == (0, 0, None)
 
 
@@ -557,7 +555,7 @@ def test_truncation_for_rounding(written, capsys, monkeypatch):
     """The last rounding of the direction left out: floor(x) for floor(x + 1/2)."""
     case, judge_words = written
     monkeypatch.setattr(leave_glass, "guarded", lambda x: x >> 3)
-    out = case.traced()
+    out = case.trace()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)
     assert code == 4
@@ -568,7 +566,7 @@ def test_truncation_for_rounding(written, capsys, monkeypatch):
 def test_wrapped_word(written, capsys, monkeypatch):
     case, judge_words = written
     monkeypatch.setattr(leave_glass, "saturate", wrapped)
-    out = case.traced()
+    out = case.trace()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)
     assert code == 4
@@ -589,7 +587,7 @@ def test_wrong_register(written, capsys, monkeypatch):
 def test_a_word_that_is_off_by_a_constant(written, capsys):
     """z alone: lenslets are right to the bit, and no variant may give them."""
     case, judge_words = written
-    out = case.traced()
+    out = case.trace()
     code, said = judge_words(out._replace(z=out.z + 256), capsys)
     assert (code, said["stage"]) == (4, "dome")
     assert said["fault"].startswith("a constant added")
@@ -626,7 +624,7 @@ SLIPS = {
 def test_slips_of_words_are_named(slip, written, capsys):
     case, judge_words = written
     made, stage, says = SLIPS[slip]
-    code, said = judge_words(made(case.traced()), capsys)
+    code, said = judge_words(made(case.trace()), capsys)
     assert (code, said["stage"]) == (4, stage)
     assert said["fault"].startswith(says) or says in said["fault"]
 
@@ -636,7 +634,7 @@ def test_tie_rule_of_words(tmp_path, capsys):
     (rays,) = hard_sets(display_of("square", "panel", pixel_pitch=0.0625), "cell-ties", SEED, 36)
     case, why = fixed_words(rays, 16)
     assert case is not None, why
-    out = case.traced()
+    out = case.trace()
     tie = (rays.pixels[case.kept, 0] - 200.0) / 16.0 % 1.0 == 0.5
     assert 10 < tie.sum() < len(tie)
     (tmp_path / "display.toml").write_text(display_text(rays.display))
@@ -652,7 +650,7 @@ def test_a_word_far_off_is_not_called_wrapped():
     """2^62 is no word of 18 bits gone round; one that is off by 2^18 is, either way."""
     display = display_for("square")
     case = words_for(display)
-    out = case.traced()
+    out = case.trace()
     for added, wraps in ((1 << 62, False), (1 << 18, True), (-(1 << 18), True), (1 << 19, False)):
         dx = out.dx.copy()
         dx[3] += added

@@ -25,7 +25,7 @@ import pytest
 from lippmann.base import toml
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
-from lippmann.conformance.bounds import load_bounds
+from lippmann.conformance.comparison import load_bounds
 from lippmann.display.description import Panel, load_display
 from lippmann.layers.layers_folder import LayersFile
 from lippmann.layers.pictures_folder import PicturesFile

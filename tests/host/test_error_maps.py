@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 from lippmann.cli import run
-from lippmann.conformance.error_maps import ErrorMaps, edges
-from lippmann.conformance.foreign_rays import Foreign, foreign_words
-from lippmann.conformance.hard_cases import Out
 from lippmann.conformance.judge import judge
+from lippmann.conformance.ray_sets import PanelRays
+from lippmann.conformance.ray_words import ForeignRays, foreign_from_words
+from lippmann.conformance.regress_page import ErrorMaps, edges
 from lippmann.display.description import parse_display
 from lippmann.fixed.ray_pipeline import FixedRays
 
@@ -35,7 +35,7 @@ def test_maps_and_bins_by_hand():
     judged = np.array([True, True, True, False, True])
     maps = ErrorMaps()
     for part in (slice(0, 2), slice(2, 5)):
-        given = Out("hand", DISPLAY, pixels[part], aims[part])
+        given = PanelRays("hand", DISPLAY, pixels[part], aims[part])
         maps.add(given, {"direction": far[part]}, {"direction": np.full(5, 1e-6)[part]}, judged[part])
     found = maps.maps["direction"]
     assert (found.unit, found.rays) == ("microradian", 3)
@@ -50,7 +50,7 @@ def test_maps_and_bins_by_hand():
 
 
 def test_tiny_and_huge_errors_are_counted_at_the_ends():
-    given = Out("hand", DISPLAY, np.full((2, 2), 3.0), None)
+    given = PanelRays("hand", DISPLAY, np.full((2, 2), 3.0), None)
     maps = ErrorMaps()
     maps.add(given, {"origin_mm": np.array([1e-30, 1e30])}, {"origin_mm": np.ones(2)}, np.ones(2, bool))
     assert maps.maps["origin_mm"].unit == "nm"
@@ -59,17 +59,17 @@ def test_tiny_and_huge_errors_are_counted_at_the_ends():
 
 def chief(count, seed):
     pixels = np.random.default_rng(seed).uniform((0, 0), (96, 48), (count, 2))
-    return Out("foreign", DISPLAY, pixels, None)
+    return PanelRays("foreign", DISPLAY, pixels, None)
 
 
 def test_a_planted_error_of_numbers_is_at_its_pixel():
     """A direction within 60 degrees of the axis: a float32 of its largest component has steps of 2^-24."""
     given = chief(200, 3)
-    direction = given.traced().direction.copy()
+    direction = given.trace().direction.copy()
     ray = int(np.argmax(np.abs(direction[:, 2]) > 0.75))
     direction[ray, 0] += 1e-5
     maps = ErrorMaps()
-    assert judge(Foreign(given, {"direction": direction}), maps=maps).wrong == 1
+    assert judge(ForeignRays(given, {"direction": direction}), maps=maps).wrong == 1
     found = maps.maps["direction"]
     column, row = (np.floor(given.pixels[ray] / (2.0, 1.0))).astype(int)
     assert found.panel[row, column] == found.panel.max() == pytest.approx(10.0, rel=1e-9)
@@ -81,12 +81,12 @@ def test_a_word_that_is_one_off_is_one_unit_off():
     bits = 16
     words = {name: np.zeros(50, np.int64) for name in (*"uvab", *FixedRays._fields)}
     words |= {"u": np.arange(50) << 18, "v": np.full(50, 24 << 18)}
-    twin = foreign_words(words, DISPLAY, "exact", bits).words[0].traced()
+    twin = foreign_from_words(words, DISPLAY, "exact", bits).words[0].trace()
     columns = {**words, **{name: getattr(twin, name).copy() for name in FixedRays._fields}}
     columns["dx"][7] += 1
     columns["y"][9] -= 2
     maps = ErrorMaps()
-    assert judge(foreign_words(columns, DISPLAY, "exact", bits), maps=maps).wrong == 2
+    assert judge(foreign_from_words(columns, DISPLAY, "exact", bits), maps=maps).wrong == 2
     assert maps.maps["direction"].worst_units == pytest.approx(1.0)
     assert maps.maps["direction"].worst == pytest.approx(1e6 * 2.0**-17)
     assert maps.maps["local_mm"].worst_units == pytest.approx(2.0)
@@ -97,7 +97,7 @@ def test_a_word_that_is_one_off_is_one_unit_off():
 @pytest.mark.parametrize("added", [0.0, 1e-4])
 def test_the_page_tells_the_verdict(added, tmp_path, capsys):
     given = chief(300, 5)
-    rays = given.traced()
+    rays = given.trace()
     direction = rays.direction + np.array([added, 0.0, 0.0])
     (tmp_path / "d.toml").write_text(TEXT)
     np.savez(tmp_path / "mine.npz", pixel=given.pixels, direction=direction, origin_mm=rays.origin_mm)

@@ -15,16 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from junitparser import Error, Failure, JUnitXml
-from lippmann.conformance.bounds import load_bounds
+from lippmann.conformance.comparison import load_bounds
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS, covered, summary
-from lippmann.conformance.engine_errors import fixed_words
-from lippmann.conformance.hard_cases import CASES, Out
+from lippmann.conformance.faults import golden
+from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.judge import judge
-from lippmann.conformance.judged_stream import ANSWERED, ASKED, StreamReader, _whole
-from lippmann.conformance.lens_faults import golden
-from lippmann.conformance.ray_search import cell_steps, random_aims, random_pixels
-from lippmann.conformance.vector_stream import Stream
-from lippmann.conformance.vectors import OUTPUTS, hex_digits, memory_lines, widths
+from lippmann.conformance.ray_sets import PanelRays, cell_steps, random_aims, random_pixels
+from lippmann.conformance.ray_stream import ANSWERED, ASKED, Stream, StreamReader, _complete_rows
+from lippmann.conformance.ray_words import OUTPUTS, fixed_words, hex_digits, memory_lines, widths
 from lippmann.display.description import load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words
@@ -242,7 +240,7 @@ def in_words(questions, fraction_bits=16):
     columns: list[list[str]] = []
     for _, foreign in rays.sets():
         case, _ = foreign.words
-        columns.append(memory_lines(list(case.traced()), widths(OUTPUTS, case.build.fraction_bits)))
+        columns.append(memory_lines(list(case.trace()), widths(OUTPUTS, case.build.fraction_bits)))
     answers = iter([word for some in columns for word in some])
     return "".join(line + "\n" if line.startswith("#") else f"{line} {next(answers)}\n" for line in lines).encode()
 
@@ -310,7 +308,7 @@ def test_plain_rays_meet_few_points():
     """A random ray of a plain display is on no edge, not tiny, and not steep."""
     display = parse_display(DISPLAYS["plain"])
     rng = np.random.default_rng(3)
-    plain = Out("plain", display, random_pixels(display, rng, 500), random_aims(display, rng, 500))
+    plain = PanelRays("plain", display, random_pixels(display, rng, 500), random_aims(display, rng, 500))
     found = covered(plain, golden(plain))
     assert {name for name, rays in found.items() if rays} <= {"turned-array", "ok", "internal-reflection", "crosstalk"}
     assert found["turned-array"] == 500
@@ -321,7 +319,7 @@ def test_the_predicates_by_hand():
     text = DISPLAYS["plain"].replace("rotation_deg = 9.0", "rotation_deg = 0.0").replace("[0.31, -0.17]", "[0.0, 0.0]")
     display = parse_display(text)  # 32 x 20 mm, pixels of 0.05 mm, so lenslets of 20 pixels
     pixels = np.array([[330.0, 210.0], [320.0, 200.0], [330.0, 203.0]])
-    given = Out("hand", display, pixels, np.array([[0.0, 0.0], [0.0, 0.0], [0.2, 1e-200]]))
+    given = PanelRays("hand", display, pixels, np.array([[0.0, 0.0], [0.0, 0.0], [0.2, 1e-200]]))
     rays = golden(given)
     masks = {name: POINTS[name](given, rays).tolist() for name in POINTS}
     assert masks["pixel-on-a-corner"] == [True, False, False]
@@ -702,7 +700,7 @@ def test_numbers_are_python_s_in_every_spelling(spelling, count):
     expected = np.array([[float(word) for word in row] for row in text])
     for minus in ("-0", "-0.0", "1."):
         text[-1][-1], expected[-1, -1] = minus, float(minus)
-        found = _whole([f"{' '.join(row)}\n".encode() for row in text])
+        found = _complete_rows([f"{' '.join(row)}\n".encode() for row in text])
         np.testing.assert_array_equal(found, expected[:, 1:])
         np.testing.assert_array_equal(np.signbit(found), np.signbit(expected[:, 1:]))
 
@@ -710,6 +708,6 @@ def test_numbers_are_python_s_in_every_spelling(spelling, count):
 @pytest.mark.parametrize("wrong", ["1,5", "[1", "null", "nan", "1e400", "0x1", "1_0", '"1"', "", "true"])
 def test_what_is_no_number_is_looked_at(wrong):
     row = ["0"] * (ASKED + ANSWERED)
-    assert _whole([f"{' '.join(row)}\n".encode()]) is not None
+    assert _complete_rows([f"{' '.join(row)}\n".encode()]) is not None
     row[2] = wrong
-    assert _whole([f"{' '.join(row)}\n".encode()]) is None
+    assert _complete_rows([f"{' '.join(row)}\n".encode()]) is None

@@ -158,7 +158,7 @@ def views_folder(path):
 
 
 def foreign_rays(path):
-    from lippmann.conformance.foreign_rays import read_foreign
+    from lippmann.conformance.vector_files import read_foreign
 
     read_foreign(path, _display(), "exact", 16)
 

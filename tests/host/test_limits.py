@@ -208,7 +208,7 @@ def test_tables_of_text(place, capsys, monkeypatch):
     refused(capsys, "trace", "--pixels", "digits.csv", "-o", "r.npz")
     (place / "field.csv").write_text("9" * 500_000 + ",1\n")
     refused(capsys, "regress", "--rays", "field.csv")
-    monkeypatch.setattr("lippmann.conformance.vectors.MAX_TABLE_BYTES", 1 << 18)
+    monkeypatch.setattr("lippmann.conformance.vector_files.MAX_TABLE_BYTES", 1 << 18)
     assert "is larger than 256 KB" in refused(capsys, "regress", "--rays", "field.csv")
 
 

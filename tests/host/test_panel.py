@@ -15,7 +15,7 @@ from lippmann.board.panel_frames import Target, image_frame, load_frame
 from lippmann.capturing.elemental_rotation import rotation_map
 from lippmann.cli import run
 from lippmann.conformance.fifty_digits import true_rays
-from lippmann.conformance.hard_cases import Out
+from lippmann.conformance.ray_sets import PanelRays
 from lippmann.display.description import MM_PER_INCH, display_text, parse_display
 from lippmann.display.subpixels import COLOURS, LAYOUTS, layout_of
 from lippmann.engines import trace
@@ -137,7 +137,7 @@ def test_fifty_digits_agree_on_two_pitches(grid):
     panel = replace(display.panel, pixel_pitch_mm=(display.panel.pixel_pitch_mm, 0.7 * display.panel.pixel_pitch_mm))
     display = replace(display, panel=panel)
     pixels = rng.uniform(0.0, 1.0, (40, 2)) * (panel.width_px, panel.height_px)
-    rays, true = trace(display, pixels), true_rays(Out("two", display, pixels, None))
+    rays, true = trace(display, pixels), true_rays(PanelRays("two", display, pixels, None))
     np.testing.assert_array_equal(rays.status, true.status)
     good = rays.status == Status.OK
     assert good.any()

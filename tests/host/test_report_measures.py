@@ -87,13 +87,13 @@ def test_rays_lost_in_both_are_no_other_fate():
 def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     """The twin's words hold pixels and aims exactly; golden agrees with 50 digits to a float64's rounding."""
     sample = engine_speeds.random_rays(shipped(name), aperture, 12, 5)
-    twin = sample.traced("twin")
+    twin = sample.trace("twin")
     assert (twin.pixel == sample.pixels).all()
-    found = engine_speeds.errors(true_rays(sample), sample.traced(), DEPTHS)
+    found = engine_speeds.errors(true_rays(sample), sample.trace(), DEPTHS)
     assert found["other_fates"] == 0
     assert 0.0 < found["max_urad"] < 1e-6
     assert found["max_mm"] < 1e-10
-    assert len(sample.some(slice(5)).pixels) == 5
+    assert len(sample.select(slice(5)).pixels) == 5
 
 
 # ---- pictures ----

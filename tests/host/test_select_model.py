@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, seed, settings
 from hypothesis import strategies as st
-from lippmann.conformance.ray_search import random_aims, random_pixels
+from lippmann.conformance.ray_sets import random_aims, random_pixels
 from lippmann.errors import InputError
 from lippmann.optics.model_choice import Choice, choose_model, reconstructed_pixel_mm
 from lippmann.optics.rays import MODELS, Status

@@ -11,8 +11,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.conformance.engine_errors import fixed_words
-from lippmann.conformance.hard_cases import Out, changed, hard_sets
+from lippmann.conformance.hard_cases import changed, hard_sets
+from lippmann.conformance.ray_sets import PanelRays
+from lippmann.conformance.ray_words import fixed_words
 from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration
@@ -41,7 +42,7 @@ def test_rtl_equals_twin_on_hard_cases(build):
         base = changed(base, shear=0.2)
     compared = 0
     for rays in hard_sets(base, "all", SEED, 24):
-        case = fixed_words(rays, build.fraction_bits, build.max_cell_steps)[0] if isinstance(rays, Out) else None
+        case = fixed_words(rays, build.fraction_bits, build.max_cell_steps)[0] if isinstance(rays, PanelRays) else None
         # The case converged has displays of the other kind of build.
         if case is not None and (case.build.converge, case.build.shear) == (build.converge, build.shear):
             assert case.build == build

@@ -6,22 +6,27 @@ import dataclasses
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from lippmann.base import interrupts
+from lippmann.base.files import make_folder
+from lippmann.base.images import check_output
+from lippmann.base.provenance import provenance
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import LENS_MODEL, Finite, word_length
 from lippmann.cli.output import as_json, emit, log
+from lippmann.conformance.comparison import Bounds, load_bounds
+from lippmann.conformance.coverage_points import summary
+from lippmann.conformance.judge import Verdict, judge
+from lippmann.conformance.junit import write_junit
+from lippmann.conformance.ray_stream import StreamReader, bounded_lines
+from lippmann.conformance.vector_files import read_foreign
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error, printable
 from lippmann.optics.rays import Model
-
-if TYPE_CHECKING:
-    from lippmann.conformance.bounds import Bounds
-    from lippmann.conformance.judge import Verdict
 
 #: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
 FOUND_WRONG = 4
@@ -59,103 +64,98 @@ def command(
 
     Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
     """
-    from lippmann.base.files import make_folder
-    from lippmann.base.images import check_output
-    from lippmann.conformance.coverage_points import summary
-    from lippmann.conformance.foreign_rays import read_foreign
-    from lippmann.conformance.judge import judge
-
     for flag, path in (("--bounds", bounds_path), ("--junit", junit), ("--report", report)):
         if path == "":
             raise input_error(flag, "it is empty", f"name a {'folder' if flag == '--report' else 'file'}")
-    bounds = _bounds(bounds_path, tolerance_urad, tolerance_nm)
-    if junit is not None:
-        check_output(Path(junit), (".xml",))
-    if report is not None:
-        make_folder(Path(report))
-    files = _Files(junit, report)
+    bounds = _read_bounds(bounds_path, tolerance_urad, tolerance_nm)
+    output = _Output(junit, report)
     if stream:
         source = click.get_current_context().get_parameter_source
         for name in ("display_path", "rays_path", "inputs_path", "model", "fraction_bits"):
             if source(name) is not ParameterSource.DEFAULT:
                 flag = f"--{name.removesuffix('_path').replace('_', '-')}"
                 raise input_error(flag, "the stream has it", f"leave out {flag} or --stream")
-        return _judge_stream(bounds, files)
+        return _judge_stream(bounds, output)
     if rays_path is None or display_path is None:
         raise InputError("no rays; give --display and --rays, or --stream")
-    display = load_display(display_path)
-    inputs = None if inputs_path is None else Path(inputs_path)
-    foreign = read_foreign(Path(rays_path), display, model, fraction_bits, inputs)
-    verdict = judge(foreign, bounds, maps=files.maps)
-    shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
-    lines = list(verdict.lines)
-    if verdict.right:
-        lines.append(f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)")
-    else:
-        lines += verdict.headline.split("; ", 1)
-    lines.append(summary([verdict.covered], foreign.words is not None)[1])
-    about = {"rays": rays_path, "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
-    files.write([(Path(rays_path).stem, verdict)], foreign.words is not None, None, about)
-    emit({**dataclasses.asdict(verdict), **shown, "bounds": about["bounds"]}, lines)
-    return 0 if verdict.right else FOUND_WRONG
+    return _judge_file(Path(rays_path), display_path, inputs_path, model, fraction_bits, bounds, output)
 
 
-def _bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
+def _read_bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
     """Return the bounds of a file, or those of two tolerances."""
-    from lippmann.conformance.bounds import Bounds, load_bounds
-
-    given = {"direction_urad": urad, "point_nm": nm}
-    for (key, value), name in zip(given.items(), ("--tolerance-urad", "--tolerance-nm"), strict=True):
+    tolerances = {"direction_urad": urad, "point_nm": nm}
+    for (key, value), name in zip(tolerances.items(), ("--tolerance-urad", "--tolerance-nm"), strict=True):
         if value is not None and path is not None:
             raise input_error(name, "the file of bounds has it", f"write {key} there, or leave out --bounds")
         if value is not None and value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
     if path is not None:
         return load_bounds(Path(path))
-    usual = Bounds()
-    return Bounds(direction_urad=urad or usual.direction_urad, point_nm=nm or usual.point_nm)
+    return Bounds(direction_urad=urad or Bounds.direction_urad, point_nm=nm or Bounds.point_nm)
 
 
-class _Files:
+class _Output:
     """The files that verdicts are written to, where they are asked for."""
 
     def __init__(self, junit: str | None, report: str | None) -> None:
-        from lippmann.conformance.error_maps import ErrorMaps
+        self.junit = None if junit is None else check_output(Path(junit), (".xml",))
+        self.report = None if report is None else Path(report)
+        self.maps = None
+        if self.report is not None:
+            from lippmann.conformance.regress_page import ErrorMaps  # with the libraries that draw its plots
 
-        self.junit, self.report = junit, report
-        self.maps = None if report is None else ErrorMaps()
+            make_folder(self.report)
+            self.maps = ErrorMaps()
 
     def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: dict[str, Any]) -> None:
         """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
-        from lippmann.conformance.junit import write_junit
-
-        said = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
+        about = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit is not None:
-            write_junit(Path(self.junit), verdicts, ended, said)
+            write_junit(self.junit, verdicts, ended, about)
         if self.report is not None and self.maps is not None:
-            from lippmann.base.provenance import provenance
             from lippmann.conformance.regress_page import errors_page
 
-            origin = provenance("lippmann regress", ("numpy",)) | said
-            errors_page(origin, verdicts, self.maps.maps, words, ended).write(Path(self.report), as_html=True)
+            origin = provenance("lippmann regress", ("numpy",)) | about
+            errors_page(origin, verdicts, self.maps.maps, words, ended).write(self.report, as_html=True)
 
 
-def _judge_stream(bounds: Bounds, files: _Files) -> int:
+def _judge_file(
+    rays: Path,
+    display_path: str,
+    inputs: str | None,
+    model: Model,
+    fraction_bits: int,
+    bounds: Bounds,
+    output: _Output,
+) -> int:
+    """Judge a file of rays."""
+    display = load_display(display_path)
+    foreign = read_foreign(rays, display, model, fraction_bits, None if inputs is None else Path(inputs))
+    verdict = judge(foreign, bounds, maps=output.maps)
+    if verdict.right:
+        lines = [f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)"]
+    else:
+        lines = verdict.headline.split("; ", 1)
+    lines = [*verdict.lines, *lines, summary([verdict.covered], foreign.words is not None)[1]]
+    about = {"rays": str(rays), "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
+    output.write([(rays.stem, verdict)], foreign.words is not None, None, about)
+    shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
+    emit({**dataclasses.asdict(verdict), **shown, "bounds": about["bounds"]}, lines)
+    return 0 if verdict.right else FOUND_WRONG
+
+
+def _judge_stream(bounds: Bounds, output: _Output) -> int:
     """Judge the stream at stdin. If it ends early, tell the verdicts so far, and why."""
-    from lippmann.conformance.coverage_points import summary
-    from lippmann.conformance.judge import judge
-    from lippmann.conformance.judged_stream import StreamReader, bounded_lines
-
     if sys.stdin is None:
         raise InputError("stdin is closed; run lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream")
     verdicts: list[tuple[str, Verdict]] = []
     ended, code, words = None, 0, False
-    read = StreamReader(bounded_lines(sys.stdin.buffer))
+    reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
-        for name, foreign in read.sets():
+        for name, foreign in reader.sets():
             # The search for a pair takes some ten seconds: again only for a set of more rays, which says more.
             search = not any(one.searched and one.rays >= len(foreign.given.pixels) for _, one in verdicts)
-            verdict = judge(foreign, bounds, two_faults=search, maps=files.maps)
+            verdict = judge(foreign, bounds, two_faults=search, maps=output.maps)
             verdicts.append((name, verdict))
             words = foreign.words is not None
             if not verdict.right and not as_json():
@@ -165,17 +165,17 @@ def _judge_stream(bounds: Bounds, files: _Files) -> int:
     except KeyboardInterrupt:
         ended, code = "interrupted", interrupts.exit_code()
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
-    met, told = summary((verdict.covered for _, verdict in verdicts), words)
+    points, line = summary((verdict.covered for _, verdict in verdicts), words)
     sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
     number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
-    lines = [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", told]
-    lines = [*lines, *[f"stream: {read.hash}"] * bool(read.hash)] if verdicts else ["nothing was judged"]
-    about: dict[str, Any] = {"made": read.made, "hash": read.hash or None, "bounds": dataclasses.asdict(bounds)}
-    files.write(verdicts, words, ended, about)
+    lines = [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", line]
+    lines = [*lines, *[f"stream: {reader.hash}"] * bool(reader.hash)] if verdicts else ["nothing was judged"]
+    about: dict[str, Any] = {"made": reader.command, "hash": reader.hash or None, "bounds": dataclasses.asdict(bounds)}
+    output.write(verdicts, words, ended, about)
     # As of any command that fails.
     failure = {"error": ended, "exit_code": code} if ended is not None else {}
-    whole = {"right": not (wrong or ended), "rays": rays, "wrong": wrong, "ended": ended, "covered": met}
-    emit({**whole, **about, **failure, "sets": sets}, lines)
+    total = {"right": not (wrong or ended), "rays": rays, "wrong": wrong, "ended": ended, "covered": points}
+    emit({**total, **about, **failure, "sets": sets}, lines)
     if ended is not None:
         log(f"lippmann: {ended}")
         return code

@@ -11,7 +11,9 @@ import click
 from lippmann.base.provenance import provenance
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DISPLAY, LENS_MODEL, SEED, word_length
-from lippmann.cli.output import as_json, emit, log
+from lippmann.cli.output import as_json, emit
+from lippmann.conformance.ray_stream import Stream
+from lippmann.conformance.vector_files import write_vectors
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Model
@@ -37,11 +39,8 @@ def command(
 
     Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
     """
-    from lippmann.conformance.vector_stream import Stream
-    from lippmann.conformance.vectors import write_vectors
-
     display = load_display(display_path)
-    said = (
+    line = (
         f"lippmann vectors --display {shlex.quote(display_path)} --case {case} --model {model} "
         f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
     )
@@ -49,18 +48,17 @@ def command(
         if output is not None or as_json():
             other = "--json" if output is None else "-o"
             raise input_error(other, "the questions go to stdout", f"leave out {other} or --stream")
-        asked = Stream(display, case, model, seed, count, random, fraction_bits if words else None)
-        for line in asked.lines(f"{said} --stream{' --words' * words}{f' --random {random}' * bool(random)}"):
-            sys.stdout.write(line + "\n")
+        line += f" --stream{' --words' * words}{f' --random {random}' * bool(random)}"
+        questions = Stream(display, case, model, seed, count, random, fraction_bits if words else None)
+        sys.stdout.writelines(f"{question}\n" for question in questions.lines(line))
         sys.stdout.flush()
         return
     if words or random:
         raise input_error("--words" if words else "--random", "is of a stream", "add --stream")
     if output is None:
         raise InputError("no output; give a folder with -o, or --stream")
-    origin = provenance(said, ("numpy", "mpmath"))
-    note = (lambda _: None) if as_json() else log
-    entries = write_vectors(Path(output), display, case, model, fraction_bits, seed, count, origin, note)
+    origin = provenance(line, ("numpy", "mpmath"))
+    entries = write_vectors(Path(output), display, case, model, fraction_bits, seed, count, origin)
     result = {
         "output": output,
         "sets": len(entries),

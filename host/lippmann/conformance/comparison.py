@@ -1,8 +1,9 @@
 """Foreign rays beside golden's: how far each value may be off, and which are.
 
-A ray may be off by the tolerance plus the effect of rounding its inputs to float32, so that a rounding never counts as
-a fault, however ill-conditioned a ray is. Where such a rounding changes lenslet or status, the ray is on an edge, and
-may be golden's on either side.
+The bounds are for all rays, for steps of the ray and for hard cases; a file of bounds is kept beside the design that it
+is for (`regress --bounds`). A ray may be off by its bound plus the effect of rounding its inputs to float32, so that a
+rounding never counts as a fault, however ill-conditioned a ray is. Where such a rounding changes lenslet or status, the
+ray is on an edge, and may be golden's on either side.
 """
 
 from __future__ import annotations
@@ -10,19 +11,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conformance.bounds import Bounds
-from lippmann.conformance.coverage_points import tie
-from lippmann.conformance.foreign_rays import Foreign
-from lippmann.conformance.hard_cases import Out
-from lippmann.conformance.lens_faults import FIELDS, Arrays, golden
-from lippmann.conformance.ray_search import Bools, Floats
+from lippmann.base import toml
+from lippmann.base.toml import documented, key
+from lippmann.conformance.coverage_points import POINTS, tied
+from lippmann.conformance.faults import FIELDS, Arrays, golden
+from lippmann.conformance.ray_sets import Bools, PanelRays
+from lippmann.conformance.ray_words import ForeignRays
+from lippmann.errors import did_you_mean, input_error
+from lippmann.optics.rays import Floats
+
+Urad = Annotated[float, key("how far directions may be off, microradians", above=0.0)]
+Nm = Annotated[float, key("how far points may be off, nm", above=0.0)]
+#: Arrays of points, by the step that computes them.
+Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "origin_mm"]
 
 #: Arrays of integers.
-WHOLE = ("home", "lenslet", "status")
+INTEGERS = ("home", "lenslet", "status")
 #: Ways in which rays are displaced, to see whether they are on an edge; to see all sides of it, and by which shares.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
@@ -31,8 +41,68 @@ SHARES = (1.0, 0.5, 0.25, 0.0625)
 AT_ONCE = 4096
 
 
+@documented
+@dataclass(frozen=True, kw_only=True)
+class StepBound:
+    """The bound of a step of the ray."""
+
+    array: Annotated[Step, key("the step's array, as in a file of rays")]
+    point_nm: Nm
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class CaseBound:
+    """The bounds of a hard case; the largest counts for a ray that meets several."""
+
+    point: Annotated[str, key("a coverage point, such as `grazing-exit`")]
+    direction_urad: Urad | None = None
+    point_nm: Nm | None = None
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """The keys of a file of bounds; what a step or a case does not say is as for all rays."""
+
+    direction_urad: Urad = 2.0
+    point_nm: Nm = 50.0
+    step: Annotated[tuple[StepBound, ...], key("")] = ()
+    case: Annotated[tuple[CaseBound, ...], key("")] = ()
+
+    def limits(self, given: PanelRays, rays: Arrays) -> Arrays:
+        """Return how far each array of rays may be off, (N,), radians and mm; `rays` are golden's."""
+        steps = {one.array: one.point_nm for one in self.step}
+        limits: Arrays = {}
+        for name in (*get_args(Step), "direction"):
+            usual = self.direction_urad if name == "direction" else steps.get(name, self.point_nm)
+            largest = np.zeros(len(given.pixels))
+            for case in self.case:
+                bound = case.direction_urad if name == "direction" else case.point_nm
+                if bound is not None:
+                    largest = np.where(POINTS[case.point](given, rays), np.maximum(largest, bound), largest)
+            limits[name] = 1e-6 * np.where(largest > 0.0, largest, usual)
+        return limits
+
+
+def load_bounds(path: Path) -> Bounds:
+    """Read a file of bounds; raise InputError, with file, key and remedy, for what is wrong in it."""
+    bounds = toml.read(Bounds, toml.load(path, "bounds"), str(path))
+    for name, bounded in (("step", [one.array for one in bounds.step]), ("case", [one.point for one in bounds.case])):
+        for number, one in enumerate(bounded):
+            if one in bounded[:number]:
+                raise input_error(f"{path}: {name}[{number}]", f"'{one}' is bounded twice", "keep one of them")
+    for number, case in enumerate(bounds.case):
+        if case.point not in POINTS:
+            remedy = did_you_mean(case.point, POINTS) or f"choose from {', '.join(POINTS)}"
+            raise input_error(f"{path}: case[{number}].point", f"there is no coverage point '{case.point}'", remedy)
+        if case.direction_urad is None and case.point_nm is None:
+            raise input_error(f"{path}: case[{number}]", "it has no bound", "add direction_urad or point_nm")
+    return bounds
+
+
 @dataclass(frozen=True)
-class Compared:
+class FieldSummary:
     """One array of the file: the step that computes it, rays compared and wrong, the largest difference and its unit.
 
     `limits` are the smallest and the largest difference that any ray was allowed.
@@ -56,7 +126,7 @@ class Comparison:
     `wrong_on_edge` are the rays on an edge, by array, that are golden's on no side of it.
     """
 
-    given: Out
+    given: PanelRays
     fields: Arrays
     golden: Arrays
     limits: Arrays
@@ -67,8 +137,8 @@ class Comparison:
     @cached_property
     def wrong_by(self) -> dict[str, Bools]:
         """The rays that are wrong, by array."""
-        found = {name: self.wrong_in(name, values) for name, values in self.fields.items()}
-        return found | {name: found[name] | wrong for name, wrong in self.wrong_on_edge.items()}
+        wrong = {name: self.wrong_in(name, values) for name, values in self.fields.items()}
+        return wrong | {name: wrong[name] | on_edge for name, on_edge in self.wrong_on_edge.items()}
 
     @cached_property
     def wrong(self) -> Bools:
@@ -76,9 +146,14 @@ class Comparison:
         return np.asarray(np.any(list(self.wrong_by.values()), axis=0))
 
     @property
+    def wrong_arrays(self) -> list[str]:
+        """The arrays in which some ray is wrong."""
+        return [name for name, wrong in self.wrong_by.items() if wrong.any()]
+
+    @property
     def ties(self) -> Bools:
         """The panel points exactly on an edge that two cells share, which only one of them owns."""
-        return tie(self.given, self.golden)
+        return tied(self.given)
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
         """Return how far values of an array are from another's, as `distance`; 0 where they are not given."""
@@ -90,81 +165,83 @@ class Comparison:
         excused = self.edge & np.isfinite(far) & (name != "panel_mm")
         return np.asarray((far > self.limits[name]) & ~excused)
 
-    def some(self, chosen: npt.NDArray[np.intp]) -> Comparison:
-        """Return the comparison of some rays."""
-        fields, golden, limits = (
-            {key: array[chosen] for key, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
-        )
-        edges = {name: wrong[chosen] for name, wrong in self.wrong_on_edge.items()}
-        given = self.given.some(chosen)
-        return Comparison(given, fields, golden, limits, self.edge[chosen], self.alone[chosen], edges)
+    def select(self, rays: npt.NDArray[np.intp]) -> Comparison:
+        """Return the comparison of the rays of these indices."""
+
+        def part(arrays: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+            return {name: array[rays] for name, array in arrays.items()}
+
+        fields, golden, limits = part(self.fields), part(self.golden), part(self.limits)
+        edge, alone, wrong_on_edge = self.edge[rays], self.alone[rays], part(self.wrong_on_edge)
+        return Comparison(self.given.select(rays), fields, golden, limits, edge, alone, wrong_on_edge)
 
     def later(self, lag: int) -> Comparison:
         """Return the comparison of each ray with the values that stand `lag` rays after it."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
-        made = self.some(rays)
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
-        return replace(made, fields=fields, alone=self.alone[rays + lag], wrong_on_edge={})
+        return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag], wrong_on_edge={})
 
-    def compared(self, name: str) -> Compared:
+    def summary(self, name: str) -> FieldSummary:
         """Return the summary of one array."""
-        unit, scale = ("rays", 1.0) if name in WHOLE else ("microradian" if name == "direction" else "nm", 1e6)
+        unit, scale = ("rays", 1.0) if name in INTEGERS else ("microradian" if name == "direction" else "nm", 1e6)
         plain = ~self.edge
         far = self.far(name, self.fields[name], self.golden)[plain] * scale
         limit = self.limits[name][plain] * scale
         limits = (float(limit.min()), float(limit.max())) if len(limit) else (0.0, 0.0)
         wrong = int(self.wrong_by[name].sum())
-        return Compared(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
+        return FieldSummary(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
-def compare(foreign: Foreign, bounds: Bounds, panel_mm: Floats, aim_mm: Floats, every: bool = True) -> Comparison:
+def compare(
+    foreign: ForeignRays, bounds: Bounds, moves_mm: tuple[Floats, Floats] | None = None, every: bool = True
+) -> Comparison:
     """Compare arrays with golden's, within bounds.
 
-    Panel points and aims displaced either way by some mm, (N, 2) each, tell how much more each ray may be off. Not
-    `every`: these are traced only for rays beyond the bounds. The others are right whatever they tell, so the same
-    rays are wrong.
+    Panel points and aims displaced either way by `moves_mm`, (N, 2) each, tell how much more each ray may be off; left
+    out, the `roundings` of the rays. Not `every`: these are traced only for rays beyond the bounds. The others are
+    right whatever they tell, so the same rays are wrong.
     """
     given = foreign.given
     rays, n = golden(given), len(given.pixels)
-    limits = dict.fromkeys(WHOLE, np.zeros(n)) | bounds.limits(given, rays)
+    panel_mm, aim_mm = moves_mm or roundings(given)
+    limits = dict.fromkeys(INTEGERS, np.zeros(n)) | bounds.limits(given, rays)
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
-    seen = Comparison(given, foreign.fields, rays, limits, np.zeros(n, bool), alone)
-    chosen = np.arange(n) if every else np.flatnonzero(seen.wrong)
+    compared = Comparison(given, foreign.fields, rays, limits, np.zeros(n, bool), alone)
+    chosen = np.arange(n) if every else np.flatnonzero(compared.wrong)
     if not len(chosen):
-        return seen
-    more, across = _roundings_do(seen.some(chosen), panel_mm[chosen], aim_mm[chosen])
+        return compared
+    more, across = _effect_of_moves(compared.select(chosen), panel_mm[chosen], aim_mm[chosen])
     for name, extra in more.items():
-        limits[name] = limits[name].copy()
         limits[name][chosen] += extra
-    edge = seen.edge.copy()
+    edge = np.zeros(n, bool)
     edge[chosen] = across
-    seen = replace(seen, limits=limits, edge=edge)
+    compared = replace(compared, edge=edge)
     on_edge = np.flatnonzero(edge)
     wrong = {name: np.zeros(n, bool) for name in foreign.fields}
     for first in range(0, len(on_edge), AT_ONCE):
         some = on_edge[first : first + AT_ONCE]
-        for name, found in _wrong_on_edge(seen.some(some), panel_mm[some], aim_mm[some]).items():
-            wrong[name][some] = found
-    return replace(seen, wrong_on_edge=wrong)
+        for name, on_no_side in _wrong_on_edge(compared.select(some), panel_mm[some], aim_mm[some]).items():
+            wrong[name][some] = on_no_side
+    return replace(compared, wrong_on_edge=wrong)
 
 
-def _roundings_do(seen: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
+def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
     """Return how far displacements move each array's rays, and which rays change status or lenslet, (N,) each."""
-    n = len(seen.edge)
-    most = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
+    n = len(compared.edge)
+    largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
-    for moved in _displaced(seen.given, panel_mm, aim_mm):
+    for moved in _displaced(compared.given, panel_mm, aim_mm):
         other = golden(moved)
-        across = np.any([(other[name] != seen.golden[name]).any(axis=1) for name in WHOLE], axis=0)
+        across = np.any([(other[name] != compared.golden[name]).any(axis=1) for name in INTEGERS], axis=0)
         edge |= across
-        for name, far in most.items():
-            moves = np.linalg.norm(other[name] - seen.golden[name], axis=1)
+        for name, far in largest.items():
+            moves = np.linalg.norm(other[name] - compared.golden[name], axis=1)
             far[:] = np.maximum(far, np.where(across, 0.0, moves))
     moves = np.maximum(panel_mm, aim_mm).max(axis=1)
-    return {name: most.get(name, moves) for name in seen.limits if name not in WHOLE}, edge
+    return {name: largest.get(name, moves) for name in compared.limits if name not in INTEGERS}, edge
 
 
-def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[Out]:
+def _displaced(given: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
     """Yield rays whose panel points, and then aims, are displaced by some (N, 2) mm, in some ways (M, 2)."""
     aimed = replace(given, aperture=given.aims)
     for step in ways:
@@ -172,38 +249,37 @@ def _displaced(given: Out, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES
         yield replace(aimed, aperture=given.aims + step * aim_mm)
 
 
-def _wrong_on_edge(seen: Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
+def _wrong_on_edge(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
     """Return which of rays that are all on an edge are golden's on no side of it, (N,) by array.
 
     Golden's are those of inputs displaced by `SHARES` of the roundings. A ray must have status and lenslet of some of
     them, and values within their range, or beyond it by no more than its width and the limits.
     """
-    sides = [seen.golden]
+    sides = [compared.golden]
     for share in SHARES:
-        sides += map(golden, _displaced(seen.given, share * panel_mm, share * aim_mm, AROUND))
-    whole = {
-        name: np.array(
-            [(seen.fields[name] == side[name]).all(axis=1) | (seen.alone & (name != "status")) for side in sides]
-        )
-        for name in WHOLE
-        if name in seen.fields
+        sides += map(golden, _displaced(compared.given, share * panel_mm, share * aim_mm, AROUND))
+    fields, alone = compared.fields, compared.alone
+    integers = {
+        name: np.array([(fields[name] == side[name]).all(axis=1) | (alone & (name != "status")) for side in sides])
+        for name in INTEGERS
+        if name in fields
     }
-    same: Bools = np.all(list(whole.values()), axis=0) if whole else np.ones((len(sides), len(seen.edge)), bool)
-    found = {name: np.asarray(~one.any(axis=0)) for name, one in whole.items()}
-    if whole:  # where each is golden's on some side, and not all on one, the last is wrong
-        found[list(whole)[-1]] |= ~same.any(axis=0)
-    for name in seen.fields.keys() - whole.keys() - {"panel_mm"}:
+    same = np.all([np.ones((len(sides), len(alone)), bool), *integers.values()], axis=0)
+    wrong = {name: np.asarray(~one.any(axis=0)) for name, one in integers.items()}
+    if integers:  # where each is golden's on some side, and not all on one, the last is wrong
+        wrong[list(integers)[-1]] |= ~same.any(axis=0)
+    for name in fields.keys() - integers.keys() - {"panel_mm"}:
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
-        beyond = np.maximum(low - seen.fields[name], seen.fields[name] - high) - np.maximum(high - low, 0.0)
+        beyond = np.maximum(low - fields[name], fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
-        outside = np.linalg.norm(far, axis=1) > seen.limits[name]
-        found[name] = np.asarray(same.any(axis=0) & outside & ~seen.alone)
-    return found
+        outside = np.linalg.norm(far, axis=1) > compared.limits[name]
+        wrong[name] = np.asarray(same.any(axis=0) & outside & ~alone)
+    return wrong
 
 
-def roundings(given: Out) -> tuple[Floats, Floats]:
+def roundings(given: PanelRays) -> tuple[Floats, Floats]:
     """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
 
     One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
@@ -218,10 +294,10 @@ def roundings(given: Out) -> tuple[Floats, Floats]:
     return np.maximum(pixel * rounding(given.pixels), least), np.maximum(rounding(given.aims), least)
 
 
-def distance(name: str, values: Floats, wanted: Floats) -> Floats:
-    """Return how far values are from the wanted ones, (N,): a length, or 0 and 1 for integers; never NaN."""
-    if name in WHOLE:
-        return np.asarray((values != wanted).any(axis=1), np.float64)
+def distance(name: str, values: Floats, expected: Floats) -> Floats:
+    """Return how far values are from the expected ones, (N,): a length, or 0 and 1 for integers; never NaN."""
+    if name in INTEGERS:
+        return np.asarray((values != expected).any(axis=1), np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
-        far = np.linalg.norm(values - wanted, axis=1)
+        far = np.linalg.norm(values - expected, axis=1)
     return np.where(np.isfinite(far), far, np.inf)

@@ -8,21 +8,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from functools import wraps
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conformance.hard_cases import Out
-from lippmann.conformance.ray_search import Bools, Floats, cell_steps
-from lippmann.display.description import MAX_SIDE_PX
+from lippmann.conformance.ray_sets import Bools, PanelRays, cell_steps
+from lippmann.display.description import MAX_SIDE_PX, Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.model_choice import in_cells_mm
-from lippmann.optics.rays import Status
+from lippmann.optics.rays import Floats, Status
 
 Arrays = Mapping[str, Floats]
-Predicate = Callable[[Out, Arrays], Bools]
 #: Units in the last place within which a point is on an edge.
 ULPS = 8.0
 #: Cosines below which a ray grazes a face; very flatly.
@@ -32,8 +30,128 @@ STEEP, NEARLY_FLAT = 1.05, 100.0
 #: A coordinate, mm or pixels, whose square underflows.
 TINY = 1e-154
 
-#: The points by name, in the order of the ray; each docstring is the meaning.
-POINTS: dict[str, Predicate] = {}
+
+@dataclass(frozen=True)
+class Point:
+    """A coverage point: its meaning, and the predicate that tells which rays meet it.
+
+    The predicate gets the rays' inputs and golden's arrays by name. It returns (N,), or one answer for all rays.
+    """
+
+    meaning: str
+    predicate: Callable[[PanelRays, Arrays], npt.ArrayLike]
+
+    def __call__(self, given: PanelRays, rays: Arrays) -> Bools:
+        """Tell which rays meet the point, (N,)."""
+        return np.broadcast_to(np.asarray(self.predicate(given, rays), bool), len(rays["status"]))
+
+
+#: The points by name, in the order of the ray.
+POINTS = {
+    # Panel and lattice.
+    "pixel-on-an-edge": Point(
+        "A pixel's point on the edge of a cell, within roundings.",
+        lambda given, rays: _border(given, _in_cells(given))[0],
+    ),
+    "pixel-on-a-corner": Point(
+        "A pixel's point where three or four cells meet, within roundings.",
+        lambda given, rays: _border(given, _in_cells(given))[1],
+    ),
+    "tie": Point(
+        "A pixel's point exactly on an edge, so that the tie rule decides.",
+        lambda given, rays: tied(given),
+    ),
+    "aperture-point-on-a-seam": Point(
+        "An aperture point on the edge of its cell, within roundings.",
+        lambda given, rays: _border(given, given.aims)[0] & given.aims.any(axis=1),
+    ),
+    "chief-ray": Point("A ray to the lenslet's centre.", lambda given, rays: ~given.aims.any(axis=1)),
+    "tiny-coordinate": Point(
+        "A coordinate, not 0, whose square underflows.",
+        lambda given, rays: _tiny(given.pixels) | _tiny(given.aims),
+    ),
+    "turned-array": Point(
+        "Rows that are along neither the panel's rows nor its columns.",
+        lambda given, rays: given.display.array.rotation_deg % 90.0 != 0.0,
+    ),
+    "two-pitches": Point(
+        "Two pitches that differ.",
+        lambda given, rays: len(set(given.display.array.pitches_mm)) == 2,
+    ),
+    "shear": Point("A shear.", lambda given, rays: given.display.array.shear != 0.0),
+    "far-offset": Point(
+        "An array whose origin is a hundred pitches and more from the panel's centre.",
+        lambda given, rays: math.hypot(*given.display.array.offset_mm) >= 100.0 * given.display.array.finest_mm,
+    ),
+    "wide-panel": Point(
+        "A panel of the most pixels that a file may have.",
+        lambda given, rays: given.display.panel.width_px == MAX_SIDE_PX,
+    ),
+    "converged-eye": Point(
+        "Elemental images that converge on an eye.",
+        lambda given, rays: given.display.viewing_distance_mm is not None,
+    ),
+    "eye-aside": Point(
+        "An eye that is in front of no point of the panel.",
+        lambda given, rays: _eye_aside(given.display),
+    ),
+    "missing-lenslet": Point(
+        "A ray whose lenslet lies beyond the array's end.",
+        lambda given, rays: _beyond_end(given.display, rays) & _has(rays, Status.BLOCKED),
+    ),
+    # Lens.
+    "contact": Point("No gap between panel and array.", lambda given, rays: given.display.gap_mm == 0.0),
+    "gap-of-the-focal-length": Point(
+        "A panel in the focal plane, within 10^-5 of the focal length.",
+        lambda given, rays: _in_focus(given.display),
+    ),
+    "steep-dome": Point(
+        "A nearly hemispherical dome.",
+        lambda given, rays: given.display.array.radius_mm < STEEP * given.display.array.half_diagonal_mm,
+    ),
+    "flat-dome": Point(
+        "A nearly flat dome.",
+        lambda given, rays: given.display.array.radius_mm > NEARLY_FLAT * given.display.array.half_diagonal_mm,
+    ),
+    "low-index": Point(
+        "Glass that hardly refracts: an index below 1.01.",
+        lambda given, rays: given.display.array.index < 1.01,
+    ),
+    "high-index": Point("Glass of an index above 2.", lambda given, rays: given.display.array.index > 2.0),
+    "grazing-launch": Point(
+        "A ray that leaves the panel within 3 degrees of it.",
+        lambda given, rays: given.display.aperture_distance_mm < GRAZING * np.hypot(*(given.aims - rays["start_mm"]).T),
+    ),
+    "grazing-exit": Point(
+        "A ray that leaves the last face within 3 degrees of it.",
+        lambda given, rays: _exit_cosine(given, rays) < GRAZING,
+    ),
+    "onset-of-total-reflection": Point(
+        "A ray that leaves the last face within 0.06 degrees of it.",
+        lambda given, rays: _exit_cosine(given, rays) < FLAT,
+    ),
+    "far-cell": Point(
+        "A ray that leaves through a lenslet two steps and more from the pixel's.",
+        lambda given, rays: (
+            (cell_steps(given.display, rays["lenslet"] - rays["home"]) >= 2.0) & _has(rays, Status.CROSSTALK)
+        ),
+    ),
+    # Fate.
+    "ok": Point("A ray that leaves through its own lenslet.", lambda given, rays: _has(rays, Status.OK)),
+    "missed": Point("A ray that meets no dome.", lambda given, rays: _has(rays, Status.MISSED)),
+    "internal-reflection": Point(
+        "A ray that is totally reflected.",
+        lambda given, rays: _has(rays, Status.INTERNAL_REFLECTION),
+    ),
+    "blocked": Point(
+        "A ray that a dome, a wall or the array's end stops.",
+        lambda given, rays: _has(rays, Status.BLOCKED),
+    ),
+    "crosstalk": Point(
+        "A ray that leaves through another lenslet.",
+        lambda given, rays: _has(rays, Status.CROSSTALK),
+    ),
+}
 #: Points that no ray in the RTL's words can meet, and why.
 BEYOND_WORDS = {
     "tiny-coordinate": "words have a fixed point",
@@ -43,25 +161,9 @@ BEYOND_WORDS = {
 }
 
 
-def _point(predicate: Predicate) -> Predicate:
-    POINTS[predicate.__name__.replace("_", "-")] = predicate
-    return predicate
-
-
-def _display(predicate: Callable[[Out], bool]) -> Callable[[Out], bool]:
-    """Register a point that is met by all rays of a display."""
-
-    @wraps(predicate)
-    def of_rays(given: Out, rays: Arrays) -> Bools:
-        return np.full(len(rays["status"]), predicate(given))
-
-    _point(of_rays)
-    return predicate
-
-
-def covered(given: Out, rays: Arrays) -> dict[str, int]:
+def covered(given: PanelRays, rays: Arrays) -> dict[str, int]:
     """Return how many rays meet each point; `rays` are golden's, by the names of a file's arrays."""
-    return {name: int(np.count_nonzero(predicate(given, rays))) for name, predicate in POINTS.items()}
+    return {name: int(np.count_nonzero(point(given, rays))) for name, point in POINTS.items()}
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
@@ -69,19 +171,34 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
     Of rays in `words` without the points beyond them.
     """
-    met = Counter[str]()
+    totals = Counter[str]()
     for one in sets:
-        met.update(one)
-    every = {name: met[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
-    missing = [name for name, rays in every.items() if not rays]
-    told = f"coverage: {len(every) - len(missing)} of {len(every)} points met"
-    return every, told + (f"; not {', '.join(missing)}" if missing else "")
+        totals.update(one)
+    counts = {name: totals[name] for name in POINTS if not (words and name in BEYOND_WORDS)}
+    missing = [name for name, rays in counts.items() if not rays]
+    line = f"coverage: {len(counts) - len(missing)} of {len(counts)} points met"
+    return counts, line + (f"; not {', '.join(missing)}" if missing else "")
 
 
-# ---- panel and lattice ----
+def tied_sides(given: PanelRays) -> tuple[Bools, ...]:
+    """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners, left and lower one."""
+    array = given.display.array
+    x, y = _in_cells(given).T
+    left = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
+    return (left, np.asarray(y == -0.5 * array.pitches_mm[1])) if array.grid == "square" else (left,)
 
 
-def _border(given: Out, points: Floats) -> tuple[Bools, Bools]:
+def tied(given: PanelRays) -> Bools:
+    """Return which pixels' points (N,) lie exactly on a side of a cell that has two owners."""
+    return np.asarray(np.any(tied_sides(given), axis=0))
+
+
+def _in_cells(given: PanelRays) -> Floats:
+    """Return the points (N, 2) that decide the pixels' lenslets, mm from their centres, as the eye sees them."""
+    return in_cells_mm(given.display, given.pixels)
+
+
+def _border(given: PanelRays, points: Floats) -> tuple[Bools, Bools]:
     """Tell which points, (N, 2) mm from a cell's centre, are on an edge of it within roundings, and on two."""
     array = given.display.array
     lattice = Lattice.of(array)
@@ -89,8 +206,8 @@ def _border(given: Out, points: Floats) -> tuple[Bools, Bools]:
     step = ULPS * np.spacing(np.abs(given.pixels).max() * max(given.display.panel.pitches_mm) + array.coarsest_mm)
 
     def cells_at(some: npt.NDArray[np.intp], sides: Iterable[tuple[int, int]]) -> npt.NDArray[np.complex128]:
-        found = [lattice.locate(NumpyBackend(), x[some] + dx * step, y[some] + dy * step)[:2] for dx, dy in sides]
-        return np.stack([i + 1j * j for i, j in found])
+        cells = [lattice.locate(NumpyBackend(), x[some] + dx * step, y[some] + dy * step)[:2] for dx, dy in sides]
+        return np.stack([i + 1j * j for i, j in cells])
 
     # A cell that holds three points holds the triangle between them, too: these have the eight within.
     outer = cells_at(np.arange(len(x)), ((-3, -2), (3, -2), (0, 4)))
@@ -101,212 +218,42 @@ def _border(given: Out, points: Floats) -> tuple[Bools, Bools]:
     return np.asarray(cells >= 2), np.asarray(cells >= 3)
 
 
-def _local(given: Out) -> Floats:
-    """Return the points (N, 2) that decide the pixels' lenslets, mm from their centres, as the eye sees them."""
-    return in_cells_mm(given.display, given.pixels)
+def _tiny(coordinates: Floats) -> Bools:
+    """Tell which points (N, 2) have a coordinate, not 0, whose square underflows."""
+    return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < TINY)).any(axis=1))
 
 
-@_point
-def pixel_on_an_edge(given: Out, rays: Arrays) -> Bools:
-    """A pixel's point on the edge of a cell, within roundings."""
-    del rays
-    return _border(given, _local(given))[0]
+def _in_focus(display: Display) -> bool:
+    """Tell whether the panel is in the focal plane."""
+    focal = display.array.focal_length_mm
+    return abs(display.aperture_distance_mm - focal) < 1e-5 * focal
 
 
-@_point
-def pixel_on_a_corner(given: Out, rays: Arrays) -> Bools:
-    """A pixel's point where three or four cells meet, within roundings."""
-    del rays
-    return _border(given, _local(given))[1]
+def _eye_aside(display: Display) -> bool:
+    """Tell whether the eye is in front of no point of the panel."""
+    panel, (x, y) = display.panel, display.viewing_axis_mm
+    aside = abs(x) > 0.5 * panel.width_mm or abs(y) > 0.5 * panel.height_mm
+    return display.viewing_distance_mm is not None and aside
 
 
-@_point
-def tie(given: Out, rays: Arrays) -> Bools:
-    """A pixel's point exactly on an edge, so that the tie rule decides."""
-    del rays
-    return np.asarray(np.any(tied_sides(given), axis=0))
+def _beyond_end(display: Display, rays: Arrays) -> Bools:
+    """Tell which rays start behind a lenslet beyond the array's end."""
+    array = display.array
+    width, height = array.extent_mm or (math.inf, math.inf)
+    x, y = Lattice.of(array).centre(*rays["home"].T)
+    return np.asarray((np.abs(x - array.shear * y) > 0.5 * width) | (np.abs(y) > 0.5 * height))
 
 
-def tied_sides(given: Out) -> tuple[Bools, ...]:
-    """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners, left and lower one."""
-    array = given.display.array
-    x, y = _local(given).T
-    left = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
-    return (left, np.asarray(y == -0.5 * array.pitches_mm[1])) if array.grid == "square" else (left,)
-
-
-@_point
-def aperture_point_on_a_seam(given: Out, rays: Arrays) -> Bools:
-    """An aperture point on the edge of its cell, within roundings."""
-    del rays
-    return _border(given, given.aims)[0] & given.aims.any(axis=1)
-
-
-@_point
-def chief_ray(given: Out, rays: Arrays) -> Bools:
-    """A ray to the lenslet's centre."""
-    del rays
-    return np.asarray(~given.aims.any(axis=1))
-
-
-@_point
-def tiny_coordinate(given: Out, rays: Arrays) -> Bools:
-    """A coordinate, not 0, whose square underflows."""
-    del rays
-    small = np.concatenate([given.pixels, given.aims], axis=1)
-    return np.asarray(((small != 0.0) & (np.abs(small) < TINY)).any(axis=1))
-
-
-@_display
-def turned_array(given: Out) -> bool:
-    """Rows that are along neither the panel's rows nor its columns."""
-    return given.display.array.rotation_deg % 90.0 != 0.0
-
-
-@_display
-def two_pitches(given: Out) -> bool:
-    """Two pitches that differ."""
-    px, py = given.display.array.pitches_mm
-    return px != py
-
-
-@_display
-def shear(given: Out) -> bool:
-    """A shear."""
-    return given.display.array.shear != 0.0
-
-
-@_display
-def far_offset(given: Out) -> bool:
-    """An array whose origin is a hundred pitches and more from the panel's centre."""
-    return math.hypot(*given.display.array.offset_mm) >= 100.0 * given.display.array.finest_mm
-
-
-@_display
-def wide_panel(given: Out) -> bool:
-    """A panel of the most pixels that a file may have."""
-    return given.display.panel.width_px == MAX_SIDE_PX
-
-
-@_display
-def converged_eye(given: Out) -> bool:
-    """Elemental images that converge on an eye."""
-    return given.display.viewing_distance_mm is not None
-
-
-@_display
-def eye_aside(given: Out) -> bool:
-    """An eye that is in front of no point of the panel."""
-    panel, (x, y) = given.display.panel, given.display.viewing_axis_mm
-    beside = abs(x) > 0.5 * panel.width_mm or abs(y) > 0.5 * panel.height_mm
-    return given.display.viewing_distance_mm is not None and beside
-
-
-@_point
-def missing_lenslet(given: Out, rays: Arrays) -> Bools:
-    """A ray whose lenslet lies beyond the array's end."""
-    array = given.display.array
-    if array.extent_mm is None:
-        return np.zeros(len(rays["status"]), bool)
-    width, height = array.extent_mm
-    lattice = Lattice.of(array)
-    x, y = lattice.centre(*rays["home"].T)
-    beyond = (np.abs(x - array.shear * y) > 0.5 * width) | (np.abs(y) > 0.5 * height)
-    return np.asarray(beyond & (rays["status"][:, 0] == int(Status.BLOCKED)))
-
-
-# ---- lens ----
-
-
-@_display
-def contact(given: Out) -> bool:
-    """No gap between panel and array."""
-    return given.display.gap_mm == 0.0
-
-
-@_display
-def gap_of_the_focal_length(given: Out) -> bool:
-    """A panel in the focal plane, within 10^-5 of the focal length."""
-    focal = given.display.array.focal_length_mm
-    return abs(given.display.aperture_distance_mm - focal) < 1e-5 * focal
-
-
-@_display
-def steep_dome(given: Out) -> bool:
-    """A nearly hemispherical dome."""
-    array = given.display.array
-    return array.radius_mm < STEEP * array.half_diagonal_mm
-
-
-@_display
-def flat_dome(given: Out) -> bool:
-    """A nearly flat dome."""
-    array = given.display.array
-    return array.radius_mm > NEARLY_FLAT * array.half_diagonal_mm
-
-
-@_display
-def low_index(given: Out) -> bool:
-    """Glass that hardly refracts: an index below 1.01."""
-    return given.display.array.index < 1.01
-
-
-@_display
-def high_index(given: Out) -> bool:
-    """Glass of an index above 2."""
-    return given.display.array.index > 2.0
-
-
-@_point
-def grazing_launch(given: Out, rays: Arrays) -> Bools:
-    """A ray that leaves the panel within 3 degrees of it."""
-    aside = np.hypot(*(given.aims - rays["start_mm"]).T)
-    return np.asarray(given.display.aperture_distance_mm < GRAZING * aside)
-
-
-def _exit_cosine(given: Out, rays: Arrays) -> Floats:
+def _exit_cosine(given: PanelRays, rays: Arrays) -> Floats:
     """Return the cosine of the exit ray to the normal of the last face, 1 for rays that are lost."""
     array = given.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":
         normal = (rays["local_mm"] + (0.0, 0.0, array.radius_mm)) / array.radius_mm
-    through = np.isin(rays["status"][:, 0], (int(Status.OK), int(Status.CROSSTALK)))
+    through = _has(rays, Status.OK) | _has(rays, Status.CROSSTALK)
     return np.where(through, (normal * rays["direction"]).sum(axis=1), 1.0)
 
 
-@_point
-def grazing_exit(given: Out, rays: Arrays) -> Bools:
-    """A ray that leaves the last face within 3 degrees of it."""
-    return np.asarray(_exit_cosine(given, rays) < GRAZING)
-
-
-@_point
-def onset_of_total_reflection(given: Out, rays: Arrays) -> Bools:
-    """A ray that leaves the last face within 0.06 degrees of it."""
-    return np.asarray(_exit_cosine(given, rays) < FLAT)
-
-
-@_point
-def far_cell(given: Out, rays: Arrays) -> Bools:
-    """A ray that leaves through a lenslet two steps and more from the pixel's."""
-    steps = cell_steps(given.display, rays["lenslet"] - rays["home"])
-    return np.asarray((steps >= 2.0) & (rays["status"][:, 0] == int(Status.CROSSTALK)))
-
-
-def _with_status(status: Status, meaning: str) -> None:
-    def of_rays(given: Out, rays: Arrays) -> Bools:
-        del given
-        return np.asarray(rays["status"][:, 0] == int(status))
-
-    of_rays.__doc__ = meaning
-    POINTS[status.name.lower().replace("_", "-")] = of_rays
-
-
-for _status, _meaning in {
-    Status.OK: "A ray that leaves through its own lenslet.",
-    Status.MISSED: "A ray that meets no dome.",
-    Status.INTERNAL_REFLECTION: "A ray that is totally reflected.",
-    Status.BLOCKED: "A ray that a dome, a wall or the array's end stops.",
-    Status.CROSSTALK: "A ray that leaves through another lenslet.",
-}.items():
-    _with_status(_status, _meaning)
+def _has(rays: Arrays, status: Status) -> Bools:
+    """Tell which rays have a status, (N,)."""
+    return np.asarray(rays["status"][:, 0] == int(status))

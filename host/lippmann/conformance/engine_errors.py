@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lippmann.conformance import fifty_digits
 from lippmann.conformance.fifty_digits import Condition
-from lippmann.conformance.hard_cases import Back, Out
-from lippmann.conformance.ray_search import Bools
+from lippmann.conformance.ray_sets import PanelRays, WorldRays
+from lippmann.conformance.ray_words import fixed_words
 from lippmann.engines import Pipeline, trace
-from lippmann.errors import InputError
-from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
-from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.words import Ints
-from lippmann.optics.lattice import Lattice
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
+from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.optics.rays import Engine, Hits, Rays, gets_through
 from lippmann.optics.trace import trace_to_panel
 
@@ -41,7 +35,7 @@ OVERFLOW = 0.01
 Row = dict[str, Any]
 
 
-def measure(rays: Out | Back, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
+def measure(rays: PanelRays | WorldRays, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
     """Measure golden or fast, or both, on a set; returns a row for each.
 
     `rays` were traced; `through` of them leave (or arrive) in the engine and in the truth. `worst` is the largest error
@@ -55,15 +49,15 @@ def measure(rays: Out | Back, engines: Sequence[Engine], device: str = "llvm") -
     return [_measured(rays, true, unit, engine, device) for engine in engines]
 
 
-def _names(rays: Out | Back) -> Row:
+def _names(rays: PanelRays | WorldRays) -> Row:
     return {"set": rays.name, "grid": rays.display.array.grid, "plano_side": rays.display.array.plano_side}
 
 
-def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engine, device: str) -> Row:
+def _measured(rays: PanelRays | WorldRays, true: Rays | Hits, unit: Condition, engine: Engine, device: str) -> Row:
     display, array = rays.display, rays.display.array
     got: Rays | Hits
-    if isinstance(rays, Out):
-        got = rays.traced(engine, device)
+    if isinstance(rays, PanelRays):
+        got = rays.trace(engine, device)
         values = [got.direction, got.local_mm]
         turn, shift = (np.asarray(error, np.float64) for error in fifty_digits.apart(got, true))
         relative = np.maximum(turn / unit.turn, shift / unit.shift_mm)
@@ -84,7 +78,7 @@ def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engi
         error, conditioned, name, bound = fast
         counted, ulps = through & conditioned, EDGE_ULPS * FLOAT32_ULP
     worst = float(error[counted].max(initial=0.0))
-    outside = 0 if same.all() else int((~fifty_digits.on_edge(rays.some(~same), ulps)).sum())
+    outside = 0 if same.all() else int((~fifty_digits.on_edge(rays.select(~same), ulps)).sum())
     lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
     return _names(rays) | {
         "engine": engine,
@@ -105,47 +99,7 @@ def _measured(rays: Out | Back, true: Rays | Hits, unit: Condition, engine: Engi
 # --- fixed point ------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class FixedCase:
-    """A set in the words of a build: inputs (u, v, a, b) and registers; `kept` tells which rays of the set they are."""
-
-    build: Build
-    words: tuple[Ints, Ints, Ints, Ints]
-    registers: Configuration
-    kept: Bools
-
-    def traced(self, pipeline: Pipeline = ray_pipeline) -> FixedRays:
-        """Trace the rays with the twin, or with another pipeline."""
-        return pipeline(*self.words, self.registers, self.build)
-
-
-def fixed_words(rays: Out, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
-    """Return a set in words, None when no ray fits, and the reason of the last refusal.
-
-    Aims beyond the word length are left out; if the registers refuse the rest, aims outside their own cell as well.
-    """
-    display, array, aims = rays.display, rays.display.array, rays.aims
-    build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
-    along = np.abs(np.stack([aims[:, 0] - array.shear * aims[:, 1], aims[:, 1]], axis=1))
-    near: Bools = np.all(along <= 1.4 * np.array([array.pitches_mm[0], array.row_pitch_mm]), axis=1)
-    inside: Bools = Lattice.of(array).holds(aims[:, 0], aims[:, 1])
-    why = "aperture points beyond 1.4 pitches" if not near.all() else ""
-    for kept in (near, near & inside):
-        if not kept.any():
-            continue
-        reach = float(np.hypot(*aims[kept].T).max())
-        try:
-            registers = configuration(display, build, rays.model, reach)
-            u, v = words_of_pixels(display, rays.pixels[kept])
-        except InputError as error:
-            why = str(error)
-            continue
-        a, b = words_of_aims(display, aims[kept], fraction_bits)
-        return FixedCase(build, (u, v, a, b), registers, kept), why
-    return None, why
-
-
-def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) -> Row:
+def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = None) -> Row:
     """Measure the twin on a set, and the RTL against it when its pipeline is given.
 
     `refused` rays are not traced: they exceed the formats or the registers, and the host reports it (`why`). `flagged`
@@ -161,7 +115,7 @@ def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) ->
     row |= {"worst_urad": 0.0, "worst_nm": 0.0, "overflowed": 0, "words_differ": None, "why": why}
     if case is None:
         return row
-    out = case.traced()
+    out = case.trace()
     u, v, a, b = case.words
     pixels, aims = pixels_of_words(display, u, v), aims_of_words(display, a, b, fraction_bits)
     got, golden = rays_of_words(display, pixels, out, fraction_bits), trace(display, pixels, aims)
@@ -178,7 +132,7 @@ def measure_fixed(rays: Out, fraction_bits: int, rtl: Pipeline | None = None) ->
         "worst_urad": float(turn[same].max(initial=0.0) * 1e6),
         "worst_nm": float(shift[same].max(initial=0.0) * 1e6),
         "overflowed": int(overflowed.sum()),
-        "words_differ": None if rtl is None else words_differ(case.traced(rtl), out),
+        "words_differ": None if rtl is None else words_differ(case.trace(rtl), out),
     }
 
 

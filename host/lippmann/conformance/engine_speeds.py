@@ -19,8 +19,7 @@ from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.engine_errors import words_differ
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
 from lippmann.conformance.figures import Figures, Measured
-from lippmann.conformance.hard_cases import Out
-from lippmann.conformance.ray_search import random_aims
+from lippmann.conformance.ray_sets import PanelRays, random_aims
 from lippmann.display.description import Display, load_display
 from lippmann.errors import input_error
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -111,7 +110,7 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
     return {**most, **rms, "other_fates": float((~same).sum())}
 
 
-def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> Out:
+def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
     """Return rays that every engine takes as they are, from the centres of random pixels.
 
     They are chief rays, or aim at points of the lenslet's cell that are words of the widest twin.
@@ -119,9 +118,9 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
     if aperture == "chief":
-        return Out("sample", display, pixels, None)
+        return PanelRays("sample", display, pixels, None)
     words = words_of_aims(display, random_aims(display, random, count), WIDEST)
-    return Out("sample", display, pixels, aims_of_words(display, *words, WIDEST))
+    return PanelRays("sample", display, pixels, aims_of_words(display, *words, WIDEST))
 
 
 # ---- rates ----
@@ -199,7 +198,7 @@ class Simulation:
 
 
 def rates_of(
-    sample: Out, aperture: Aperture, models: Sequence[Model], engines: Sequence[Engine], plan: Plan, seed: int
+    sample: PanelRays, aperture: Aperture, models: Sequence[Model], engines: Sequence[Engine], plan: Plan, seed: int
 ) -> dict[tuple[Model, Engine], list[float]]:
     """Return the rays/s of each model and engine in each round."""
     display, count = sample.display, len(sample.pixels)
@@ -215,7 +214,7 @@ def rates_of(
 
         def arrays() -> float:
             started = time.perf_counter()
-            rays.traced(engine)
+            rays.trace(engine)
             return count / (time.perf_counter() - started)
 
         return arrays
@@ -237,16 +236,16 @@ def measure_rays(
     The own errors, `own_...`, are those against golden with the same model; golden's own are against 50 digits.
     """
     sample = random_rays(display, aperture, plan.rays, seed)
-    rates = rates_of(sample.some(slice(plan.timed_rays)), aperture, models, engines, plan, seed)
-    exact = sample.traced()
+    rates = rates_of(sample.select(slice(plan.timed_rays)), aperture, models, engines, plan, seed)
+    exact = sample.trace()
     rows = []
     for model in models:
         sample = replace(sample, model=model)
-        golden, some = sample.traced(), sample.some(slice(plan.digits_rays))
+        golden, some = sample.trace(), sample.select(slice(plan.digits_rays))
         for engine in engines:
-            rays = golden if engine == "golden" else sample.traced(engine, current_device())
+            rays = golden if engine == "golden" else sample.trace(engine, current_device())
             if engine == "golden":
-                own = errors(true_rays(some), some.traced(), depths_mm) if plan.digits_rays else {}
+                own = errors(true_rays(some), some.trace(), depths_mm) if plan.digits_rays else {}
             else:
                 own = errors(golden, rays, depths_mm)
             whole = own if own and (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)

@@ -20,13 +20,12 @@ import mpmath
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conformance.hard_cases import Back, Out
-from lippmann.conformance.ray_search import Bools, Floats
+from lippmann.conformance.ray_sets import Bools, PanelRays, WorldRays
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Dome
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import Convergence, PanelFrame
-from lippmann.optics.rays import Hits, Rays
+from lippmann.optics.rays import Floats, Hits, Rays
 from lippmann.optics.system import System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
@@ -72,14 +71,14 @@ class FiftyDigits(NumpyBackend):
         self.real = self.double = exact_array  # a number of any kind, at its exact value
 
 
-def exact_inputs(rays: Out | Back) -> dict[str, Digits]:
+def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
     """Return the exact values of what rays depend on: the columns of their arrays, (N,), then the display's numbers.
 
     The columns are `u`, `v` of the pixels and `a`, `b` of the aperture points, if any; of rays from the world `x`, `y`,
     `z` and `dx`, `dy`, `dz`. The numbers are those that a rounding can move, mm and degrees.
     """
     panel, array = rays.display.panel, rays.display.array
-    if isinstance(rays, Out):
+    if isinstance(rays, PanelRays):
         names: tuple[str, ...] = ("u", "v", "a", "b")
         columns = exact_array(rays.pixels if rays.aperture is None else np.hstack([rays.pixels, rays.aperture])).T
     else:
@@ -106,7 +105,7 @@ def _pitches(name: str, pitch: float | tuple[float, ...]) -> dict[str, float]:
     return {f"{name}_mm": pitch}
 
 
-def _system(rays: Out | Back, n: SimpleNamespace) -> System:
+def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
     """Return the system in mpf, with the numbers `n` of `exact_inputs`; docs/reference/optics.md has the formulas."""
     panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
@@ -143,7 +142,7 @@ def _system(rays: Out | Back, n: SimpleNamespace) -> System:
     )
 
 
-def true_rays(rays: Out, **moved: Digits) -> Rays:
+def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
     """Trace rays from the panel in 50 digits; the points and directions of the result are arrays of mpf.
 
     `moved` are other values of some of the rays' `exact_inputs`.
@@ -154,7 +153,7 @@ def true_rays(rays: Out, **moved: Digits) -> Rays:
     return rays_of(rays.pixels, out, object)
 
 
-def true_hits(rays: Back, **moved: Digits) -> Hits:
+def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
     """Trace rays from the world in 50 digits, as `true_rays` does.
 
     Directions are scaled to length 1, which a float64 triple cannot have exactly.
@@ -166,9 +165,9 @@ def true_hits(rays: Back, **moved: Digits) -> Hits:
     return hits_of(len(rays.origin_mm), hits, object)
 
 
-def truth(rays: Out | Back, **moved: Digits) -> Rays | Hits:
+def truth(rays: PanelRays | WorldRays, **moved: Digits) -> Rays | Hits:
     """Trace rays of either way in 50 digits."""
-    return true_rays(rays, **moved) if isinstance(rays, Out) else true_hits(rays, **moved)
+    return true_rays(rays, **moved) if isinstance(rays, PanelRays) else true_hits(rays, **moved)
 
 
 def _length(vectors: Digits) -> Digits:
@@ -194,13 +193,13 @@ def _other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
     return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
 
 
-def _movable(rays: Out | Back) -> list[tuple[str, Digits, Floats]]:
+def _movable(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
     """Return name, value and float64 of the inputs of rays, without the display's numbers that are 0."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
 
-def _slopes(rays: Out | Back, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
+def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
     """Return how far rays move (see `apart`) for a unit of an input.
 
     Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
@@ -227,7 +226,7 @@ class Condition(NamedTuple):
     start: Floats
 
 
-def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
+def condition(rays: PanelRays | WorldRays, true: Rays | Hits) -> Condition:
     """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
     array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
@@ -245,7 +244,7 @@ def condition(rays: Out | Back, true: Rays | Hits) -> Condition:
     return Condition(shift / array.finest_mm if isinstance(true, Hits) else turn, shift, start)
 
 
-def on_edge(rays: Out | Back, ulps: int) -> Bools:
+def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
     """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
     true = truth(rays)
     edge = np.zeros(len(true.status), bool)

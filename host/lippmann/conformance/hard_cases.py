@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from typing import Any
 
 import numpy as np
 
-from lippmann.conformance.ray_search import (
-    Floats,
+from lippmann.conformance.ray_sets import (
+    PanelRays,
+    WorldRays,
     cell_steps,
     edge_points,
     onset,
@@ -30,9 +31,9 @@ from lippmann.display.description import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.model_choice import corners_mm, located
+from lippmann.optics.model_choice import corners_mm
 from lippmann.optics.panel_frame import PanelFrame
-from lippmann.optics.rays import Engine, Model, Rays, Status
+from lippmann.optics.rays import Floats, Status
 from lippmann.optics.trace import FARTHEST_LENSLETS
 
 #: Distances of rays around an onset, in units of the last place of the aim.
@@ -41,58 +42,7 @@ ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
 MANY_DISPLAYS = 10
 
 
-@dataclass(frozen=True)
-class Out:
-    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2), mm, None for chief rays."""
-
-    name: str
-    display: Display
-    pixels: Floats
-    aperture: Floats | None
-    model: Model = "exact"
-
-    @property
-    def aims(self) -> Floats:
-        """Aperture points (N, 2), mm; 0 for chief rays."""
-        return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
-
-    def traced(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
-        """Trace the rays with an engine."""
-        return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
-
-    def some(self, chosen: Any) -> Out:
-        """Return some of the rays."""
-        aperture = None if self.aperture is None else self.aperture[chosen]
-        return replace(self, pixels=self.pixels[chosen], aperture=aperture)
-
-    def steps(self) -> dict[str, Floats]:
-        """Return golden's intermediate values, by which a design is compared step by step.
-
-        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet that owns it,
-        whole numbers; `start_mm` (N, 2) the same point from that lenslet's centre, array's axes; `near_mm` (N, 2) the
-        point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same centre.
-        """
-        panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
-        home, start = located(self.display, self.pixels)
-        near = start + self.display.gap_mm / self.display.aperture_distance_mm * (self.aims - start)
-        return {"panel_mm": panel, "home": home, "start_mm": start, "near_mm": near}
-
-
-@dataclass(frozen=True)
-class Back:
-    """Rays from the world: `origin_mm` (N, 3) and unit `direction` (N, 3)."""
-
-    name: str
-    display: Display
-    origin_mm: Floats
-    direction: Floats
-
-    def some(self, chosen: Any) -> Back:
-        """Return some of the rays."""
-        return replace(self, origin_mm=self.origin_mm[chosen], direction=self.direction[chosen])
-
-
-Sets = Iterator[Out | Back]
+Sets = Iterator[PanelRays | WorldRays]
 Generator = Callable[[Display, np.random.Generator, int], Sets]
 Displays = Callable[[Display], Mapping[str, Display]]
 
@@ -116,7 +66,7 @@ def _of_displays(displays: Displays) -> Generator:
         each = count if len(made) <= MANY_DISPLAYS else max(4, count // 3)
         for variant, other in made.items():
             pixels = random_pixels(other, random, each)
-            yield Out(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
+            yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
 
     return _case(make)
 
@@ -161,10 +111,10 @@ def _nudged(points: Floats, random: np.random.Generator) -> Floats:
     return np.asarray(points + random.integers(-2, 3, points.shape) * np.spacing(points))
 
 
-def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Out:
+def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> PanelRays:
     """Return rays to aims (N, 2) and, in units of the last place of both coordinates, `ULPS` beside them."""
     near = aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :]
-    return Out(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
+    return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
 
 # --- special points on one display ------------------------------------------------------------------------------
@@ -175,7 +125,7 @@ def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets
     """Rays from behind a lenslet's vertex through it, and from a few roundings beside: no refraction."""
     lenslets = random.integers(-3, 4, (count, 2))
     at = np.concatenate([pixels_at(display, np.zeros((1, 2)), (int(i), int(j)))[0] for i, j in lenslets])
-    yield Out("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
+    yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
 
 
 @_case
@@ -198,9 +148,9 @@ def _on_border(
     """Yield pixels at the first half of points of a cell, and aims at the second half."""
     count = len(points) // 2
     pixels, _ = pixels_at(display, points[:count], lenslet)
-    yield Out(f"{case}/pixels", display, _nudged(pixels, random), None)
+    yield PanelRays(f"{case}/pixels", display, _nudged(pixels, random), None)
     aims = _nudged(points[count:], random)
-    yield Out(f"{case}/aims", display, random_pixels(display, random, count), aims)
+    yield PanelRays(f"{case}/aims", display, random_pixels(display, random, count), aims)
 
 
 @_case
@@ -213,7 +163,7 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
     tied = replace(without_eye(tied), panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
-    yield Out("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
+    yield PanelRays("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
 
 
 @_case
@@ -223,7 +173,7 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
     # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
-    yield Out("grazing-launch", display, pixels, far * random_directions(random, count))
+    yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))
 
 
 def _flips(
@@ -267,7 +217,8 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
         ("grazing-exit", 1e-15, 0.1, False), ("grazing-exit/words", 3e-8, 3e-6, True),
     ):  # fmt: skip
         pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
-        yield Out(name, dense, pixels, last + random_sizes(random, nearest, farthest, len(pixels)) * (inner - last))
+        share = random_sizes(random, nearest, farthest, len(pixels))
+        yield PanelRays(name, dense, pixels, last + share * (inner - last))
 
 
 @_case
@@ -280,12 +231,12 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
     aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * random_directions(random, many)
-    rays = Out("far-cells", far, random_pixels(far, random, many), aims)
-    traced = rays.traced()
+    rays = PanelRays("far-cells", far, random_pixels(far, random, many), aims)
+    traced = rays.trace()
     far_off = cell_steps(far, traced.lenslet - rays.steps()["home"]) >= 2
     crossed = far_off & (traced.status == int(Status.CROSSTALK))
     if crossed.any():
-        yield rays.some(np.flatnonzero(crossed)[:count])
+        yield rays.select(np.flatnonzero(crossed)[:count])
 
 
 @_case
@@ -320,12 +271,13 @@ def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
     ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=(2.0 * end[0], 2.0 * end[1]))
     many = 400 * count
     for name, made, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
-        rays = Out(f"losses/{name}", made, random_pixels(made, random, many), random_aims(made, random, many, reach))
-        status = rays.traced().status
+        pixels, aims = random_pixels(made, random, many), random_aims(made, random, many, reach)
+        rays = PanelRays(f"losses/{name}", made, pixels, aims)
+        status = rays.trace().status
         if name == "ends":  # from lenslets that are there
             x, y = Lattice.of(made.array).centre(*rays.steps()["home"].T)
             status = np.where((np.abs(x) < end[0]) & (np.abs(y) < end[1]), status, len(Status))
-        yield rays.some(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
+        yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
 
 
 def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
@@ -358,13 +310,13 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
         frame = PanelFrame.of(hilly)
         x, y, z = (point - 10.0 ** random.uniform(0.0, 2.0, (len(point), 1)) * direction).T
         origin = np.column_stack([*frame.panel_from_array(x, y), z])
-        yield Back("tangent", hilly, origin, np.column_stack([*frame.turn(*direction[:, :2].T), direction[:, 2]]))
+        yield WorldRays("tangent", hilly, origin, np.column_stack([*frame.turn(*direction[:, :2].T), direction[:, 2]]))
         return
     # From the panel, which is above the mirrored dome.
     start = point + (hilly.gap_mm - point[:, 2:]) / direction[:, 2:] * direction
     aim = point + (hilly.gap_mm - hilly.aperture_distance_mm - point[:, 2:]) / direction[:, 2:] * direction
     pixels, own = pixels_at(hilly, start[:, :2])
-    yield Out("tangent", hilly, pixels, aim[:, :2] - own)
+    yield PanelRays("tangent", hilly, pixels, aim[:, :2] - own)
 
 
 # --- displays with a property at an extreme ---------------------------------------------------------------------
@@ -457,7 +409,7 @@ def huge_panels(display: Display, random: np.random.Generator, count: int) -> Se
     made = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
     corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
     pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))
-    yield Out("huge-panels", made, pixels, random_aims(made, random, count))
+    yield PanelRays("huge-panels", made, pixels, random_aims(made, random, count))
 
 
 @_case
@@ -465,11 +417,11 @@ def tiny_values(display: Display, random: np.random.Generator, count: int) -> Se
     """Coordinates that are zero, minus zero or subnormal, or whose squares underflow."""
     tiny = np.array([0.0, -0.0, 5e-324, -5e-324, 1e-310, -1e-310, 1e-160, -1e-160, 1e-20, -1e-20])
     aims = random.choice(tiny, (count, 2))
-    yield Out("tiny-values/aims", display, random_pixels(display, random, count), aims)
-    yield Out("tiny-values/pixels", display, np.abs(random.choice(tiny, (count, 2))), None)
+    yield PanelRays("tiny-values/aims", display, random_pixels(display, random, count), aims)
+    yield PanelRays("tiny-values/pixels", display, np.abs(random.choice(tiny, (count, 2))), None)
     direction = np.column_stack([random.choice(tiny, (count, 2)), -np.ones(count)])
     origin = np.column_stack([random.choice(tiny, (count, 2)), np.full(count, 100.0)])
-    yield Back("tiny-values/world", display, origin, direction)
+    yield WorldRays("tiny-values/world", display, origin, direction)
 
 
 @_case
@@ -482,7 +434,7 @@ def far_origins(display: Display, random: np.random.Generator, count: int) -> Se
         slope = random.uniform(-0.3, 0.3, (count, 2))
         direction = np.column_stack([slope, -np.ones(count)])
         direction /= np.linalg.norm(direction, axis=1)[:, None]
-        yield Back(f"far-origins/{name}", display, target - distance * direction, direction)
+        yield WorldRays(f"far-origins/{name}", display, target - distance * direction, direction)
 
 
 @_of_displays

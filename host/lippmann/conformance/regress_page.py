@@ -1,27 +1,129 @@
-"""The page of `lippmann regress --report`: the errors of foreign rays."""
+"""The page of `lippmann regress --report`: where the errors of foreign rays are, and how large.
+
+Errors are shown over the panel, over the lenslet, and as histograms. Only maxima and counts are kept, so that a stream
+of any length fits.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from lippmann.conformance.comparison import INTEGERS, Comparison, distance
 from lippmann.conformance.coverage_points import summary
-from lippmann.conformance.error_maps import REACH, ErrorMap, edges
-from lippmann.conformance.lens_faults import FIELDS
+from lippmann.conformance.faults import FIELDS, Arrays
+from lippmann.conformance.judge import Verdict
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
+from lippmann.conformance.ray_sets import Bools, PanelRays
+from lippmann.conformance.ray_words import FixedCase, ForeignRays
+from lippmann.fixed.conversion import rays_of_words, word_unit
+from lippmann.optics.rays import Floats
 
-if TYPE_CHECKING:
-    from lippmann.conformance.judge import Verdict
+Counts = npt.NDArray[np.int64]
 
-Maps = Mapping[str, ErrorMap]
 #: The lowest colour of a map, as a share of the largest error.
 SPAN = 1e-6
+#: Cells of a map, along each side.
+CELLS = 48
+#: A map over the lenslet reaches so many pitches to each side: a hexagon's corners lie within.
+REACH = 0.6
+#: Bins of a histogram: decades of the error, in units of the last place, and bins in one.
+DECADES, PER_DECADE = (-12, 9), 4
+#: Microradian and nanometre, of radians and mm.
+SCALE = 1e6
 
 
-def map_plot(maps: Maps) -> Plot:
+@dataclass
+class ErrorMap:
+    """The errors of one array.
+
+    `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, in microradian or nm; -1 where there is no
+    ray. Rows go down the panel, and up the lenslet. `counts` are the rays by their error in units of the last place:
+    exact ones, then those in each bin of `edges()`, then larger ones. `worst` is the largest error, and `worst_units`
+    the largest in units of the last place.
+    """
+
+    unit: str
+    panel: Floats = field(default_factory=lambda: np.full((CELLS, CELLS), -1.0))
+    lenslet: Floats = field(default_factory=lambda: np.full((CELLS, CELLS), -1.0))
+    counts: Counts = field(default_factory=lambda: np.zeros(len(edges()) + 1, np.int64))
+    worst: float = 0.0
+    worst_units: float = 0.0
+
+    @property
+    def rays(self) -> int:
+        """Rays counted."""
+        return int(self.counts.sum())
+
+
+def edges() -> Floats:
+    """Return the edges of a histogram's bins, in units of the last place."""
+    low, high = DECADES
+    return np.asarray(10.0 ** np.linspace(low, high, (high - low) * PER_DECADE + 1))
+
+
+class ErrorMaps:
+    """The errors of all rays that were judged, by array."""
+
+    def __init__(self) -> None:
+        """Begin without rays."""
+        self.maps: dict[str, ErrorMap] = {}
+
+    def add_numbers(self, compared: Comparison) -> None:
+        """Count rays in numbers; their last place is that of a float32 of the vector's largest component."""
+        apart, units = {}, {}
+        for name, values in compared.fields.items():
+            if name not in INTEGERS:
+                apart[name] = compared.far(name, values, compared.golden)
+                units[name] = np.spacing(np.abs(compared.golden[name]).max(axis=1).astype(np.float32))
+        self.add(compared.given, apart, units, ~compared.edge & ~compared.alone)
+
+    def add_words(self, foreign: ForeignRays, case: FixedCase) -> None:
+        """Count rays in words; a unit of the last place is a word's."""
+        given, bits = foreign.given, case.build.fraction_bits
+        twin = rays_of_words(given.display, given.pixels, case.trace(), bits)
+        unit = np.full(len(given.pixels), word_unit(bits))
+        apart = {
+            "local_mm": distance("local_mm", foreign.fields["local_mm"], twin.local_mm),
+            "direction": distance("direction", foreign.fields["direction"], twin.direction),
+        }
+        units = {"local_mm": given.display.array.radius_mm * unit, "direction": unit}
+        self.add(given, apart, units, np.ones(len(unit), bool))
+
+    def add(self, given: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
+        """Count the rays that are judged.
+
+        `apart` are their errors by array, (N,) radians or mm, and `units` (N,) the sizes of a unit of the last place.
+        Errors that are not finite are left out.
+        """
+        panel = given.display.panel
+        on_panel = given.pixels / np.array([panel.width_px, panel.height_px])
+        on_lenslet = given.aims / (2.0 * REACH * given.display.array.coarsest_mm) + 0.5
+        for name, far in apart.items():
+            made = self.maps.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))
+            kept = judged & np.isfinite(far)
+            error, steps = far[kept] * SCALE, far[kept] / units[name][kept]
+            _largest(made.panel, on_panel[kept], error)
+            _largest(made.lenslet, on_lenslet[kept], error)
+            bins = np.where(steps > 0.0, np.searchsorted(edges(), steps, side="right").clip(1), 0)
+            made.counts += np.bincount(bins, minlength=len(made.counts))
+            made.worst = max(made.worst, float(error.max(initial=0.0)))
+            made.worst_units = max(made.worst_units, float(steps.max(initial=0.0)))
+
+
+def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
+    """Raise each cell of a map to the largest error of the places (N, 2) in it, 0 to 1; places outside are left out."""
+    column, row = np.floor(places * CELLS).astype(np.int64).T
+    inside = (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
+    np.maximum.at(cells, (row[inside], column[inside]), errors[inside])
+
+
+def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
     """Draw the largest errors over the panel and over the lenslet, a row for each array."""
     from matplotlib.colors import LogNorm
 
@@ -46,7 +148,7 @@ def map_plot(maps: Maps) -> Plot:
     return Plot("errors-map", finish_picture(picture))
 
 
-def histogram_plot(maps: Maps, last_place: str) -> Plot:
+def histogram_plot(maps: Mapping[str, ErrorMap], last_place: str) -> Plot:
     """Draw how many rays have which error."""
     picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
@@ -63,7 +165,7 @@ def histogram_plot(maps: Maps, last_place: str) -> Plot:
 def errors_page(
     origin: Mapping[str, str],
     verdicts: Sequence[tuple[str, Verdict]],
-    maps: Maps,
+    maps: Mapping[str, ErrorMap],
     words: bool,
     ended: str | None = None,
 ) -> Page:

@@ -1,24 +1,82 @@
-"""Random rays, and rays at the onset of a property, found by bisection between rays without and with it."""
+"""Sets of rays, those from the panel and those from the world, and what draws them at random.
+
+Rays at the onset of a property are found by bisection between rays without and with it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.display.description import Display
+from lippmann.engines import trace
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.model_choice import corners_mm, panel_size, pixels_from_cells
+from lippmann.optics.model_choice import corners_mm, located, panel_size, pixels_from_cells
+from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.rays import Engine, Floats, Model, Rays
 from lippmann.optics.system import System
 
-Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
 #: Bisections that bring any two floats next to each other.
-HALVINGS = 64
+BISECTIONS = 64
+
+
+@dataclass(frozen=True)
+class PanelRays:
+    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2), mm, None for chief rays."""
+
+    name: str
+    display: Display
+    pixels: Floats
+    aperture: Floats | None
+    model: Model = "exact"
+
+    @property
+    def aims(self) -> Floats:
+        """Aperture points (N, 2), mm; 0 for chief rays."""
+        return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
+
+    def trace(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
+        """Trace the rays with an engine."""
+        return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
+
+    def select(self, chosen: Any) -> PanelRays:
+        """Return the rays of these indices, or of this mask."""
+        aperture = None if self.aperture is None else self.aperture[chosen]
+        return replace(self, pixels=self.pixels[chosen], aperture=aperture)
+
+    def steps(self) -> dict[str, Floats]:
+        """Return golden's intermediate values, by which a design is compared step by step.
+
+        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet that owns it,
+        whole numbers; `start_mm` (N, 2) the same point from that lenslet's centre, array's axes; `near_mm` (N, 2) the
+        point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same centre.
+        """
+        panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
+        home, start = located(self.display, self.pixels)
+        near = start + self.display.gap_mm / self.display.aperture_distance_mm * (self.aims - start)
+        return {"panel_mm": panel, "home": home, "start_mm": start, "near_mm": near}
+
+
+@dataclass(frozen=True)
+class WorldRays:
+    """Rays from the world: `origin_mm` (N, 3) and unit `direction` (N, 3)."""
+
+    name: str
+    display: Display
+    origin_mm: Floats
+    direction: Floats
+
+    def select(self, chosen: Any) -> WorldRays:
+        """Return the rays of these indices, or of this mask."""
+        return replace(self, origin_mm=self.origin_mm[chosen], direction=self.direction[chosen])
 
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
@@ -88,7 +146,7 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
     `has` tells which of N aims have the property: none of `inner`, all of `outer`.
     """
     low, high = np.zeros(len(inner)), np.ones(len(inner))
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         found = has(inner + middle[:, None] * (outer - inner))
         low, high = np.where(found, low, middle), np.where(found, middle, high)

@@ -1,8 +1,8 @@
 """Faulty variants of golden, each with the step of the ray that its fault is in.
 
 A variant predicts the rays of a design with this fault. When foreign rays equal a variant's and not golden's, the
-variant is the diagnosis. Discrete slips (a sign, an axis, degrees for radians) have a variant each; a wrong number of
-the display is found by a fit (`fitted`).
+variant is the diagnosis. Discrete slips (a sign, an axis, degrees for radians) have a variant each, in the functions
+that `variants` calls; `lippmann.conformance.fault_search` finds wrong numbers of the display, and two faults at once.
 """
 
 from __future__ import annotations
@@ -10,20 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache, partial
-from itertools import combinations
+from functools import partial
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lippmann.conformance.hard_cases import Out
-from lippmann.conformance.ray_search import Floats
+from lippmann.conformance.ray_sets import PanelRays
 from lippmann.display.description import Display, Grid
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import MODELS
+from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.rays import MODELS, Floats
 from lippmann.optics.system import System
 
 #: The steps of a ray, in its order.
@@ -40,29 +39,42 @@ FIELDS = {
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
 TIE_RULE = "cells closed on their other side (tie rule)"
+#: The glass as a number: its index, at the display's focal length.
+GLASS = "another glass, of the same focal length: array.index"
+#: Errors of a fault that leaves no display, or no rays.
+NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
 
 #: Rays as arrays by name.
 Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault: the step that it is in, its name, and the rays that it gives, from the inputs and golden's rays.
+    """A fault: the step that it is in, its name, and what it does.
 
-    `silent` are arrays that it does not predict. It traces inputs that `change` returns, or changes golden's arrays by
-    `bend`; None: it does otherwise.
+    It traces inputs that `change` returns, computes arrays otherwise (`trace`, from the inputs and golden's arrays), or
+    changes some of the arrays (`bend`). `silent` are arrays that it does not predict.
     """
 
     stage: str
     name: str
-    predict: Callable[[Out, Arrays], Arrays]
-    silent: tuple[str, ...] = ()
-    change: Callable[[Out], Out] | None = None
+    change: Callable[[PanelRays], PanelRays] | None = None
     bend: Callable[[Arrays], Arrays] | None = None
+    trace: Callable[[PanelRays, Arrays], Arrays] | None = None
+    silent: tuple[str, ...] = ()
+
+    def predict(self, given: PanelRays, rays: Arrays) -> Arrays:
+        """Return the rays of a design with this fault; `rays` are golden's."""
+        if self.change is not None:
+            changed = self.change(given)
+            rays = rays if changed is given else golden(changed)
+        if self.trace is not None:
+            rays = self.trace(given, rays)
+        return rays if self.bend is None else rays | self.bend(rays)
 
 
-def golden(given: Out) -> Arrays:
+def golden(given: PanelRays) -> Arrays:
     """Return golden's rays and steps, by the names of a file's arrays."""
-    rays = given.traced()
+    rays = given.trace()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
         "centre_mm": rays.centre_mm,
@@ -74,22 +86,12 @@ def golden(given: Out) -> Arrays:
     }
 
 
-def _before(stage: str, name: str, change: Callable[[Out], Out], *silent: str) -> Variant:
-    """Return the variant that traces changed inputs."""
-    return Variant(stage, name, lambda given, _: golden(change(given)), silent, change)
-
-
-def _after(stage: str, name: str, change: Callable[[Arrays], Arrays]) -> Variant:
-    """Return the variant that changes some arrays of golden's rays."""
-    return Variant(stage, name, lambda _, rays: rays | change(rays), bend=change)
-
-
 def _with(stage: str, name: str, number: str, value: Any) -> Variant:
     """Return the variant with another number of the display."""
-    return _before(stage, name, partial(_with_number, number, value))
+    return Variant(stage, name, partial(with_number, number, value))
 
 
-def _with_number(name: str, value: Any, given: Out) -> Out:
+def with_number(name: str, value: Any, given: PanelRays) -> PanelRays:
     """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index.
 
     `GLASS` is another index with the radius that keeps the focal length, radius / (index - 1).
@@ -97,23 +99,26 @@ def _with_number(name: str, value: Any, given: Out) -> Out:
     display = given.display
     if name == GLASS:
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
-        given, name = _with_number("array.radius_mm", radius, given), "array.index"
-        display = given.display
-    part, _, key = name.rpartition(".")
-    key, _, entry = key.partition("[")
+        return with_number("array.index", value, with_number("array.radius_mm", radius, given))
+    path, _, entry = name.partition("[")
+    part, _, key = path.rpartition(".")
     if entry:
-        old = attrgetter(f"{part}.{key}")(display)
+        old = attrgetter(path)(display)
         pair = old if isinstance(old, tuple) else (old, old)  # a variant may have made one of two
         value = tuple(value if f"{k}]" == entry else one for k, one in enumerate(pair))
-    changes: dict[str, Any] = {key: value}
-    if part == "panel":
-        changes = {part: replace(display.panel, **changes)}
-    elif part == "array":
-        array = replace(display.array, **{"glass": None, **changes})
+    if part == "array":
+        array = replace(display.array, **{"glass": None, key: value})
         if key in ("pitch_mm", "shear") and display.array.thickness_mm == display.array.sag_mm:
             array = replace(array, thickness_mm=array.sag_mm)  # by default: the tracer's follows its own cell
-        changes = {part: array}
-    return replace(given, display=replace(display, **changes))
+        key, value = part, array
+    elif part == "panel":
+        key, value = part, replace(display.panel, **{key: value})
+    return replace(given, display=replace(display, **{key: value}))
+
+
+def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
+    """Return vectors (N, 3) of the panel's axes along the array's."""
+    return np.column_stack([*frame.turn_back(*vectors[:, :2].T), vectors[:, 2]])
 
 
 def variants(display: Display) -> Iterator[Variant]:
@@ -138,10 +143,8 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         **{f"pixel off by one: ({du:+d}, {dv:+d})": partial(np.add, (du, dv)) for du, dv in BESIDE},
     }
 
-    def moved(name: str, move: Callable[[Floats], Floats]) -> Variant:
-        return _before("panel", name, lambda g: replace(g, pixels=move(g.pixels)))
-
-    yield from map(moved, moves, moves.values())
+    for name, move in moves.items():
+        yield Variant("panel", name, partial(_moved, move))
     x, y = array.offset_mm
     if (x, y) != (0.0, 0.0):
         yield _with("panel", "offset_mm left out", "array.offset_mm", (0.0, 0.0))
@@ -155,27 +158,33 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         yield _with("panel", "rotation_deg made radians twice", "array.rotation_deg", math.radians(turn))
 
 
+def _moved(move: Callable[[Floats], Floats], given: PanelRays) -> PanelRays:
+    """Return rays from moved pixels."""
+    return replace(given, pixels=move(given.pixels))
+
+
 def _lattice_variants(display: Display) -> Iterator[Variant]:
     """Yield wrong lenslets, and wrong numbers of the right ones."""
     array, system = display.array, System.of(display)
 
     def relabelled(name: str, label: Callable[[Floats], Floats], moved: bool = False) -> Variant:
-        def change(rays: Arrays) -> Arrays:
+        def bend(rays: Arrays) -> Arrays:
             lenslet = label(rays["lenslet"])
-            found = {"lenslet": lenslet, "home": label(rays["home"])}
-            return found | _placed(system, rays["local_mm"], lenslet) if moved else found
+            labels = {"lenslet": lenslet, "home": label(rays["home"])}
+            return labels | _placed(system, rays["local_mm"], lenslet) if moved else labels
 
-        return _after("lenslet", name, change)
+        return Variant("lenslet", name, bend=bend)
 
+    silent = ("status", "start_mm", "near_mm")
     for di, dj in BESIDE:
         step = np.array([di, dj], np.float64)
         yield relabelled(f"lenslet off by one: ({di:+d}, {dj:+d})", step.__add__, moved=True)
         yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__)
-        name, silent = f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", ("status", "start_mm", "near_mm")
-        yield Variant("lenslet", name, partial(_through_neighbour, step), silent)
+        name, trace = f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", partial(_through_neighbour, step)
+        yield Variant("lenslet", name, trace=trace, silent=silent)
     if array.grid == "square":
-        silent = ("status", "start_mm", "near_mm")
-        yield Variant("lenslet", "lenslet rounded down, not to the nearest", _rounded_down, silent)
+        name = "lenslet rounded down, not to the nearest"
+        yield Variant("lenslet", name, trace=_rounded_down, silent=silent)
     other: Grid = "hex" if array.grid == "square" else "square"
     if array.radius_mm >= replace(array, grid=other).half_diagonal_mm:
         yield _with("lenslet", f"{other} grid for {array.grid}", "array.grid", other)
@@ -185,16 +194,16 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         yield relabelled("hexagonal rows counted along the row", lambda ij: ij + np.floor(ij[:, 1:] / 2) * (1, 0))
         yield relabelled("hexagonal rows sheared the other way", lambda ij: ij + ij[:, 1:] * (1, 0))
         # Odd rows to the left for to the right: the mirrored lattice, with its labels.
-        yield _after(
+        yield Variant(
             "lenslet",
             "hexagonal rows moved the other way",
-            lambda r: _placed(system, r["local_mm"], r["lenslet"] - r["lenslet"][:, 1:] * (1, 0)),
+            bend=lambda r: _placed(system, r["local_mm"], r["lenslet"] - r["lenslet"][:, 1:] * (1, 0)),
         )
-        along_y = partial(_with_number, "array.rotation_deg", array.rotation_deg + 90.0)
-        yield _before("lenslet", "hexagonal rows along y for x", along_y, "lenslet", "home")
+        along_y = partial(with_number, "array.rotation_deg", array.rotation_deg + 90.0)
+        yield Variant("lenslet", "hexagonal rows along y for x", along_y, silent=("lenslet", "home"))
     yield from _affine_variants(display)
     yield from _eye_variants(display)
-    yield _before("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), "panel_mm")
+    yield Variant("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), silent=("panel_mm",))
 
 
 def _affine_variants(display: Display) -> Iterator[Variant]:
@@ -229,7 +238,7 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 
-def _through_neighbour(step: Floats, given: Out, rays: Arrays) -> Arrays:
+def _through_neighbour(step: Floats, given: PanelRays, rays: Arrays) -> Arrays:
     """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
     system = System.of(given.display)
     frame, b = system.frame, NumpyBackend()
@@ -250,14 +259,14 @@ def _through_neighbour(step: Floats, given: Out, rays: Arrays) -> Arrays:
     }
 
 
-def _rounded_down(given: Out, rays: Arrays) -> Arrays:
+def _rounded_down(given: PanelRays, rays: Arrays) -> Arrays:
     """Trace each ray through the lenslet whose number is rounded down: of the four around the point the lower left."""
     x, y = rays["start_mm"].T
     sides = np.stack([x - given.display.array.shear * y, y], axis=1)
     return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), given, rays)
 
 
-def _other_ties(given: Out) -> Floats:
+def _other_ties(given: PanelRays) -> Floats:
     """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
     array = given.display.array
     x, y = given.steps()["start_mm"].T
@@ -270,10 +279,10 @@ def _other_ties(given: Out) -> Floats:
 def _aim_variants(display: Display) -> Iterator[Variant]:
     """Yield wrong aperture points."""
 
-    def aimed(name: str, aim: Callable[[Out], Floats]) -> Variant:
-        return _before("aim", name, lambda g: replace(g, aperture=aim(g)))
+    def aimed(name: str, aim: Callable[[PanelRays], Floats]) -> Variant:
+        return Variant("aim", name, lambda g: replace(g, aperture=aim(g)))
 
-    def toward(share: float, g: Out) -> Floats:
+    def toward(share: float, g: PanelRays) -> Floats:
         """Return aims at a share of the way from the start to the aperture point, or beyond it."""
         start = g.steps()["start_mm"]
         return np.asarray(start + (g.aims - start) * share)
@@ -303,7 +312,7 @@ def _dome_variants(display: Display) -> Iterator[Variant]:
     array = display.array
     n, R, T = array.index, array.radius_mm, array.thickness_mm
     for model in MODELS:
-        yield _before("first face", f"rays of the model {model}", partial(replace, model=model))
+        yield Variant("first face", f"rays of the model {model}", partial(replace, model=model))
     flipped = "viewer" if array.plano_side == "panel" else "panel"
     yield _with("first face", "plano_side turned over", "array.plano_side", flipped)
     yield _with("first face", "gap_mm left out", "gap_mm", 0.0)
@@ -321,13 +330,6 @@ def _dome_variants(display: Display) -> Iterator[Variant]:
 def _exit_variants(display: Display) -> Iterator[Variant]:
     """Yield right rays with a fault in what is written down."""
     array, frame = display.array, System.of(display).frame
-
-    def turned_back(rays: Arrays) -> Arrays:
-        return {
-            name: np.column_stack([*frame.turn_back(*rays[name][:, :2].T), rays[name][:, 2]])
-            for name in ("direction", "local_mm")
-        }
-
     bends: dict[str, Callable[[Floats], Floats]] = {
         "sign of the direction's x": lambda d: d * (-1, 1, 1),
         "sign of the direction's y": lambda d: d * (1, -1, 1),
@@ -337,31 +339,27 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         "direction's x and y swapped": lambda d: d[:, [1, 0, 2]],
         "direction not normalised: z is 1": lambda d: d / d[:, 2:],
         "direction not normalised: index times": lambda d: d * array.index,
+        "slopes of the direction doubled": partial(_steeper, 2.0),
+        "slopes of the direction halved": partial(_steeper, 0.5),
     }
-    for times, said in ((2.0, "doubled"), (0.5, "halved")):
-        bends[f"slopes of the direction {said}"] = partial(_steeper, times)
     for name, bend in bends.items():
-        yield _bent(name, bend)
+        yield change_direction(name, bend)
     if array.rotation_deg:
         for name in ("sign of the direction's x", "sign of the direction's y", "direction's x and y swapped"):
-            yield _bent(f"{name}, along the array's axes", partial(_along_array, frame, bends[name]))
-        yield _after("exit", "rays left along the array's axes", turned_back)
+            yield change_direction(f"{name}, along the array's axes", partial(_along_array, frame, bends[name]))
+        name = "rays left along the array's axes"
+        yield Variant("exit", name, bend=lambda r: {n: turn_back(frame, r[n]) for n in ("direction", "local_mm")})
         offset = np.array([*array.offset_mm, 0.0])
 
-        def place_turned_back(rays: Arrays) -> Arrays:
-            found = {name: rays[name] - shift for name, shift in (("local_mm", 0.0), ("origin_mm", offset))}
-            turned = {n: np.column_stack([*frame.turn_back(*v[:, :2].T), v[:, 2]]) for n, v in found.items()}
-            return turned | {"origin_mm": turned["origin_mm"] + offset}
+        def turn_points_back(rays: Arrays) -> Arrays:
+            origin_mm = turn_back(frame, rays["origin_mm"] - offset) + offset
+            return {"local_mm": turn_back(frame, rays["local_mm"]), "origin_mm": origin_mm}
 
-        yield _after("dome", "exit point left along the array's axes", place_turned_back)
+        yield Variant("dome", "exit point left along the array's axes", bend=turn_points_back)
     vertices = display.gap_mm + array.thickness_mm if array.plano_side == "panel" else display.gap_mm
-    for name, z in (
-        ("flat face", array.thickness_mm),
-        ("sphere's centre", array.radius_mm),
-        ("panel", vertices),
-    ):
-        yield _added("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
-    yield _after("dome", "origin without the lenslet's centre", lambda r: {"origin_mm": r["local_mm"]})
+    for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm), ("panel", vertices)):
+        yield add_constant("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
+    yield Variant("dome", "origin without the lenslet's centre", bend=lambda r: {"origin_mm": r["local_mm"]})
 
 
 def _steeper(times: float, direction: Floats) -> Floats:
@@ -370,171 +368,17 @@ def _steeper(times: float, direction: Floats) -> Floats:
     return np.asarray(steep / np.linalg.norm(steep, axis=1)[:, None])
 
 
-def _along_array(frame: Any, bend: Callable[[Floats], Floats], direction: Floats) -> Floats:
+def _along_array(frame: PanelFrame, bend: Callable[[Floats], Floats], direction: Floats) -> Floats:
     """Return directions that are bent in the array's axes."""
-    x, y, z = direction.T
-    x, y, z = bend(np.stack([*frame.turn_back(x, y), z], axis=1)).T
+    x, y, z = bend(turn_back(frame, direction)).T
     return np.stack([*frame.turn(x, y), z], axis=1)
 
 
-def _bent(name: str, bend: Callable[[Floats], Floats]) -> Variant:
+def change_direction(name: str, bend: Callable[[Floats], Floats]) -> Variant:
     """Return the variant with other directions."""
-    return _after("exit", name, lambda rays: {"direction": bend(rays["direction"])})
+    return Variant("exit", name, bend=lambda rays: {"direction": bend(rays["direction"])})
 
 
-def _added(stage: str, name: str, arrays: tuple[str, ...], constant: Any) -> Variant:
+def add_constant(stage: str, name: str, arrays: tuple[str, ...], constant: Any) -> Variant:
     """Return the variant with a constant added to some arrays."""
-    return _after(stage, name, lambda rays: {array: rays[array] + constant for array in arrays})
-
-
-#: What stands between the names of two faults.
-PAIR = "; and "
-#: The glass as a number: its index, at the display's focal length.
-GLASS = "another glass, of the same focal length: array.index"
-#: The display's numbers that are fitted, and the step that uses each.
-FITTED = {
-    "array.index": "first face",
-    "gap_mm": "first face",
-    "array.thickness_mm": "first face",
-    "array.radius_mm": "dome",
-    "array.rotation_deg": "panel",
-    "array.pitch_mm": "lenslet",
-    "array.pitch_mm[0]": "lenslet",
-    "array.pitch_mm[1]": "lenslet",
-    "array.shear": "lenslet",
-    "panel.pixel_pitch_mm": "panel",
-    "panel.pixel_pitch_mm[0]": "panel",
-    "panel.pixel_pitch_mm[1]": "panel",
-    "array.offset_mm[0]": "panel",
-    "array.offset_mm[1]": "panel",
-}
-
-#: How far from the display's number a fit looks, as shares of it (of a pitch, for 0 or an offset).
-LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
-#: Near the display's number, up to a share of `NEAR`, pitches and rotations are tried in steps that move the panel's
-#: corner by `CORNER` pitches.
-NEAR, CORNER = 0.02, 0.25
-#: Rotations in degrees that are always tried.
-ROTATIONS = range(-180, 180)
-#: Steps that refine the best of these, each to 0.6 of the width before.
-REFINEMENTS = 48
-#: Most steps of a fit of two numbers.
-MOST_STEPS = 25
-#: Bits of fraction that are tried for directions: no design has fewer; a float32 has more than the largest.
-COARSEST, FINEST = 4, 22
-
-
-def fitted(given: Out, values: Arrays) -> Iterator[Variant]:
-    """Yield variants with a number that is fitted to foreign rays: a constant, a word length, a number of the display.
-
-    For each number of the display, the value that explains the directions best.
-    """
-    rays = golden(given)
-    for name, what, unit in (("direction", "direction", ""), ("local_mm", "exit point", " mm")):
-        added = np.median(values[name] - rays[name], axis=0) if name in values else np.array(math.nan)
-        if not np.isfinite(added).all():
-            continue
-        added = np.where(np.abs(added) > 0.05 * np.abs(added).max(), added, 0.0)
-        said = ", ".join(f"{value:+.3g}{unit} in {axis}" for value, axis in zip(added, "xyz", strict=True) if value)
-        moved = (name, "origin_mm") if name == "local_mm" else (name,)
-        yield _added(FIELDS[name][0], f"a constant added to the {what}: {said}", moved, added)
-    yield from _word_lengths(values["direction"])
-    for name in (*FITTED, GLASS):
-        if _number_of(name, given.display) is not None:
-            yield from _number(name, given, values["direction"])
-
-
-def fitted_together(given: Out, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own.
-
-    One of which the other leaves nothing to explain is left out.
-    """
-    from scipy.optimize import least_squares  # at its first use: right rays need no fit
-
-    for names in combinations(FITTED, 2):
-        old = [value for name in names if (value := _number_of(name, given.display)) is not None]
-        if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
-            continue
-        unit = np.array([abs(value) or given.display.array.coarsest_mm for value in old])
-
-        def off(tried: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
-            out = given
-            for name, value in zip(names, tried * unit, strict=True):
-                out = _with_number(name, float(value), out)
-            return np.asarray((out.traced().direction - values["direction"]).ravel())
-
-        try:
-            found = least_squares(off, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=MOST_STEPS)
-        except (LippmannError, ValueError, ZeroDivisionError):
-            continue
-        some = [
-            _with(FITTED[name], f"{name} is {value:.6g} for {was:.6g}", name, float(value))
-            for name, value, was in zip(names, found.x * unit, old, strict=True)
-            if f"{value:.6g}" != f"{was:.6g}"
-        ]
-        if some:
-            yield tuple(some)
-
-
-def _number_of(name: str, display: Display) -> float | None:
-    """Return a number of the display by its name in `FITTED`; None when it is one pitch of two, or none of two."""
-    path, _, entry = name.rpartition(" ")[2].partition("[")
-    value = attrgetter(path)(display)
-    if isinstance(value, tuple) != bool(entry) or (name == "array.shear" and not value):
-        return None
-    return float(value[int(entry[0])] if entry else value)
-
-
-def _word_lengths(direction: Floats) -> Iterator[Variant]:
-    """Yield directions in fixed point, if all components are multiples of some power of two."""
-    for bits in range(COARSEST, FINEST + 1):
-        scaled = np.ldexp(direction, bits)
-        if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
-            for name, cut in (("rounded", np.round), ("truncated", np.floor)):
-                bend = partial(lambda cut, bits, d: np.ldexp(cut(np.ldexp(d, bits)), -bits), cut, bits)
-                yield _bent(f"direction {name} to {bits} bits of fraction", bend)
-            return
-
-
-def _number(name: str, given: Out, direction: Floats) -> Iterator[Variant]:
-    """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
-    display = given.display
-    path, value = name.partition("[")[0], _number_of(name, display)
-    if value is None:
-        return
-    # Offsets repeat after a pitch: their size says nothing about their error.
-    unit = value if value and "offset" not in name else display.array.coarsest_mm
-
-    @cache
-    def loss(tried: float) -> float:
-        """Return the median error: rays that change lenslet or status on the way must not weigh."""
-        try:
-            rays = _with_number(name, tried, given).traced()
-        except (LippmannError, ValueError, ZeroDivisionError):
-            return math.inf
-        return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
-
-    looked = [value + share * unit for share in LOOKED]
-    if name == "array.rotation_deg":
-        looked += [float(turn) for turn in ROTATIONS]
-        looked += [value + math.degrees(turn) for turn in _near(display)]
-    elif path == "array.shear":
-        looked += [value + turn for turn in _near(display)]
-    elif path in ("array.pitch_mm", "panel.pixel_pitch_mm"):
-        looked += [value + share * unit for share in _near(display)]
-    best, width = min(sorted(looked), key=loss), 0.02 * abs(unit)
-    for _ in range(REFINEMENTS):
-        best = min((best - width, best, best + width), key=loss)
-        width *= 0.6
-    if math.isfinite(loss(best)):
-        stage = FITTED[name.rpartition(" ")[2]]
-        yield _with(stage, f"{name} is {best:.6g} for {value:.6g}", name, best)
-
-
-def _near(display: Display) -> Floats:
-    """Return shares of a pitch, or turns in radians, that move the panel's corner by steps of `CORNER` pitches."""
-    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
-    panel = display.panel
-    step = CORNER * display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
-    most = int(NEAR / step)
-    return step * np.arange(-most, most + 1, dtype=np.float64)
+    return Variant(stage, name, bend=lambda rays: {array: rays[array] + constant for array in arrays})

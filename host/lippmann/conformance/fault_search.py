@@ -1,0 +1,245 @@
+"""Faults that no single variant of `lippmann.conformance.faults` explains: wrong numbers, found by fits, and pairs.
+
+Variants change the inputs of a trace or its results, so that two of them combine. A number of the display is fitted
+beside the variants that alone come nearest.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from itertools import combinations
+from operator import attrgetter
+
+import numpy as np
+
+from lippmann.conformance.faults import (
+    FIELDS,
+    GLASS,
+    NO_RAYS,
+    STAGES,
+    Arrays,
+    Variant,
+    add_constant,
+    change_direction,
+    golden,
+    variants,
+    with_number,
+)
+from lippmann.conformance.ray_sets import PanelRays
+from lippmann.display.description import Display
+from lippmann.errors import to_install
+from lippmann.optics.rays import Floats
+
+logger = logging.getLogger(__name__)
+
+#: What stands between the names of two faults.
+PAIR = "; and "
+#: The display's numbers that are fitted, and the step that uses each.
+FITTED = {
+    "array.index": "first face",
+    "gap_mm": "first face",
+    "array.thickness_mm": "first face",
+    "array.radius_mm": "dome",
+    "array.rotation_deg": "panel",
+    "array.pitch_mm": "lenslet",
+    "array.pitch_mm[0]": "lenslet",
+    "array.pitch_mm[1]": "lenslet",
+    "array.shear": "lenslet",
+    "panel.pixel_pitch_mm": "panel",
+    "panel.pixel_pitch_mm[0]": "panel",
+    "panel.pixel_pitch_mm[1]": "panel",
+    "array.offset_mm[0]": "panel",
+    "array.offset_mm[1]": "panel",
+}
+
+#: How far from the display's number a fit looks, as shares of it (of a pitch, for 0 or an offset).
+LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
+#: Near the display's number, up to a share of `NEAR`, pitches and rotations are tried in steps that move the panel's
+#: corner by `CORNER` pitches.
+NEAR, CORNER = 0.02, 0.25
+#: Rotations in degrees that are always tried.
+ROTATIONS = range(-180, 180)
+#: Steps that refine the best of these, each to 0.6 of the width before.
+REFINEMENTS = 48
+#: Maximum number of evaluations in a fit of two numbers.
+MAX_EVALUATIONS = 25
+#: Bits of fraction that are tried for directions: no design has fewer; a float32 has more than the largest.
+COARSEST, FINEST = 4, 22
+#: Variants, of those that come nearest alone, beside which numbers are fitted.
+NEAREST = 12
+
+
+def fitted(given: PanelRays, values: Arrays) -> Iterator[Variant]:
+    """Yield variants with a number that is fitted to foreign rays: a constant, a word length, a number of the display.
+
+    For each number of the display, the value that explains the directions best.
+    """
+    rays = golden(given)
+    for name, what, unit, arrays in (
+        ("direction", "direction", "", ("direction",)),
+        ("local_mm", "exit point", " mm", ("local_mm", "origin_mm")),
+    ):
+        constant = np.median(values[name] - rays[name], axis=0) if name in values else np.array(math.nan)
+        if np.isfinite(constant).all():
+            constant = np.where(np.abs(constant) > 0.05 * np.abs(constant).max(), constant, 0.0)
+            parts = [f"{x:+.3g}{unit} in {axis}" for x, axis in zip(constant, "xyz", strict=True) if x]
+            yield add_constant(FIELDS[name][0], f"a constant added to the {what}: {', '.join(parts)}", arrays, constant)
+    yield from _word_lengths(values["direction"])
+    for name in (*FITTED, GLASS):
+        value = _number_of(name, given.display)
+        if value is not None:
+            yield from _fit_number(name, value, given, values["direction"])
+
+
+def fitted_together(given: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
+    """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own.
+
+    One of which the other leaves nothing to explain is left out.
+    """
+    try:
+        from scipy.optimize import least_squares  # at its first use: right rays need no fit
+    except ModuleNotFoundError:
+        logger.warning("scipy is missing: no two wrong numbers were looked for; %s", to_install("calibrate"))
+        return
+    for names in combinations(FITTED, 2):
+        old = [value for name in names if (value := _number_of(name, given.display)) is not None]
+        if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
+            continue
+        unit = np.array([abs(value) or given.display.array.coarsest_mm for value in old])
+
+        def residuals(tried: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
+            rays = given
+            for name, value in zip(names, tried * unit, strict=True):
+                rays = with_number(name, float(value), rays)
+            return np.asarray((rays.trace().direction - values["direction"]).ravel())
+
+        try:
+            fit = least_squares(
+                residuals, old / unit, loss="soft_l1", f_scale=1e-4, diff_step=1e-6, max_nfev=MAX_EVALUATIONS
+            )
+        except NO_RAYS:
+            continue
+        wrong = [
+            _wrong_number(name, float(value), was)
+            for name, value, was in zip(names, fit.x * unit, old, strict=True)
+            if f"{value:.6g}" != f"{was:.6g}"
+        ]
+        if wrong:
+            yield tuple(wrong)
+
+
+def _wrong_number(name: str, value: float, expected: float) -> Variant:
+    """Return the variant with another number of the display."""
+    stage = FITTED[name.rpartition(" ")[2]]
+    return Variant(stage, f"{name} is {value:.6g} for {expected:.6g}", partial(with_number, name, value))
+
+
+def _number_of(name: str, display: Display) -> float | None:
+    """Return a number of the display by its name in `FITTED`; None when it is one pitch of two, or none of two."""
+    path, _, entry = name.rpartition(" ")[2].partition("[")
+    value = attrgetter(path)(display)
+    if isinstance(value, tuple) != bool(entry) or (name == "array.shear" and not value):
+        return None
+    return float(value[int(entry[0])] if entry else value)
+
+
+def _word_lengths(direction: Floats) -> Iterator[Variant]:
+    """Yield directions in fixed point, if all components are multiples of some power of two."""
+    for bits in range(COARSEST, FINEST + 1):
+        scaled = np.ldexp(direction, bits)
+        if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
+            for name, cut in (("rounded", np.round), ("truncated", np.floor)):
+                bend = partial(lambda cut, bits, d: np.ldexp(cut(np.ldexp(d, bits)), -bits), cut, bits)
+                yield change_direction(f"direction {name} to {bits} bits of fraction", bend)
+            return
+
+
+def _fit_number(name: str, value: float, given: PanelRays, direction: Floats) -> Iterator[Variant]:
+    """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
+    # Offsets repeat after a pitch: their size says nothing about their error.
+    unit = value if value and "offset" not in name else given.display.array.coarsest_mm
+
+    @cache
+    def loss(tried: float) -> float:
+        """Return the median error: rays that change lenslet or status on the way must not weigh."""
+        try:
+            rays = with_number(name, tried, given).trace()
+        except NO_RAYS:
+            return math.inf
+        return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
+
+    tried, near = [value + share * unit for share in LOOKED], _shares_near(given.display)
+    if name == "array.rotation_deg":
+        tried += [float(turn) for turn in ROTATIONS]
+        tried += [value + math.degrees(turn) for turn in near]
+    elif name == "array.shear":
+        tried += [value + turn for turn in near]
+    elif "pitch_mm" in name:
+        tried += [value + share * unit for share in near]
+    best, width = min(sorted(tried), key=loss), 0.02 * abs(unit)
+    for _ in range(REFINEMENTS):
+        best = min((best - width, best, best + width), key=loss)
+        width *= 0.6
+    if math.isfinite(loss(best)):
+        yield _wrong_number(name, best, value)
+
+
+def _shares_near(display: Display) -> Floats:
+    """Return shares of a pitch, or turns in radians, that move the panel's corner by steps of `CORNER` pitches."""
+    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
+    panel = display.panel
+    step = CORNER * display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
+    last = int(NEAR / step)
+    return step * np.arange(-last, last + 1, dtype=np.float64)
+
+
+def pairs(given: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
+    """Yield pairs of variants, the likeliest first; `apart` tells how far a variant alone is from the rays `fields`.
+
+    Numbers are fitted to `fields`, those of the rays `given`.
+    """
+    ranked = sorted(variants(given.display), key=apart)
+    numbers = list(fitted(given, fields))
+    yield from (both(one, other) for one, other in combinations(ranked, 2))
+    yield from (both(one, number) for one in ranked for number in numbers)
+    length = np.linalg.norm(fields["direction"], axis=1, keepdims=True)
+    units = list(fitted(given, fields | {"direction": fields["direction"] / np.where(length > 0.0, length, 1.0)}))
+    yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
+    yield from (both(*numbers) for numbers in fitted_together(given, fields))
+    for one in (*ranked[:NEAREST], *numbers):
+        if one.change is not None:
+            yield from _fit_beside(one, given, fields)
+    for one in ranked:
+        if one.bend is not None:
+            yield from _fit_beside(one, given, fields)
+
+
+def _fit_beside(one: Variant, given: PanelRays, fields: Arrays) -> Iterator[Variant]:
+    """Yield a variant with each number that is fitted beside it, if it leaves a display and its arrays are there."""
+    try:
+        given = given if one.change is None else one.change(given)
+        fields = fields if one.bend is None else fields | one.bend(fields)
+        yield from (both(one, number) for number in fitted(given, fields))
+    except (*NO_RAYS, KeyError):
+        return
+
+
+def both(*faults: Variant) -> Variant:
+    """Return the variant with all of some faults: first the changed inputs, then the changed results."""
+
+    def change(given: PanelRays) -> PanelRays:
+        for one in faults:
+            given = given if one.change is None else one.change(given)
+        return given
+
+    def bend(rays: Arrays) -> Arrays:
+        for one in faults:
+            rays = rays if one.bend is None else rays | one.bend(rays)
+        return rays
+
+    ordered = sorted(faults, key=lambda one: STAGES.index(one.stage))
+    silent = tuple({name for one in faults for name in one.silent})
+    return Variant(ordered[0].stage, PAIR.join(one.name for one in ordered), change, bend, silent=silent)

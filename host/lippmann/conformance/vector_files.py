@@ -1,0 +1,305 @@
+"""Files of rays: the test vectors that `lippmann vectors` writes, and the rays of another tracer that `regress` reads.
+
+Vectors are a folder for each set of rays: `display.toml`, `rays.npz`, and if the display fits the registers `words.csv`
+and the memory files `registers.mem`, `inputs.mem`, `expected.mem` for `$readmemh`. `vectors.json` lists them and
+describes their columns and bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lippmann.base.files import moved, partial_folder, refused
+from lippmann.base.limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_limited
+from lippmann.conformance.faults import FIELDS
+from lippmann.conformance.fifty_digits import condition, true_hits, true_rays
+from lippmann.conformance.hard_cases import CASES, hard_sets
+from lippmann.conformance.ray_sets import PanelRays, WorldRays
+from lippmann.conformance.ray_words import (
+    INPUTS,
+    OUTPUTS,
+    REGISTER_BITS,
+    STATUS_BITS,
+    ForeignRays,
+    fixed_words,
+    foreign_from_words,
+    formats,
+    memory_lines,
+    widths,
+    words_of_lines,
+)  # fmt: skip
+from lippmann.display.description import Display, display_text
+from lippmann.errors import input_error, not_there
+from lippmann.fixed.words import PIXEL_BITS, Ints
+from lippmann.optics.rays import Model
+
+logger = logging.getLogger(__name__)
+
+#: Arrays of `rays.npz`, with their meaning.
+ARRAYS = {
+    "pixel": "(N, 2) pixel coordinates of the rays' starts",
+    "aperture_mm": "(N, 2) aperture points, mm from the centre of the pixel's lenslet, array's axes",
+    "direction": "(N, 3) truth, rounded once: unit vectors, panel frame",
+    "local_mm": "(N, 3) truth: exit points, mm from the lenslet's centre, panel's axes",
+    "centre_mm": "(N, 2) truth: the lenslet's centre, panel frame",
+    "origin_mm": "(N, 3) truth: their sum",
+    "lenslet": "(N, 2) truth: (i, j) of the exit's lenslet",
+    "status": "(N,) truth: 0 ok, 1 missed, 2 total internal reflection, 3 blocked, 4 crosstalk",
+    "turn_unit": "(N,) turn of the ray for a unit in the last place of every float64 input, radians",
+    "shift_unit_mm": "(N,) the same for the exit point, mm",
+    "panel_mm": "(N, 2) step: the pixel's point, panel frame",
+    "home": "(N, 2) step: (i, j) of the lenslet that owns the point",
+    "start_mm": "(N, 2) step: the point from that lenslet's centre, array's axes",
+    "near_mm": "(N, 2) step: the ray's point in the array's near plane, likewise",
+}
+#: Marks rays from the world, which `lippmann regress` does not judge.
+FROM_WORLD = "from_world"
+WORLD_ARRAYS = {
+    FROM_WORLD: "() 1: rays from the world, which `lippmann regress` refuses: it judges rays from the panel",
+    "origin_mm": "(N, 3) a point of each ray from the world, panel frame",
+    "direction": "(N, 3) its unit direction",
+    "pixel": "(N, 2) truth: pixel coordinates of its point on the panel",
+    "lenslet": "(N, 2) truth: (i, j) of its lenslet",
+    "status": "(N,) truth: as above",
+    "shift_unit_mm": "(N,) shift on the panel for a unit in the last place of every float64 input, mm",
+}
+
+
+def write_vectors(
+    folder: Path,
+    display: Display,
+    case: str,
+    model: Model,
+    fraction_bits: int,
+    seed: int,
+    count: int,
+    origin: dict[str, str],
+) -> list[dict[str, Any]]:
+    """Write the sets of a case, or of "all", into a new or empty folder; returns what `vectors.json` lists.
+
+    The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `origin` is the
+    provenance in `vectors.json`. The name of each set is logged. Raises InputError for an unknown case, and for a
+    folder with files.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise input_error(str(folder), "exists already", "give a new folder")
+    if not folder.parent.is_dir():
+        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
+    entries = []
+    try:
+        with partial_folder(folder) as made:
+            for rays in hard_sets(display, case, seed, count):
+                if isinstance(rays, PanelRays) or model == "exact":
+                    logger.info(rays.name)
+                    entries.append(_write_set(made, rays, model, fraction_bits))
+            _write_header(made, entries, model, fraction_bits, seed, origin)
+            moved(made, folder)
+    except OSError as error:
+        raise refused(folder, error) from None
+    return entries
+
+
+def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bits: int) -> dict[str, Any]:
+    name = rays.name.replace("/", "-")
+    place = top / name
+    place.mkdir()
+    (place / "display.toml").write_text(display_text(rays.display))
+    entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
+    if isinstance(rays, WorldRays):
+        hits = true_hits(rays)
+        shift = condition(rays, hits).shift_mm
+        arrays = {FROM_WORLD: np.uint8(1), "origin_mm": rays.origin_mm, "direction": rays.direction, **vars(hits)}
+        _save(place, **arrays, shift_unit_mm=shift)
+        return {**entry, "way": "back", "rays": len(rays.origin_mm), "words": 0, "refused": ""}
+    rays = dataclasses.replace(rays, aperture=rays.aims, model=model)
+    true = true_rays(rays)
+    arrays = {"pixel": rays.pixels, "aperture_mm": rays.aperture}
+    arrays |= {name: getattr(true, name) for name in ("direction", "local_mm", "centre_mm", "lenslet", "status")}
+    arrays |= rays.steps()
+    if model == "exact":
+        unit = condition(rays, true)
+        arrays |= {"turn_unit": unit.turn, "shift_unit_mm": unit.shift_mm}
+    _save(place, **arrays, origin_mm=true.origin_mm)
+    fixed, why = fixed_words(rays, fraction_bits)
+    entry |= {"way": "out", "rays": len(rays.pixels), "words": 0, "refused": why}
+    if fixed is None:
+        return entry
+    out = fixed.trace()
+    heading = ",".join((*INPUTS, *OUTPUTS))
+    np.savetxt(place / "words.csv", np.stack([*fixed.words, *out], 1), "%d", ",", header=heading, comments="")
+    for file, lines in (
+        ("registers", [f"{word} // {register}" for word, register in fixed.register_lines]),
+        ("inputs", fixed.input_lines),
+        ("expected", memory_lines(out, widths(OUTPUTS, fraction_bits))),
+    ):
+        (place / f"{file}.mem").write_text("\n".join(lines) + "\n")
+    return entry | {"words": len(out.status), "build": fixed.build.as_dict()}
+
+
+def _save(place: Path, **arrays: Any) -> None:
+    """Write rays.npz: numbers of 50 digits are rounded once, statuses are bytes."""
+    rounded: dict[str, Any] = {
+        name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()
+    }
+    rounded["status"] = rounded["status"].astype(np.uint8)
+    np.savez(place / "rays.npz", **rounded)
+
+
+def _write_header(
+    top: Path, entries: list[dict[str, Any]], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
+) -> None:
+    described = {
+        word: {"word": word, "bits": bits, "fraction_bits": behind}
+        for word, (bits, behind) in formats(fraction_bits).items()
+    }
+    header = {
+        **origin,
+        "model": model,
+        "fraction_bits": fraction_bits,
+        "seed": seed,
+        "arrays": ARRAYS,
+        "arrays_of_rays_from_the_world": WORLD_ARRAYS,
+        "words": {
+            "inputs.mem": [described[word] for word in INPUTS],
+            "expected.mem": [described[word] for word in OUTPUTS],
+            "registers.mem": f"a register of optics_config_t a line, {REGISTER_BITS} bits, sign extended",
+        },
+        "cases": {name: " ".join((case.__doc__ or "").split()) for name, case in CASES.items()},
+        "sets": entries,
+    }
+    (top / "vectors.json").write_text(json.dumps(header, indent=1) + "\n")
+    page = Path(__file__).with_name("vectors.md").read_text()
+    rows = "".join(f"| `{name}` | {what} |\n" for name, what in ARRAYS.items())
+    text = page.format(
+        F=fraction_bits, pixel_bits=PIXEL_BITS, outputs=", ".join(OUTPUTS), bits=sum(widths(OUTPUTS, fraction_bits)),
+        arrays=rows,
+    )  # fmt: skip
+    (top / "README.md").write_text(text)
+
+
+# ---- reading ----
+
+#: Arrays of the inputs, two columns each.
+INPUT_ARRAYS = ("pixel", "aperture_mm")
+#: Memory that the judgement of a ray takes, bytes.
+RAY_BYTES = 1000
+#: What is wrong with files of words, and the remedy.
+NO_RAYS, A_LINE_EACH = "inputs and outputs differ in number, or are empty", "give a line for each ray"
+
+
+def read_foreign(
+    path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None
+) -> ForeignRays:
+    """Read `.npz` (arrays as `lippmann trace` writes them), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
+
+    `inputs` is the `.mem` of the inputs; by default `inputs.mem` beside the file. Raises InputError for files that
+    cannot be read or are not complete.
+    """
+    if not path.is_file():
+        raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return _of_arrays(path, display, model)
+    if suffix == ".csv":
+        columns = _csv_columns(path)
+        _check_widths(path, columns, fraction_bits)
+    elif suffix in (".mem", ".hex"):
+        beside = inputs or path.with_name("inputs.mem")
+        if not beside.is_file():
+            raise input_error(str(beside), not_there(beside), "name the file of the inputs with --inputs")
+        files = ((beside, INPUTS), (path, OUTPUTS))
+        words = [word for file, names in files for word in words_of_memory(file, widths(names, fraction_bits))]
+        columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))
+    else:
+        raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npz, .csv, .mem")
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1 or not lengths.pop():
+        raise input_error(str(path), NO_RAYS, A_LINE_EACH)
+    return foreign_from_words(columns, display, model, fraction_bits)
+
+
+def _csv_columns(path: Path) -> dict[str, Ints]:
+    """Return the columns of a table of words, N each; without aperture points they are 0."""
+    lines = (line for line in lines_of(text_of(path)) if not line.startswith("#"))
+    heading = [name.strip(' "') for name in next(lines, "").split(",")]
+    names = (*INPUTS, *OUTPUTS)
+    missing = [name for name in names if name not in heading and name not in ("a", "b")]
+    if missing:
+        raise input_error(str(path), f"has no columns {', '.join(missing)}", f"head it {','.join(names)}")
+    first = next(lines, None)
+    if first is None:
+        raise input_error(str(path), NO_RAYS, A_LINE_EACH)
+    try:
+        table = np.loadtxt(itertools.chain([first], lines), np.int64, None, ",", quotechar='"', ndmin=2)
+        if table.shape[1] != len(heading):
+            raise ValueError
+    except ValueError:
+        raise input_error(str(path), "contains a non-integer, or rows of different lengths", "give integers") from None
+    zero = np.zeros(len(table), np.int64)
+    return {name: table[:, heading.index(name)] if name in heading else zero for name in names}
+
+
+def _check_widths(path: Path, columns: dict[str, Ints], fraction_bits: int) -> None:
+    """Refuse words that exceed their bits."""
+    for (name, column), bits in zip(columns.items(), widths(tuple(columns), fraction_bits), strict=True):
+        low = 0 if bits == STATUS_BITS else -(1 << (bits - 1))
+        high = low + (1 << bits) - 1
+        out = (column < low) | (column > high)
+        if out.any():
+            ray = int(np.argmax(out))
+            what = f"{name} of ray {ray} is {column[ray]}, beyond its {bits} bits"
+            raise input_error(str(path), what, f"give {low} to {high}, or the word length with --fraction-bits")
+
+
+def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
+    raw, there = load_arrays(path, (*INPUT_ARRAYS, *FIELDS), "give an .npz of numbers", RAY_BYTES)
+    if FROM_WORLD in there:
+        raise input_error(str(path), "holds rays from the world", "give rays from the panel; regress judges only those")
+    arrays = {name: np.atleast_1d(array).astype(np.float64) for name, array in raw.items()}
+    for name in ("pixel", "direction"):
+        if name not in arrays:
+            raise input_error(str(path), f"has no array {name}", "give at least pixel and direction, see vectors.json")
+    n = len(arrays["pixel"])
+    if not n:
+        raise input_error(str(path), "holds no rays", "give at least one")
+    for name, array in arrays.items():
+        shape = (n, 2 if name in INPUT_ARRAYS else FIELDS[name][1])
+        if (array[:, None] if array.ndim == 1 else array).shape != shape:
+            raise input_error(str(path), f"{name} has shape {array.shape}", f"give {shape}")
+        if name in INPUT_ARRAYS and not np.isfinite(array).all():
+            raise input_error(str(path), f"{name} holds values that are not finite", "remove them")
+        arrays[name] = array.reshape(shape)
+    given = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
+    return ForeignRays(given, arrays)
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file of words; raise InputError when it is not text."""
+    remedy = "give a file of words as lippmann vectors writes them"
+    try:
+        text = read_limited(path, MAX_TABLE_BYTES, "give fewer rays").decode()
+    except UnicodeDecodeError:
+        text = "\0"
+    except OSError as error:
+        raise input_error(str(path), f"cannot be read ({error.strerror})", remedy) from None
+    if "\0" in text:
+        raise input_error(str(path), "is not text", remedy)
+    return text
+
+
+def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
+    """Read the words of a `$readmemh` file: one line a ray, as `memory_lines` writes them.
+
+    Raises InputError when a line is not hexadecimal or too long.
+    """
+    texts = [line.split("//")[0].strip().replace("_", "") for line in lines_of(text_of(path))]
+    numbers = [number for number, text in enumerate(texts, 1) if text]
+    return words_of_lines([text for text in texts if text], widths, lambda ray: f"{path}:{numbers[ray]}")
