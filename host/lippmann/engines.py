@@ -30,7 +30,7 @@ def trace(
     aperture: npt.ArrayLike | None = None,
     model: Model = "exact",
     engine: Engine = "golden",
-    device: str = "llvm",
+    device: str = "auto",
     fraction_bits: int | None = None,
 ) -> Rays:
     """Trace rays from the panel through the lenslets.
@@ -48,15 +48,15 @@ def trace(
     engine
         "golden", "fast", "twin" (the RTL's fixed point in integers) or "rtl" (the RTL itself, simulated).
     device
-        Of the fast engine: "llvm" (CPU) or "cuda".
+        Of the fast engine: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU when there is one.
     fraction_bits
         Of twin and rtl: F, 14 to 23; the widest when left out.
 
     Raises
     ------
     InputError
-        For wrong shapes, values that are not finite or beyond `FARTHEST_LENSLETS`, an unknown model or engine; for a
-        display that the formats of twin and rtl cannot hold.
+        For wrong shapes, values that are not finite or beyond `FARTHEST_LENSLETS`, an unknown model, engine or
+        device; for a display that the formats of twin and rtl cannot hold.
     MissingLibraryError
         When an engine lacks a library or a tool.
     """
@@ -65,7 +65,8 @@ def trace(
 
         display, pixel, points = checked_rays(display, pixels, aperture, model)
         pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
-        return trace_fixed(display, pixel, points, model, fraction_bits or WIDEST, pipeline)
+        f = WIDEST if fraction_bits is None else fraction_bits
+        return trace_fixed(display, pixel, points, model, f, pipeline)
     return trace_optics(display, pixels, aperture, model, engine, device)
 
 

@@ -123,7 +123,7 @@ def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions:
     side: PlanoSide = "viewer" if seed // 2 % 2 else "panel"
     pitch, index = pixel * between(*LENSLET_PX), between(1.48, 1.6)
     focal = pitch * between(2.2, 4.0)
-    array = Array(grid, pitch, focal * (index - 1.0), index, 0.0, side, rotation_deg=(0.0, 90.0)[seed // 4 % 2])
+    array = Array(grid, pitch, focal * (index - 1.0), index, focal, side, rotation_deg=(0.0, 90.0)[seed // 4 % 2])
     array = replace(array, thickness_mm=array.sag_mm + between(0.1, 0.5) * focal)
     gap = between(0.97, 1.03) * focal - (array.thickness_mm / index if side == "panel" else 0.0)
     nominal = Display(f"case-{seed}", panel, array, gap)

@@ -246,7 +246,7 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
     def peak(display: Display) -> float:
         with TemporaryDirectory() as folder:
             file = Path(folder) / "display.toml"
-            file.write_text(display_text(display))
+            file.write_text(display_text(display), encoding="utf-8")
             return float(separately(device, scene, file, 1)["peak_memory_mb"])
 
     with ThreadPoolExecutor(2) as pool:

@@ -62,7 +62,7 @@ def display_of(
 ) -> Display:
     """A display of plain numbers, mm and degrees; thickness None is the thinnest lenslet."""
     pitches = pitch if row_pitch is None else (pitch, row_pitch)
-    array = Array(grid, pitches, radius, index, math.nan, side, None, rotation, offset, shear, extent)
+    array = Array(grid, pitches, radius, index, thickness or radius, side, None, rotation, offset, shear, extent)
     made = replace(array, thickness_mm=array.sag_mm if thickness is None else thickness)
     return Display("case", Panel(width_px, height_px, pixel_pitch), made, gap, eye, axis)
 

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from lippmann.base.toml import toml_text
+from lippmann.calibration.coded_patterns import PatternSet, read_patterns
 from lippmann.display.description import Array, Display, Panel, display_text, load_display, parse_display
 from lippmann.display.glass import SELLMEIER, index_of
 from lippmann.display.subpixels import LAYOUTS
@@ -721,6 +724,60 @@ def test_the_half_diagonal_reaches_the_farthest_corner(display):
         corners = [(half, third / 2), (-half, third / 2), (0, third)]
     reach = max(mp.hypot(px * x + mp.mpf(array.shear) * py * y, py * y) for x, y in corners)
     assert abs(array.half_diagonal_mm / reach - 1) < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("errors", "key"),
+    [
+        ({"offset_mm": (math.nan, 0.0)}, "offset_mm"),
+        ({"rotation_deg": math.nan}, "rotation_deg"),
+        ({"rotation_deg": math.inf}, "rotation_deg"),
+        ({"gap_mm": math.inf}, "gap_mm"),
+        ({"gap_mm": math.nan}, "gap_mm"),
+        ({"pitch_scale": math.nan}, "pitch_mm"),
+        ({"pitch_scale": -1.0}, "pitch_mm"),
+    ],
+)
+def test_misaligned_by_no_number(errors, key):
+    """A lattice at no place made golden search without end."""
+    with pytest.raises(InputError, match=rf"{key}: .*; give .*(finite numbers?|\[x, y\])"):
+        parse_display(toml()).misaligned(**errors)
+
+
+@pytest.mark.parametrize("part", ["panel", "array", ""])
+def test_what_python_makes_has_the_checks_of_a_file(part):
+    """Each number of panel, array and display: not a number, infinite, text, of numpy."""
+    display = parse_display(toml(viewing_distance_mm=500.0))
+    whole = getattr(display, part) if part else display
+    numbers = [name for name, value in vars(whole).items() if isinstance(value, float | tuple) and name != "identity"]
+    assert numbers
+    for name in numbers:
+        pair = isinstance(getattr(whole, name), tuple)
+        for value in (math.nan, math.inf, "1"):
+            with pytest.raises(InputError, match=rf"{type(whole).__name__}: {name}: .* is not valid; "):
+                replace(whole, **{name: (value, 1.0) if pair else value})
+        same = replace(whole, **{name: np.array(getattr(whole, name))})
+        assert same == whole
+        assert type(getattr(same, name)) in (float, tuple)
+    with pytest.raises(InputError, match=r"Display: panel: .* give a Panel"):
+        replace(display, panel="a panel")
+
+
+@pytest.mark.parametrize("name", ['a "quoted" name', "a \\ name", "an emoji \U0001f600", "\u00e9", "# [x]", "a,\tb"])
+def test_any_name_is_written_so_that_it_is_read(name, tmp_path):
+    display = replace(parse_display(toml()), name=name)
+    assert parse_display(display_text(display)) == display
+    patterns = PatternSet.of(display)
+    (tmp_path / "patterns.toml").write_text(patterns.text(display), encoding="utf-8")
+    assert read_patterns(tmp_path / "patterns.toml", display) == patterns
+
+
+def test_lists_are_written_in_one_line_or_in_many():
+    table = {"a": [1, [2.0, "x,\n]"]], "b": "[\n", "t": [{"c": [3, 4]}]}
+    for text in (toml_text(table), toml_text(table, one_line=False)):
+        assert tomllib.loads(text) == table
+    assert toml_text({"a": [1, [2, 3]]}) == "a = [1, [2, 3]]\n"
+    assert toml_text({"a": [1, 2]}, one_line=False) == "a = [\n  1,\n  2,\n]\n"
 
 
 def test_misaligned_stretches_both_pitches():

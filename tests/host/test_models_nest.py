@@ -1,13 +1,16 @@
 """From the pinhole to the exact lens each model refines the one before, and agrees near the axis."""
 
+import inspect
 import itertools
 import math
 
+import drjit
 import lippmann
 import numpy as np
 import pytest
 import truth
 from lippmann.display.description import parse_display
+from lippmann.errors import MissingLibraryError
 from lippmann.optics.rays import MODELS, Status
 from lippmann.optics.trace import backend_of
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
@@ -281,6 +284,9 @@ def test_identity_is_that_of_the_thing_and_not_of_the_light_or_the_model(side):
         ([(1.0, 2.0)], {"aperture": [(0.0, 0.0), (0.0, 0.0)]}, "give one each"),
         ([(1.0, 2.0)], {"model": "wave"}, "choose from pinhole, thin, paraxial, exact"),
         ([(1.0, 2.0)], {"engine": "steam"}, "choose from golden, fast"),
+        ([(1.0, 2.0)], {"device": "foo"}, "unknown device 'foo'; choose from auto, llvm, cuda"),
+        ([(1.0, 2.0)], {"engine": "fast", "device": "foo"}, "unknown device 'foo'"),
+        ([(1.0, 2.0)], {"engine": "twin", "fraction_bits": 0}, "fraction_bits = 0 cannot be built"),
     ],
 )
 def test_bad_arguments_are_named(pixels, options, words):
@@ -297,3 +303,17 @@ def test_bad_world_rays_and_devices():
     with pytest.raises(lippmann.display.description.InputError, match="finite"):
         lippmann.trace_to_panel(display, [(0, 0, 0)], [(0, 0, math.nan)])
     assert type(backend_of("golden")).__name__ == "NumpyBackend"
+    with pytest.raises(lippmann.display.description.InputError, match="unknown device 'foo'"):
+        lippmann.trace_to_panel(display, [(0, 0, 9)], [(0, 0, -1)], device="foo")
+
+
+@pytest.mark.skipif(drjit.has_backend(drjit.JitBackend.CUDA), reason="a GPU is there")
+def test_a_gpu_that_is_not_there():
+    with pytest.raises(MissingLibraryError, match=r"device 'cuda' is not available"):
+        lippmann.trace(display_of("hex", "panel"), [(1.0, 2.0)], engine="fast", device="cuda")
+
+
+def test_devices_are_the_same_everywhere():
+    """trace and trace_to_panel took the processor by default, where all else takes the GPU when there is one."""
+    takers = (lippmann.trace, lippmann.trace_to_panel, lippmann.render, lippmann.load_scene, backend_of)
+    assert {inspect.signature(function).parameters["device"].default for function in takers} == {"auto"}

@@ -1,7 +1,8 @@
 """TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
 
 From the declaration follow the reader with its error messages (`read`), the JSON Schema for editors (`schema`), and the
-key tables of the reference pages (`tools.generate_tables`). msgspec converts and checks the values.
+key tables of the reference pages (`tools.generate_tables`). msgspec converts and checks the values. `check_fields`
+gives values that Python code chose the same checks. `toml_text` writes files, by the library tomli-w.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
+import tomli_w
 
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, input_error, likely_file, reason
@@ -244,6 +246,62 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
         while name not in nodes:  # a number of a vector, or of a list of them
             name = name.rpartition("[")[0]
         raise _wrong(source, name, *nodes[name]) from None
+
+
+def check_fields(made: Any) -> None:
+    """Refuse values of a declared dataclass that no file can give it, and store the others as a file gives them.
+
+    For `__post_init__`: what is made in Python gets the checks of what is read. A field that is a dataclass itself must
+    be of that class. Raises InputError with class, key, fault and remedy.
+    """
+    form: Any = type(made)
+    source, (plain, parts) = form.__name__, _plain_form(form)
+    for name, part in parts.items():
+        if not isinstance(getattr(made, name), part):
+            what = f"{_shown(getattr(made, name))} is not valid"
+            raise input_error(f"{source}: {name}", what, f"give a {part.__name__}")
+    nodes = schema(plain)["properties"]
+    raw = {name: _builtin(getattr(made, name)) for name in nodes}
+    try:
+        fields = values(msgspec.convert(raw, plain))
+    except msgspec.ValidationError as error:
+        name = re.split(r"\W", str(error).rpartition("$.")[2])[0]
+        raise _wrong(source, name, raw[name], nodes[name]) from None
+    for name, value in fields.items():
+        if not _is_finite(value):
+            raise _wrong(source, name, raw[name], nodes[name])
+        object.__setattr__(made, name, value)
+
+
+@cache
+def _plain_form(form: Any) -> tuple[Any, dict[str, Any]]:
+    """Return a dataclass of a declared one's fields without its methods, and the fields that are dataclasses."""
+    hints = get_type_hints(form, include_extras=True)
+    parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
+    fields = [(name, kind) for name, kind in hints.items() if name not in parts]
+    return dataclasses.make_dataclass(form.__name__, fields), {**parts}
+
+
+def _builtin(value: Any) -> Any:
+    """Return a value with numpy's numbers and arrays as Python's."""
+    if isinstance(value, list | tuple):
+        return tuple(map(_builtin, value))
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def toml_text(table: Mapping[str, Any], *, one_line: bool = True) -> str:
+    """Return keys and tables as the text of a TOML file; a list stands in one line, or each entry in its own."""
+    text = tomli_w.dumps(table, indent=2)
+    if not one_line:
+        return text
+    # A line that ends with a bracket or a comma is a list's: in texts line breaks are escaped.
+    return re.sub(r",\n *", ", ", re.sub(r"(?<=\[)\n *|,\n *(?=\])", "", text))
 
 
 def _path(kind: Callable[[str], Any], text: str) -> Any:

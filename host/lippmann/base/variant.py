@@ -13,25 +13,41 @@ from lippmann.errors import InputError, MissingLibraryError, missing_library
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
 
-def start_mitsuba(device: str = "auto") -> str:
-    """Set Mitsuba's variant for a device, "llvm", "cuda" or "auto", and return the device: "llvm" or "cuda".
-
-    "auto" takes the GPU when there is one. Scenes and pictures belong to the variant that was set when they were made.
-
-    Raises InputError for an unknown device; MissingLibraryError when Mitsuba, or the libLLVM or CUDA driver that it
-    needs, cannot be loaded.
-    """
+def check_device(device: str) -> None:
+    """Raise InputError for a device that does not exist."""
     if device not in ("auto", *VARIANTS):
         raise InputError(f"unknown device '{device}'; choose from auto, {', '.join(VARIANTS)}")
-    mi = _loaded()
-    import drjit as dr
 
+
+def available_device(device: str = "auto") -> str:
+    """Return the device, "llvm" or "cuda", that computes for "llvm", "cuda" or "auto": the GPU when there is one.
+
+    Raises InputError for an unknown device; MissingLibraryError when Dr.Jit, or the libLLVM or CUDA driver that it
+    needs, cannot be loaded.
+    """
+    check_device(device)
+    try:
+        import drjit as dr
+    except ImportError as error:
+        raise MissingLibraryError(f"drjit cannot be imported ({error}); {to_install()}") from None
     if device == "auto":
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     cuda = device == "cuda"
     if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
         needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
         raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
+    return device
+
+
+def start_mitsuba(device: str = "auto") -> str:
+    """Set Mitsuba's variant for a device, "llvm", "cuda" or "auto", and return the device: "llvm" or "cuda".
+
+    Scenes and pictures belong to the variant that was set when they were made. Raises as `available_device`, and
+    MissingLibraryError when Mitsuba cannot be loaded.
+    """
+    check_device(device)
+    mi = _loaded()
+    device = available_device(device)
     mi.set_variant(VARIANTS[device])
     mi.set_log_level(mi.LogLevel.Error)
     return device

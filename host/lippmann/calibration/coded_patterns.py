@@ -25,7 +25,7 @@ import numpy.typing as npt
 from lippmann import __version__
 from lippmann.base import toml
 from lippmann.base.files import make_folder, replacing
-from lippmann.base.toml import key
+from lippmann.base.toml import key, toml_text
 from lippmann.display.description import Display, Side
 from lippmann.errors import InputError, input_error
 from lippmann.rendering.integral_image import IntegralImage
@@ -153,12 +153,9 @@ class PatternSet:
 
     def text(self, display: Display) -> str:
         """Return the text of `patterns.toml`."""
-        files = "".join(f'  "{one.stem}.png",\n' for one in self.patterns)
-        return (
-            f'display = "{display.name}"\nidentity = "{display.identity}"\n'
-            f"width_px = {self.width_px}\nheight_px = {self.height_px}\n"
-            f'code = "gray+phase"\nperiod_px = {self.period_px}\nsteps = {self.steps}\nfiles = [\n{files}]\n'
-        )
+        keys = {"display": display.name, "identity": display.identity, "width_px": self.width_px}
+        keys |= {"height_px": self.height_px, "code": "gray+phase", "period_px": self.period_px, "steps": self.steps}
+        return toml_text({**keys, "files": [f"{one.stem}.png" for one in self.patterns]}, one_line=False)
 
 
 def _marks(height: int, width: int) -> npt.NDArray[np.float32]:

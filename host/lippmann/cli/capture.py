@@ -79,7 +79,7 @@ def command(
     image.save(path)
     if display_out is not None:
         with replacing(Path(display_out)) as partial:
-            partial.write_text(display_text(setup.display))
+            partial.write_text(display_text(setup.display), encoding="utf-8")
     result = _geometry(setup, scene, rotate) | {
         "output": str(path),
         "display_out": display_out,

@@ -111,7 +111,7 @@ def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bi
     name = rays.name.replace("/", "-")
     place = top / name
     place.mkdir()
-    (place / "display.toml").write_text(display_text(rays.display))
+    (place / "display.toml").write_text(display_text(rays.display), encoding="utf-8")
     entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
     if isinstance(rays, WorldRays):
         hits = true_hits(rays)

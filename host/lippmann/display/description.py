@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from lippmann.base import toml
-from lippmann.base.toml import documented, key, variant
+from lippmann.base.toml import check_fields, documented, key, variant
 from lippmann.base.tones import MAX_PAIRS, Curve, curve_of
 from lippmann.display.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
 from lippmann.display.subpixels import Subpixel, layout_of
@@ -80,6 +80,10 @@ class Panel:
     white_cd_m2: Annotated[Luminance, key("luminance of white", default="unknown")] = None
     black_cd_m2: Annotated[Darkness, key("luminance of a black pixel", default="0")] = None
 
+    def __post_init__(self) -> None:
+        """Refuse what a file could not give."""
+        check_fields(self)
+
     @property
     def keys(self) -> dict[str, Any]:
         """The keys and their values, without those that were left out and have no default."""
@@ -142,6 +146,10 @@ class Array:
 
     shear: Shear = 0.0
     extent_mm: Extent = None
+
+    def __post_init__(self) -> None:
+        """Refuse what a file could not give."""
+        check_fields(self)
 
     @property
     def keys(self) -> dict[str, Any]:
@@ -243,6 +251,10 @@ class Display:
         0.0,
     )
 
+    def __post_init__(self) -> None:
+        """Refuse what a file could not give."""
+        check_fields(self)
+
     @property
     def convergence(self) -> float:
         """D / E, the share by which elemental images are farther apart than lenslets; 0 without a viewing distance."""
@@ -309,8 +321,10 @@ class Display:
             # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
             check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
+        where = f"display '{self.name}', misaligned: "
+        _check_gap(self.gap_mm + gap_mm, where)
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
-        _check(display, f"display '{self.name}', misaligned: ")
+        _check(display, where)
         return display
 
 
@@ -372,9 +386,10 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     array["index"] = index_of_keys(keys.array, f"{where}array.")
     if focal_mm is not None:
         array["radius_mm"] = focal_mm * (array["index"] - 1.0)
-    made = Array(**array)
+    thinnest = array["thickness_mm"] is None
+    made = Array(**array | ({"thickness_mm": array["radius_mm"]} if thinnest else {}))
     check_pitch(made, f"{where}array.pitch_mm")
-    if made.thickness_mm is None:
+    if thinnest:
         check_radius(made, f"{where}array.radius_mm")
         made = replace(made, thickness_mm=made.sag_mm)
     named = keys.name if keys.name is not None else name
@@ -405,13 +420,9 @@ def display_text(display: Display) -> str:
     top: dict[str, Any] = {"name": display.name, "gap_mm": display.gap_mm}
     if display.viewing_distance_mm is not None:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
-    tables = {"": top, "panel": display.panel.keys, "array": display.array.keys}
-    del tables["array"]["glass" if display.array.glass is None else "index"]
-    # Numbers, text and lists look the same in JSON and in TOML.
-    return "\n".join(
-        (f"[{name}]\n" if name else "") + "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
-        for name, table in tables.items()
-    )
+    array = display.array.keys
+    del array["glass" if display.array.glass is None else "index"]
+    return toml.toml_text({**top, "panel": display.panel.keys, "array": array})
 
 
 def check_pitch(array: Array, where: str) -> None:
@@ -436,8 +447,6 @@ def _check(display: Display, where: str) -> None:
     """Refuse keys that cannot be built together; `where` goes before a key's name in errors."""
     array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
-    if not display.gap_mm >= 0.0:
-        raise input_error(f"{where}gap_mm", f"{display.gap_mm:g} mm is negative", "make it 0 or more")
     if array.finest_mm < 0.1 * pixel_mm and 0.001 * pixel_mm <= array.finest_mm:
         what = f"{pixel_mm:g} mm is coarser than a lenslet ({array.finest_mm:g} mm)"
         mend = f"give {0.001 * pixel_mm:g}, if {pixel_mm:g} micrometres are meant"
@@ -468,6 +477,11 @@ def _check(display: Display, where: str) -> None:
         if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # nobody looks from some millimetres away
             farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
+
+
+def _check_gap(gap_mm: float, where: str) -> None:
+    if gap_mm < 0.0:
+        raise input_error(f"{where}gap_mm", f"{gap_mm:g} mm is negative", "make it 0 or more")
 
 
 def _check_extent(display: Display, where: str) -> None:

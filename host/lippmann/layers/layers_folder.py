@@ -7,7 +7,6 @@ chunk says that light is the square of a palette's colour: any viewer shows the 
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import re
 import struct
@@ -21,7 +20,7 @@ import numpy as np
 from lippmann.base import toml
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import check_output
-from lippmann.base.toml import documented, key
+from lippmann.base.toml import documented, key, toml_text
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error, likely_file, not_there, path_of, reason
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
@@ -141,7 +140,7 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
     with replacing(file) as partial:  # last: it names pictures that are whole
-        partial.write_text(layers_text(stack, names))
+        partial.write_text(layers_text(stack, names), encoding="utf-8")
     for picture in former:
         if picture.stem.casefold() not in {name.casefold() for name in names}:
             picture.unlink(missing_ok=True)
@@ -170,14 +169,14 @@ def _is_written(path: Path) -> bool:
 
 def layers_text(stack: LayerStack, names: Sequence[str]) -> str:
     """Return the text of `layers.toml`; numbers are written so that they are read back exactly."""
-    text = ["# Layers from front to back; lengths are mm in the display's frame.",
-            f"background = {json.dumps(stack.background.tolist())}"]  # fmt: skip
+    tables = []
     for name, layer in zip(names, stack.layers, strict=True):
         depth = "sky" if layer.sky else layer.depth_mm
         values = {"picture": f"{name}.png", "depth_mm": depth, "s": layer.matrix[0].tolist()}
         values |= {"t": layer.matrix[1].tolist(), "brightness": layer.brightness, "visible": layer.visible}
-        text.append("\n[[layer]]\n" + "\n".join(f"{word} = {json.dumps(value)}" for word, value in values.items()))
-    return "\n".join(text) + "\n"
+        tables.append(values)
+    comment = "# Layers from front to back; lengths are mm in the display's frame.\n"
+    return comment + toml_text({"background": stack.background.tolist(), "layer": tables})
 
 
 def check_for_display(stack: LayerStack, display: Display, where: str = "layers") -> None:

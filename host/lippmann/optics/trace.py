@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.variant import available_device, check_device
 from lippmann.display.description import MAX_LENGTH_MM, Display, display_at
-from lippmann.errors import InputError, MissingLibraryError
+from lippmann.errors import InputError
 from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
 from lippmann.optics.faces import Ray
 from lippmann.optics.models import leave_panel, reach_panel
@@ -105,22 +106,17 @@ def pixels_from_rays(
 UNIT_ERROR = 1e-3
 
 
-def backend_of(engine: Engine, device: str = "llvm") -> Backend:
-    """Return the array library of an engine.
+def backend_of(engine: Engine, device: str = "auto") -> Backend:
+    """Return the array library of an engine, on a device where that is "fast".
 
-    Raises InputError for an engine that has none, and MissingLibraryError when Dr.Jit or libLLVM cannot be loaded.
+    Raises InputError for an engine that has none and for an unknown device, and MissingLibraryError as
+    `available_device`.
     """
+    check_device(device)
     if engine == "golden":
         return NumpyBackend()
     if engine == "fast":
-        try:
-            backend = DrJitBackend(device)
-            backend.real(0.0)
-        except (ImportError, RuntimeError) as error:
-            raise MissingLibraryError(
-                f"the fast engine cannot start ({' '.join(str(error).split())}); run make setup, which installs libLLVM"
-            ) from None
-        return backend
+        return DrJitBackend(available_device(device))
     if engine in ENGINES:
         raise InputError(f"engine {engine} traces from the panel to the world only; choose from golden, fast")
     raise InputError(f"unknown engine '{engine}'; choose from {', '.join(ENGINES)}")
@@ -153,7 +149,7 @@ def trace_optics(
     aperture: npt.ArrayLike | None = None,
     model: Model = "exact",
     engine: Engine = "golden",
-    device: str = "llvm",
+    device: str = "auto",
 ) -> Rays:
     """Trace rays from the panel through the lenslets by golden or fast (parameters and errors of `engines.trace`)."""
     display, pixel, points = checked_rays(display, pixels, aperture, model)
@@ -186,7 +182,7 @@ def trace_to_panel(
     direction: npt.ArrayLike,
     model: Model = "exact",
     engine: Engine = "golden",
-    device: str = "llvm",
+    device: str = "auto",
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 

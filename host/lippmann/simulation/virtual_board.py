@@ -146,7 +146,8 @@ def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits
     that draws nearest texels has 18, because a ray a little beside takes another texel.
     """
     usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
-    return replace(Build.of(display, "exact", fraction_bits or usual, aims=False), cross_cells=True)
+    f = usual if fraction_bits is None else fraction_bits
+    return replace(Build.of(display, "exact", f, aims=False), cross_cells=True)
 
 
 def usual_clock(display: Display, scene: SceneBuild | None, memory: Memory) -> int:
