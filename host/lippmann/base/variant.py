@@ -29,7 +29,7 @@ def available_device(device: str = "auto") -> str:
     try:
         import drjit as dr
     except ImportError as error:
-        raise MissingLibraryError(f"drjit cannot be imported ({error}); {to_install()}") from None
+        raise missing_library(error) from None
     if device == "auto":
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     cuda = device == "cuda"
