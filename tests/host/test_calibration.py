@@ -22,13 +22,13 @@ from lippmann.calibration.lens_projection import inner_rays, landing_of, movemen
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings, regular
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.result import DoubtError, load_calibration
-from lippmann.calibration.shooting import shoot
+from lippmann.calibration.shooting import average_frames, open_webcam, shoot
 from lippmann.calibration.solve import calibrate, radius_of
 from lippmann.calibration.subpixel_intervals import Moved, blur_of, interval, movement_of, read
 from lippmann.cli import run
 from lippmann.conformance.calibration_page import digits
 from lippmann.display.description import display_text, load_display
-from lippmann.errors import InputError
+from lippmann.errors import InputError, LippmannWarning
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from tools.calibration_accuracy import eye_difference, judge, random_case
@@ -561,6 +561,62 @@ def test_shooting_photographs_what_is_shown(case, tmp_path):
     for one in files:
         drawn, taken = (cv2.imread(str(folder / one.name)) for folder in (tmp_path / "drawn", tmp_path / "p"))
         assert np.array_equal(drawn, taken), one.name
+
+
+class Driver:
+    """A driver's camera: V4L2 rounds settings to whole numbers; some properties are refused, some silently ignored."""
+
+    def __init__(self, backend, refused=(), ignored=()):
+        self.backend, self.refused, self.ignored = backend, refused, ignored
+        self.values = {cv2.CAP_PROP_AUTO_EXPOSURE: 3.0, cv2.CAP_PROP_AUTOFOCUS: 1.0, cv2.CAP_PROP_AUTO_WB: 1.0}
+
+    def getBackendName(self):  # noqa: N802
+        return self.backend
+
+    def isOpened(self):  # noqa: N802
+        return True
+
+    def release(self):
+        pass
+
+    def get(self, prop):
+        return self.values.get(prop, 0.0)
+
+    def set(self, prop, value):
+        if prop in self.refused:
+            return False
+        if prop not in self.ignored:
+            self.values[prop] = round(value) if self.backend == "V4L2" else value
+        return True
+
+
+@pytest.mark.parametrize(("backend", "manual"), [("V4L2", 1.0), ("DSHOW", 0.25), ("AVFOUNDATION", 0.25)])
+def test_a_webcam_s_automatic_settings_are_off(monkeypatch, backend, manual):
+    camera = Driver(backend)
+    monkeypatch.setattr(cv2, "VideoCapture", lambda number: camera)
+    with open_webcam(0):
+        assert camera.get(cv2.CAP_PROP_AUTO_EXPOSURE) == manual
+        assert camera.get(cv2.CAP_PROP_AUTOFOCUS) == camera.get(cv2.CAP_PROP_AUTO_WB) == 0.0
+        assert camera.get(cv2.CAP_PROP_FRAME_WIDTH) > 640.0
+
+
+def test_settings_that_a_webcam_does_not_take_are_named(monkeypatch):
+    sizes = (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    camera = Driver("V4L2", (cv2.CAP_PROP_AUTO_EXPOSURE, *sizes), (cv2.CAP_PROP_AUTOFOCUS,))
+    monkeypatch.setattr(cv2, "VideoCapture", lambda number: camera)
+    refused = r"camera 2 \(V4L2\) does not let the size, exposure, focus be set"
+    with pytest.warns(LippmannWarning, match=refused), open_webcam(2):
+        pass
+
+
+def test_frames_are_averaged_in_linear_light():
+    """sRGB 188 is half the light of 255; the mean of the encoded 0 and 255 is 128."""
+    frames = iter([(True, np.full((2, 3, 3), value, np.uint8)) for value in (0, 255)])
+    mean = average_frames(SimpleNamespace(read=lambda: next(frames)), 2, "00-marks")
+    assert mean.dtype == np.uint8
+    assert (mean == 188).all()
+    every = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    assert np.array_equal(average_frames(SimpleNamespace(read=lambda: (True, every)), 3, "00-marks"), every)
 
 
 def test_rotation_and_shear_come_back():

@@ -9,7 +9,6 @@ from lippmann.board.streaming import send_frame
 from lippmann.board.virtual_loop import capturing
 from lippmann.calibration.check import rings
 from lippmann.calibration.coded_patterns import PatternSet, write_patterns
-from lippmann.calibration.shooting import frame_of
 from lippmann.calibration.simulated_photographs import photograph_folder
 from lippmann.calibration.solve import calibrate
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -28,7 +27,7 @@ def test_a_board_is_calibrated_and_then_right(seed, tmp_path):
     display, built, panel = case.nominal, case.built, case.nominal.panel
     patterns = PatternSet.of(display)
     files = write_patterns(patterns, display, tmp_path / "patterns")
-    wanted = [frame_of(patterns, place, display) for place in range(len(files))]
+    wanted = [patterns.panel_values(one, display) for one in patterns.patterns]
     with capturing(display) as captured:
         for frame in wanted:
             send_frame(captured.board, frame)

@@ -26,6 +26,7 @@ from lippmann import __version__
 from lippmann.base import toml
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.toml import key, toml_text
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display, Side
 from lippmann.errors import InputError, input_error
 from lippmann.rendering.integral_image import IntegralImage
@@ -37,6 +38,7 @@ STEPS = 8
 #: Name of the file that describes a set of patterns.
 FILE = "patterns.toml"
 Floats = npt.NDArray[np.floating]
+Pixels = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,12 @@ class PatternSet:
         """Return a picture as an image for the display, which `stream` and `display` accept."""
         light = np.broadcast_to(self.light(pattern)[..., None], (self.height_px, self.width_px, 3))
         return IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__})
+
+    def panel_values(self, pattern: Pattern, display: Display) -> Pixels:
+        """Return a picture as values for the panel, (height, width, 3) uint8."""
+        panel = display.panel
+        values = encoded_values(self.light(pattern), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
+        return np.ascontiguousarray(np.broadcast_to(values[..., None], (*values.shape, 3)))
 
     def text(self, display: Display) -> str:
         """Return the text of `patterns.toml`."""

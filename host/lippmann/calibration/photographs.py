@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -104,13 +104,17 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
     return Position(folder.name, tuple(found[stem] for stem in wanted))
 
 
-def _curve(kind: type[np.unsignedinteger]) -> Light:
-    """Return the light of each value of a camera's file, whose curve is sRGB's but for the camera's taste."""
-    levels = np.arange(np.iinfo(kind).max + 1, dtype=np.float32) / np.iinfo(kind).max
-    return decode(levels, "srgb")
+#: Light of each value of a camera's file. Cameras encode as sRGB does, but for each maker's taste.
+_CURVES = {
+    np.dtype(kind): decode(np.arange(np.iinfo(kind).max + 1, dtype=np.float32) / np.iinfo(kind).max, "srgb")
+    for kind in (np.uint8, np.uint16)
+}
 
 
-_CURVES = {np.dtype(np.uint8): _curve(np.uint8), np.dtype(np.uint16): _curve(np.uint16)}
+def decode_values(values: npt.NDArray[np.integer]) -> Light:
+    """Return the light, 0 to 1, of a camera's values, uint8 or uint16."""
+    curve = _CURVES[values.dtype]
+    return np.asarray(cv2.LUT(values, curve) if values.dtype == np.uint8 else curve[values], np.float32)
 
 
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
@@ -124,14 +128,13 @@ def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photogr
     if shape is not None and raw.shape[:2] != shape:
         what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
         raise input_error(str(path), what, "take all photographs with one camera and one setting, without turning it")
-    values: npt.NDArray[Any] = np.asarray(raw[..., :3] if raw.ndim == 3 else raw[..., None])
+    values = raw[..., :3] if raw.ndim == 3 else raw[..., None]
     top = int(CLIPPED * np.iinfo(values.dtype).max)
     light = np.zeros(values.shape[:2], np.float32)
     clipped = np.zeros(values.shape[:2], np.bool_)
-    curve = _CURVES[values.dtype]
     for channel in range(values.shape[2]):
         one = np.ascontiguousarray(values[..., channel])
-        light += cv2.LUT(one, curve) if one.dtype == np.uint8 else curve[one]
+        light += decode_values(one)
         clipped |= one >= top
     light *= np.float32(1.0 / values.shape[2])
     return Photograph(light, clipped)

@@ -77,12 +77,10 @@ def patterns_command(
     if port is not None:
         import time
 
-        from lippmann.calibration.shooting import frame_of
-
         with _panel(display, display_path, port, baud, 0) as show, progress_bar("patterns") as progress:
-            for place in report_each(range(len(files)), progress):
-                show(frame_of(patterns, place, display))
-                log(f"shown: {patterns.patterns[place].stem}")
+            for pattern in report_each(patterns.patterns, progress):
+                show(patterns.panel_values(pattern, display))
+                log(f"shown: {pattern.stem}")
                 time.sleep(wait_s)
     result = {
         "folder": output, "patterns": [one.name for one in files], "display": display.name,
@@ -125,14 +123,14 @@ def shoot_command(
         result = {"folder": output, "photographs": len(files), "simulated": built.name, "display": display.name}
         emit(result, f"{output}: {len(files)} photographs of {built.name}, simulated")
         return
-    from lippmann.calibration.shooting import shoot, webcam
+    from lippmann.calibration.shooting import open_webcam, shoot
 
     with (
-        webcam(camera) as eye,
+        open_webcam(camera) as webcam,
         _panel(display, display_path, port, baud, monitor) as show,
         progress_bar("shoot") as progress,
     ):
-        files = shoot(patterns, display, show, eye, folder, settle_s, average, progress)
+        files = shoot(patterns, display, show, webcam, folder, settle_s, average, progress)
     result = {"folder": output, "photographs": len(files), "camera": camera, "display": display.name}
     emit(result, f"{output}: {len(files)} photographs")
 
