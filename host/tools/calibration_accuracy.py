@@ -22,8 +22,7 @@ from lippmann.base.tones import psnr_db
 from lippmann.calibration.coded_patterns import STEPS, PatternSet, write_patterns
 from lippmann.calibration.result import Calibration
 from lippmann.calibration.simulated_camera import Camera, Point, Sensor, framed
-from lippmann.calibration.simulated_photographs import Disturbances, Look, photograph_folder
-from lippmann.calibration.simulated_povray import look_at_solids
+from lippmann.calibration.simulated_photographs import UNDISTURBED, Bench, photograph_folder
 from lippmann.calibration.solve import calibrate
 from lippmann.display.description import Array, Display, Grid, Panel, PlanoSide, display_text, load_display
 from lippmann.errors import LippmannError
@@ -40,6 +39,8 @@ from lippmann.scenes.scene import Scene, load_scene
 from scipy.spatial import KDTree
 
 from tools.processes import processes
+from tools.simulated_disturbances import Disturbances
+from tools.simulated_povray import SolidsBench
 
 #: Lenslets of the random displays, pixels.
 LENSLET_PX = (14.0, 24.0)
@@ -83,8 +84,7 @@ class Case:
         self,
         folder: Path,
         seed: int = 0,
-        disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
-        look: Look | None = None,
+        bench: Bench = UNDISTURBED,
         steps: int = STEPS,
     ) -> Path:
         """Write `nominal.toml`, `built.toml`, and the folder `photographs` with patterns and positions; return it."""
@@ -96,7 +96,7 @@ class Case:
         for number, camera in enumerate(self.cameras, 1):
             photograph_folder(
                 self.built, camera, patterns, photographs / f"position-{number}", seed + number, self.sensor,
-                disturbances, look=look,
+                bench,
             )  # fmt: skip
         (photographs / "patterns.toml").write_text((patterns / "patterns.toml").read_text())
         return photographs
@@ -332,7 +332,7 @@ def measure_one(
     """
     case = random_case(seed, panel_px, photo_width(panel_px))
     place = folder / case.name
-    photographs = case.shoot(place, seed, disturbances, look_at_solids(seed=seed) if solids else None)
+    photographs = case.shoot(place, seed, SolidsBench(seed=seed) if solids else disturbances)
     try:
         return solve_case(case, photographs, bow=disturbances.bow_mm != 0.0)
     except LippmannError as error:

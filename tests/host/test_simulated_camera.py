@@ -1,25 +1,20 @@
 """Computed photographs: the camera's geometry, what it sees against the golden tracer, its noise, the disturbances."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
 from lippmann.base.tones import decode
 from lippmann.calibration.simulated_camera import Camera, Sensor, corners_mm, framed
-from lippmann.calibration.simulated_photographs import (
-    Disturbances,
-    disturbed,
-    hidden,
-    photograph_folder,
-    sight_of,
-    traced,
-)
+from lippmann.calibration.simulated_photographs import photograph_folder, trace_projection
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.optics.rays import gets_through
 from lippmann.optics.trace import trace_to_panel
 from PIL import Image
 from scipy.ndimage import gaussian_filter
+from tools.simulated_disturbances import Disturbances, disturbed, hidden
 
 #: A camera aside, rolled, with distortion: 60 x 48 pixels keep a trace short.
 CAMERA = Camera((20.0, -10.0, 150.0), roll_deg=3.0, width_px=60, height_px=48, k1=-0.1, k2=0.02, pupil_mm=2.0)
@@ -87,11 +82,11 @@ def test_a_camera_that_cannot_be(built):
 def test_it_sees_what_the_golden_tracer_says(built):
     """The mean panel column and row that each camera pixel sees, against rays of the golden engine."""
     camera = framed(dataclasses.replace(CAMERA, pupil_mm=0.0, look_at_mm=(9.0, 6.0, 0.0)), built, fill=3.0)
-    sight = sight_of(built, camera, samples=6)
+    projection = trace_projection(built, camera, samples=6)
     height, width = built.panel.height_px, built.panel.width_px
     row, column = np.indices((height, width), dtype=np.float32)
-    seen = sight.photograph(np.ones((height, width), np.float32)) / camera.brightness()
-    means = [sight.photograph(one + np.float32(0.5)) / camera.brightness() for one in (column, row)]
+    seen = projection.photograph(np.ones((height, width), np.float32)) / camera.brightness()
+    means = [projection.photograph(one + np.float32(0.5)) / camera.brightness() for one in (column, row)]
     u, v = np.meshgrid(np.arange(60 * 12), np.arange(48 * 12))
     hits = trace_to_panel(built, *camera.rays((u.ravel() + 0.5) / 12.0, (v.ravel() + 0.5) / 12.0))
     reach = gets_through(hits.status)
@@ -117,7 +112,8 @@ def test_a_lens_blurs_an_edge_as_its_deviation_says(built):
     camera = framed(dataclasses.replace(CAMERA, pupil_mm=0.0, roll_deg=0.0, k1=0.0, k2=0.0), built, fill=0.5)
     white = np.ones((480, 640), np.float32)
     sharp, soft = (
-        sight_of(built, dataclasses.replace(camera, blur_px=blur), samples=8).photograph(white) for blur in (0.0, 1.5)
+        trace_projection(built, dataclasses.replace(camera, blur_px=blur), samples=8).photograph(white)
+        for blur in (0.0, 1.5)
     )
     assert np.abs(soft - sharp).max() > 0.2
     # 64 rays of a pixel at an edge scatter by a sixteenth.
@@ -139,7 +135,9 @@ def test_simulated_camera_carry_the_light_with_the_sensors_noise(built, patterns
     assert middle.std() == pytest.approx(0.01146, rel=0.25)
     assert (picture(black) / 65535.0).max() < 0.02
     # The ramp is the panel's light, by the panel's curve, seen through the lenslets.
-    expected = sight_of(built, camera).photograph(decode(np.arange(640)[None] * np.ones((480, 1)) // 639, "linear"))
+    expected = trace_projection(built, camera).photograph(
+        decode(np.arange(640)[None] * np.ones((480, 1)) // 639, "linear")
+    )
     assert expected.shape == (48, 60)
     shares = (picture(ramp) / picture(white))[4:-4, 4:-4]
     u = np.meshgrid(np.arange(4, 56) + 0.5, np.arange(4, 44) + 0.5)
@@ -170,7 +168,7 @@ def test_a_bowed_array_is_the_one_that_stands_higher_there(built):
     np.testing.assert_allclose(bowed.pixel, expected.pixel, atol=1e-6)
     # In the middle it is the plain one, and the corner is seen elsewhere than without a bow.
     middle = -origin / np.linalg.norm(origin)
-    plain = traced(built, "golden")
+    plain = partial(trace_to_panel, built, engine="golden")
     straight = disturbed(built, Disturbances(bow_mm=0.03), engine="golden")(origin, middle)
     np.testing.assert_allclose(straight.pixel, plain(origin, middle).pixel, atol=1e-9)
     assert np.abs(bowed.pixel - plain(origin, direction).pixel).max() > 0.05
@@ -183,7 +181,7 @@ def test_disturbances_disturb_as_much_as_they_are_given(built, patterns, tmp_pat
     def shots(**given):
         folder = tmp_path / "_".join(given or ["none"])
         paths = photograph_folder(
-            built, camera, patterns, folder, sensor=sensor, disturbances=Disturbances(**given), samples=2
+            built, camera, patterns, folder, sensor=sensor, bench=Disturbances(**given), samples=2
         )
         return [picture(path) for path in paths]
 

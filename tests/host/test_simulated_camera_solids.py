@@ -5,9 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from lippmann.calibration.simulated_camera import Camera, framed
-from lippmann.calibration.simulated_photographs import sight_of
-from lippmann.calibration.simulated_povray import (
-    look_at_solids,
+from lippmann.calibration.simulated_photographs import trace_projection
+from lippmann.display.description import load_display
+from lippmann.errors import InputError
+from lippmann.optics.rays import gets_through
+from lippmann.optics.trace import trace_to_panel
+from tools.simulated_povray import (
+    SolidsBench,
     numbered,
     numbers,
     read_picture,
@@ -15,10 +19,6 @@ from lippmann.calibration.simulated_povray import (
     write_model,
     write_picture,
 )
-from lippmann.display.description import load_display
-from lippmann.errors import InputError
-from lippmann.optics.rays import gets_through
-from lippmann.optics.trace import trace_to_panel
 
 #: A panel so fine that its pixels' edges do not count, columns.
 FINE_PX = 2560
@@ -92,7 +92,8 @@ def test_its_photographs_are_ours(request):
     row, column = np.mgrid[0:480, 0:640].astype(np.float32)
     light = 0.5 + 0.25 * np.sin(column / 40.0) + 0.25 * np.sin(row / 31.0)
     theirs, ours = (
-        sight.photograph(light) for sight in (look_at_solids(2)(display, camera), sight_of(display, camera))
+        projection.photograph(light)
+        for projection in (SolidsBench(2).project(display, camera), trace_projection(display, camera))
     )
     assert theirs.shape == ours.shape == (200, 240)
     assert ours.mean() > 0.15
@@ -114,7 +115,7 @@ def test_a_panel_in_contact_and_one_with_sub_pixels(request, tmp_path):
     assert (np.abs(place - hits.pixel)[both].max(axis=1) < 0.6).mean() > 0.98
     striped = dataclasses.replace(display, panel=dataclasses.replace(display.panel, subpixels="rgb"))
     with pytest.raises(InputError, match="has colour sub-pixels"):
-        look_at_solids()(striped, camera)
+        SolidsBench().project(striped, camera)
 
 
 def test_it_reads_what_it_writes(tmp_path):

@@ -204,11 +204,11 @@ def _blurred(light: Light) -> Light:
 
 def check_marks(
     position: Position, first: Pattern, last: Pattern, before: Light, after: Light, seen: npt.NDArray[np.bool_]
-) -> float:
-    """Return how far the camera moved between the photographs of the marks, pixels; refuse a moved camera."""
+) -> None:
+    """Refuse photographs between whose first and last, those of the marks, the camera moved or the light changed."""
     rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
-        return 0.0
+        return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     before, after = (_blurred(one[part]) for one in (before, after))
     scale = float(after.mean()) / max(1e-9, float(before.mean()))
@@ -222,4 +222,3 @@ def check_marks(
     if moved > MOST_MOVED_PX:
         what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
         raise input_error(str(position.of(last)), what, "fix the camera on a tripod, and take the position again")
-    return moved

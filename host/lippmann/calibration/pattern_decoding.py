@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -18,7 +17,7 @@ from lippmann.base import interrupts
 from lippmann.base.progress import Progress
 from lippmann.calibration.coded_patterns import Pattern, PatternSet
 from lippmann.calibration.diagnostics import Samples, check_marks, check_samples
-from lippmann.calibration.photographs import Light, Position, read_photograph
+from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph
 from lippmann.errors import input_error
 
 #: Least light of white over black, as a share of the brightest twentieth's, of a pixel that counts.
@@ -41,18 +40,42 @@ class Decoded:
     """What the camera's pixels see from one position.
 
     `photo_px` (N, 2) float32 are the pixels' centres, `panel_px` (N, 2) float32 the points (column, row) of the panel
-    that they see; `shape` is the photographs' (height, width), `white` the photograph of white.
+    that they see; `shape` is the photographs' (height, width). `modulation` is the median amplitude of the phase
+    pictures, as a fraction of the black to white range.
     """
 
     name: str
     shape: tuple[int, int]
     photo_px: npt.NDArray[np.float32]
     panel_px: npt.NDArray[np.float32]
-    white: Light
-    #: Median amplitude of the phase pictures, as a share of the black to white range's.
     modulation: float
-    #: Shift of the camera between the first photograph and the last, pixels.
-    moved_px: float
+
+
+class AxisCode:
+    """What the photographs of the patterns of one direction have given: Gray code, doubtful bits, the phase's wave."""
+
+    def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
+        self.patterns, self.axis = patterns, axis
+        self.code, self.doubtful = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
+        self.wave = np.zeros((2, *shape), np.float32)
+
+    def add(self, pattern: Pattern, share: Light) -> None:
+        """Add a photograph, whose light is 0 in the middle between black and white."""
+        if pattern.kind == "gray":
+            self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
+            self.doubtful += abs(share) < DOUBTFUL
+        else:
+            angle = 2.0 * np.pi * pattern.number / self.patterns.steps
+            self.wave[0] += share * np.float32(np.cos(angle))
+            self.wave[1] += share * np.float32(np.sin(angle))
+
+    def points(self) -> tuple[Light, npt.NDArray[np.bool_]]:
+        """Return the coordinate that each pixel sees, pixels of the panel, and whether it can be trusted."""
+        real, imaginary = self.wave
+        amplitude = np.hypot(real, imaginary) * np.float32(4.0 / self.patterns.steps)
+        points = self.patterns.point(np.arctan2(imaginary, real), self.patterns.half_of(self.code))
+        good = (amplitude > LEAST_MODULATION) & (self.doubtful <= 1)
+        return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
 
 def decode_position(
@@ -67,60 +90,39 @@ def decode_position(
     Raises InputError, with the photograph and a remedy, for photographs of different sizes or in another order, too
     bright, too dark, blurred, of a moved camera, of a panel partly out of view, or of other patterns.
     """
-    marks, white_pattern, black_pattern, *coded, marks_again = patterns.patterns
-    total, done = len(patterns.patterns), 0
 
-    def light_of(pattern: Pattern) -> Light:
-        nonlocal done, shape
+    def read(pattern: Pattern) -> Photograph:
         interrupts.check()
-        light, at_limit = read_photograph(position.of(pattern), shape)
-        shape = light.shape[0], light.shape[1]
-        if pattern is white_pattern:
-            clipped[:] = [at_limit]
-        done += 1
-        progress(done, total)
-        return light
+        photograph = read_photograph(position.of(pattern), shape)
+        progress(pattern.place + 1, len(patterns.patterns))
+        return photograph
 
-    clipped: list[npt.NDArray[np.bool_]] = []
-    first_marks = light_of(marks)
-    white, black = light_of(white_pattern), light_of(black_pattern)
-    span, seen = _seen(position.of(white_pattern), white, black, clipped[0])
-
+    marks, white_pattern, black_pattern, *coded, marks_again = patterns.patterns
+    first_marks = read(marks).light
+    shape = first_marks.shape[0], first_marks.shape[1]
+    white_photograph = read(white_pattern)
+    white, black = white_photograph.light, read(black_pattern).light
+    span, seen = _seen(position.of(white_pattern), white, black, white_photograph.clipped)
     middle = 0.5 * (white + black)
     inverse = np.float32(1.0) / np.maximum(span, np.float32(1e-6))
-    code = [np.zeros(span.shape, np.uint16) for _ in (0, 1)]
-    doubtful = [np.zeros(span.shape, np.uint8) for _ in (0, 1)]
-    waves = [np.zeros((2, *span.shape), np.float32) for _ in (0, 1)]
     samples = Samples(patterns, position, *_chosen(seen), white, black)
+    axes = [AxisCode(patterns, axis, shape) for axis in (0, 1)]
     for pattern in coded:
-        light = light_of(pattern)
+        light = read(pattern).light
         samples.add(pattern, light)
-        share = (light - middle) * inverse
-        if pattern.kind == "gray":
-            code[pattern.axis] |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
-            doubtful[pattern.axis] += abs(share) < DOUBTFUL
-        else:
-            angle = 2.0 * np.pi * pattern.number / patterns.steps
-            waves[pattern.axis][0] += share * np.float32(np.cos(angle))
-            waves[pattern.axis][1] += share * np.float32(np.sin(angle))
-    moved = check_marks(position, marks, marks_again, first_marks, light_of(marks_again), seen)
+        axes[pattern.axis].add(pattern, np.asarray((light - middle) * inverse, np.float32))
+    check_marks(position, marks, marks_again, first_marks, read(marks_again).light, seen)
 
-    points, amplitudes = [], []
-    for axis in (0, 1):
-        real, imaginary = waves[axis]
-        amplitude = np.hypot(real, imaginary) * np.float32(4.0 / patterns.steps)
-        amplitudes.append(amplitude)
-        seen &= (amplitude > LEAST_MODULATION) & (doubtful[axis] <= 1)
-        points.append(patterns.point(np.arctan2(imaginary, real), patterns.half_of(code[axis])))
-        seen &= (points[axis] >= 0.0) & (points[axis] <= patterns.sides_px[axis])
+    (columns, good_columns), (rows, good_rows) = (axis.points() for axis in axes)
+    seen &= good_columns & good_rows
     modulation = check_samples(samples, pitch_px)
     row, column = np.nonzero(seen)
     if len(row) < 1000:
         what = f"only {len(row)} pixels of the photographs see the patterns"
         raise input_error(position.name, what, "come nearer, focus on the array, and darken the room")
     photo = np.stack([column + np.float32(0.5), row + np.float32(0.5)], axis=1).astype(np.float32)
-    panel = np.stack([points[0][seen], points[1][seen]], axis=1).astype(np.float32)
-    return Decoded(position.name, span.shape, photo, panel, white, modulation, moved)
+    panel = np.stack([columns[seen], rows[seen]], axis=1).astype(np.float32)
+    return Decoded(position.name, shape, photo, panel, modulation)
 
 
 def _seen(
@@ -148,10 +150,3 @@ def _chosen(seen: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.intp], npt.NDAr
     some = np.random.default_rng(SEED).choice(at, min(SAMPLES, len(at)), replace=False)
     rows, columns = np.unravel_index(np.sort(some), seen.shape)
     return rows, columns
-
-
-def small(light: Light, longest: int = 640) -> Light:
-    """Return a photograph scaled down to at most `longest` pixels, for pictures."""
-    scale = min(1.0, longest / max(light.shape))
-    size = max(1, round(light.shape[1] * scale)), max(1, round(light.shape[0] * scale))
-    return np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_AREA), np.float32)

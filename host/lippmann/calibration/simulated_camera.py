@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +21,8 @@ from lippmann.optics.rays import Floats
 
 Point = tuple[float, float, float]
 Light = npt.NDArray[np.float32]
+#: A photograph's values, (height, width) or (height, width, 3), uint8 or uint16.
+CameraValues = npt.NDArray[np.unsignedinteger]
 #: Most of Newton's steps that invert the distortion, and the slope below which the last one settles it.
 NEWTON_STEPS, SETTLED = 12, 1e-14
 #: Share of the picture's width or height that `framed` fills with the panel.
@@ -193,7 +194,7 @@ class Sensor:
         brightest = float(np.percentile(white, 100.0 - BRIGHTEST))
         return self.exposure / brightest if brightest > 0.0 else 0.0
 
-    def values(self, light: Light, gain: float, rng: np.random.Generator) -> npt.NDArray[np.unsignedinteger[Any]]:
+    def values(self, light: Light, gain: float, rng: np.random.Generator) -> CameraValues:
         """Return a photograph's values, uint8 or uint16, with the noise of photons and of reading."""
         electrons = np.maximum(light * np.float32(gain * self.full_well_e), 0.0)
         # From some ten photons on, their number is normal.

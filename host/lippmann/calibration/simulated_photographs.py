@@ -2,34 +2,29 @@
 
 What each pixel of the camera sees of the panel is a sparse matrix, with which each photograph is one multiplication.
 All rays of the camera's pixels, spread over pixel and pupil, are traced once, against the light, as the observer does.
-What goes wrong on a bench and stands in no model is added: a bowed array, dust, dead pixels, reflections, a moved
-camera.
 """
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
-from scipy import ndimage, sparse
+from scipy import sparse
 
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.tones import decode
-from lippmann.calibration.simulated_camera import Camera, Light, Point, Sensor
+from lippmann.calibration.simulated_camera import Camera, CameraValues, Light, Sensor
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.rays import Engine, Floats, Hits, Indices, Status, gets_through
-from lippmann.optics.system import System
+from lippmann.optics.rays import Floats, Hits, Indices, gets_through
 from lippmann.optics.trace import trace_to_panel
 
 #: Rays traced at once.
@@ -38,16 +33,19 @@ CHUNK_RAYS = 1 << 20
 COLOURS = 3
 #: Traces origins (N, 3) and unit directions (N, 3) to the panel.
 Tracer = Callable[[Floats, Floats], Hits]
+#: Samples of whole rows of a picture: the first and the last camera pixel, then of each sample the camera pixel, the
+#: panel's coordinates (N, 2), and whether it sees the panel.
+Band = tuple[int, int, Indices, Floats, npt.NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
-class Sight:
+class Projection:
     """Shares of the light of panel pixels (columns) in camera pixels (rows), one matrix, or one for each colour.
 
     `brightness` (height, width) is what the camera's lens leaves of an even light.
     """
 
-    matrices: tuple[Any, ...]
+    matrices: tuple[sparse.csr_matrix, ...]
     brightness: Floats
 
     def photograph(self, light: Light) -> Light:
@@ -59,15 +57,11 @@ class Sight:
         return np.asarray(pictures[0] if grey else np.stack(pictures, axis=2), np.float32)
 
 
-def gathered(display: Display, camera: Camera, seen: Iterator[tuple[int, int, Indices, Floats, Any]]) -> Sight:
-    """Return the sight from samples, given in bands of whole rows of the picture.
-
-    Each band is its first and last camera pixel, then of each sample the camera pixel, the panel's coordinates (N, 2),
-    and whether it sees the panel. Samples that do not see it count as dark.
-    """
+def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) -> Projection:
+    """Return the projection from samples, given in bands of rows. Samples that do not see the panel count as dark."""
     panel, layout = display.panel, layout_of(display.panel.subpixels)
-    parts: list[list[Any]] = [[] for _ in range(1 if layout is None else COLOURS)]
-    for first, last, pixel, place, sees in seen:
+    parts: list[list[sparse.csr_matrix]] = [[] for _ in range(1 if layout is None else COLOURS)]
+    for first, last, pixel, place, sees in bands:
         rows, count = pixel - first, last - first
         share = (1.0 / np.maximum(np.bincount(rows, minlength=count), 1)).astype(np.float32)[rows] * sees
         column = np.clip(np.floor(place[:, 0]), 0, panel.width_px - 1).astype(np.int64)
@@ -83,20 +77,22 @@ def gathered(display: Display, camera: Camera, seen: Iterator[tuple[int, int, In
             at = rows[lit], (row * panel.width_px + column)[lit]
             shape = count, panel.width_px * panel.height_px
             part.append(sparse.coo_matrix((weight[lit].astype(np.float32), at), shape=shape).tocsr())
-    return Sight(tuple(sparse.vstack(part, format="csr") for part in parts), camera.brightness())
+    return Projection(tuple(sparse.vstack(part, format="csr") for part in parts), camera.brightness())
 
 
-def sight_of(display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None) -> Sight:
+def trace_projection(
+    display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
+) -> Projection:
     """Trace what a camera sees of a display.
 
-    `samples` is the number of rays across a camera pixel, and down. `tracer` traces them; None: `traced`, the exact
-    lenslets.
+    `samples` is the number of rays across a camera pixel, and down. `tracer` traces them; `None` traces them through
+    the exact lenslets.
     """
     rng = np.random.default_rng((seed, 0x51))
-    trace = tracer or traced(display)
+    trace = tracer or (lambda origin, direction: trace_to_panel(display, origin, direction, engine="fast"))
     rows_at_once = max(1, CHUNK_RAYS // (camera.width_px * samples * samples))
 
-    def bands() -> Iterator[tuple[int, int, Indices, Floats, Any]]:
+    def bands() -> Iterator[Band]:
         for first in range(0, camera.height_px, rows_at_once):
             interrupts.check()
             last = min(first + rows_at_once, camera.height_px)
@@ -112,133 +108,34 @@ def sight_of(display: Display, camera: Camera, samples: int = 3, seed: int = 0, 
             pixel = (first + row) * camera.width_px + column
             yield first * camera.width_px, last * camera.width_px, pixel, hits.pixel, gets_through(hits.status)
 
-    return gathered(display, camera, bands())
+    return collect_projection(display, camera, bands())
 
 
-def traced(display: Display, engine: Engine = "fast") -> Tracer:
-    """Return the tracer through a display's exact lenslets."""
-    return lambda origin, direction: trace_to_panel(display, origin, direction, engine=engine)
+class Bench:
+    """A bench on which nothing goes wrong, with a display and a camera; a subclass disturbs what it likes."""
 
+    def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
+        """Return what a camera sees of the display as built."""
+        return trace_projection(display, camera, samples, seed)
 
-#: Odd constants that spread lenslets' indices over 64 bits (Steele, Lea and Flood, "Fast splittable pseudorandom
-#: number generators", 2014: the finaliser of SplitMix64).
-SPREAD = (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
-#: Number and size (share of the picture's width) of the patches that a reflection is made of.
-PATCHES, PATCH = 6, 0.2
-#: Radius of the bright spot, as a share of the picture's width.
-SPOT = 0.02
-
-
-@dataclass(frozen=True)
-class Disturbances:
-    """Disturbances of a display on a bench, and of its photographs. The defaults are none.
-
-    `bow_mm` is how much farther from the panel the array is at the panel's corners than in the middle; it grows with
-    the square of the distance. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary
-    values in every photograph) are shares. `reflection` is the light of a lamp's reflection, and `bright_spot` that of
-    its mirror image, as shares of the panel's white. `blur_px` is the deviation of a Gaussian blur in the photograph.
-    `moved_mm` moves the camera before the second half of the photographs. `seed` chooses the pixels and lenslets of the
-    display, which are the same for each position of the camera.
-    """
-
-    bow_mm: float = 0.0
-    dead_pixels: float = 0.0
-    hidden_lenslets: float = 0.0
-    reflection: float = 0.0
-    bright_spot: float = 0.0
-    outliers: float = 0.0
-    blur_px: float = 0.0
-    moved_mm: Point = (0.0, 0.0, 0.0)
-    seed: int = 0
-
-    def after_move(self, camera: Camera) -> Camera:
+    def move(self, camera: Camera) -> Camera:
         """Return the camera as it stands for the second half of the photographs."""
-        x, y, z = np.add(camera.position_mm, self.moved_mm).tolist()
-        aim = np.add(camera.look_at_mm, self.moved_mm).tolist()
-        return replace(camera, position_mm=(x, y, z), look_at_mm=(aim[0], aim[1], aim[2]))
+        return camera
+
+    def disturb_panel(self, light: Light) -> Light:
+        """Return the light that the panel emits for a pattern's light."""
+        return light
+
+    def disturb_picture(self, picture: Light, white: float, seed: int) -> Light:
+        """Return the light in the camera; `white` is what the exposure takes for the panel's white."""
+        return picture
+
+    def disturb_values(self, values: CameraValues, seed: int, rng: np.random.Generator) -> CameraValues:
+        """Return the values that the camera stores."""
+        return values
 
 
-def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fast") -> Tracer:
-    """Return the tracer through the array as it is: bowed, and some of its lenslets hidden."""
-    deeper = display.misaligned(gap_mm=1.0)
-    front = System.of(display).last_face_mm
-
-    def trace(origin: Floats, direction: Floats) -> Hits:
-        if disturbances.bow_mm != 0.0:
-            # A raised lenslet: the ray comes from as much lower, and goes as much farther, on a straight line.
-            t = (front - origin[:, 2]) / direction[:, 2]
-            height = bow_height(display, disturbances.bow_mm, origin[:, :2] + t[:, None] * direction[:, :2])
-            origin = origin - np.stack([0.0 * height, 0.0 * height, height], axis=1)
-            hits = trace_to_panel(display, origin, direction, engine=engine)
-            farther = trace_to_panel(deeper, origin, direction, engine=engine)
-            hits = replace(hits, pixel=hits.pixel + height[:, None] * (farther.pixel - hits.pixel))
-        else:
-            hits = trace_to_panel(display, origin, direction, engine=engine)
-        if disturbances.hidden_lenslets > 0.0:
-            lost = hidden(hits.lenslet, disturbances.hidden_lenslets, disturbances.seed)
-            hits = replace(hits, status=np.where(lost, np.uint8(Status.BLOCKED), hits.status))
-        return hits
-
-    return trace
-
-
-def bow_height(display: Display, bow_mm: float, place_mm: Floats) -> Floats:
-    """Return how far a bowed array is raised at places (N, 2), mm from the panel's centre."""
-    reach = math.hypot(0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm)
-    return np.asarray(bow_mm * (place_mm**2).sum(axis=1) / reach**2)
-
-
-def hidden(lenslet: Indices, share: float, seed: int) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets (N, 2) are hidden: this share of them, the same for the same seed."""
-    with np.errstate(over="ignore"):
-        i, j = lenslet.T.astype(np.uint64)
-        word = (i * np.uint64(SPREAD[0])) ^ (j * np.uint64(SPREAD[1])) ^ np.uint64(seed * SPREAD[2] % 2**64)
-        for shift, factor in zip((30, 27), SPREAD[1:], strict=True):
-            word = (word ^ (word >> np.uint64(shift))) * np.uint64(factor)
-        word ^= word >> np.uint64(31)
-    return np.asarray(word.astype(np.float64) < share * 2.0**64)
-
-
-def without_dead(light: Light, share: float, seed: int) -> Light:
-    """Return a panel's light without its dead pixels, which stay black."""
-    dead = np.random.default_rng((seed, 0xDEAD)).random(light.shape[:2]) < share
-    return np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light)
-
-
-def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, seed: int) -> Light:
-    """Return the light that a lamp adds to each photograph, (height, width): smooth patches, and a spot."""
-    rng = np.random.default_rng((seed, 0x1A3B))
-    height, width = shape
-    v, u = np.mgrid[0:height, 0:width].astype(np.float32)
-    added = np.zeros(shape, np.float32)
-
-    def patch(radius: float) -> Light:
-        x, y = rng.random() * width, rng.random() * height
-        return np.asarray(np.exp(-0.5 * ((u - x) ** 2 + (v - y) ** 2) / (radius * width) ** 2), np.float32)
-
-    for _ in range(PATCHES):
-        added += patch(PATCH) * np.float32(rng.random())
-    added *= np.float32(reflection / max(float(added.max()), 1e-30))
-    return added + np.float32(bright_spot) * patch(SPOT)
-
-
-def blurred(picture: Light, deviation_px: float) -> Light:
-    """Return a picture with a Gaussian blur."""
-    sigma = (deviation_px, deviation_px, *[0.0] * (picture.ndim - 2))
-    return np.asarray(ndimage.gaussian_filter(picture, sigma))
-
-
-def with_outliers(
-    values: npt.NDArray[np.unsignedinteger[Any]], share: float, seed: int, rng: np.random.Generator
-) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Return a photograph in which this share of the pixels, the same in all photographs, has arbitrary values."""
-    chosen = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < share
-    noise = rng.integers(0, np.iinfo(values.dtype).max, values.shape, values.dtype, endpoint=True)
-    return np.where(chosen if values.ndim == 2 else chosen[..., None], noise, values)
-
-
-#: Computes what a camera sees of a display.
-Look = Callable[[Display, Camera], Sight]
+UNDISTURBED = Bench()
 
 
 def photograph_folder(
@@ -248,9 +145,8 @@ def photograph_folder(
     output: str | Path,
     seed: int = 0,
     sensor: Sensor = Sensor(),  # noqa: B008 (frozen)
-    disturbances: Disturbances = Disturbances(),
+    bench: Bench = UNDISTURBED,
     samples: int = 3,
-    look: Look | None = None,
 ) -> list[Path]:
     """Photograph a folder of patterns on a display as built, and write the photographs under the patterns' names.
 
@@ -265,13 +161,11 @@ def photograph_folder(
     output
         Folder for the photographs, which is made when missing, with its parents.
     seed
-        Of the rays, the noise, reflections and outliers.
-    sensor, disturbances
-        Of the camera, and of the bench.
+        Of the rays, the noise and the bench's disturbances.
+    sensor, bench
+        The camera's sensor, and what goes wrong on the bench.
     samples
         Rays across each camera pixel, and down.
-    look
-        Computes what the camera sees: `simulated_solids.look_at_solids` by POV-Ray. `None` is our own tracer.
 
     Returns
     -------
@@ -284,35 +178,20 @@ def photograph_folder(
         When there are no patterns, one is not of the panel's size, or a photograph cannot be written.
     """
     names, output = pattern_files(patterns), Path(output)
-
-    def see(camera: Camera) -> Sight:
-        if look is not None:
-            return look(display, camera)
-        return sight_of(display, camera, samples, seed, disturbed(display, disturbances))
-
-    before = after = see(camera)
-    if any(disturbances.moved_mm):
-        after = see(disturbances.after_move(camera))
+    before = after = bench.project(display, camera, samples, seed)
+    if bench.move(camera) != camera:
+        after = bench.project(display, bench.move(camera), samples, seed)
     rng = np.random.default_rng((seed, 0xCA3))
-    shape = camera.height_px, camera.width_px
-    added = reflected(shape, disturbances.reflection, disturbances.bright_spot, seed)
-    white = before.photograph(np.ones((display.panel.height_px, display.panel.width_px), np.float32))
-    gain = sensor.gain(white)
-    # The camera's light for the panel's white: that of the exposure.
-    added *= sensor.exposure / max(gain, 1e-30)
+    gain = sensor.gain(before.photograph(np.ones((display.panel.height_px, display.panel.width_px), np.float32)))
+    white = sensor.exposure / max(gain, 1e-30)
     written = []
     make_folder(output)
     for number, name in enumerate(names):
         interrupts.check()
-        light = without_dead(panel_light(name, display.panel), disturbances.dead_pixels, disturbances.seed)
+        light = bench.disturb_panel(panel_light(name, display.panel))
         picture = (before if 2 * number < len(names) else after).photograph(light)
-        picture = picture + (added if picture.ndim == 2 else added[..., None])
-        if disturbances.blur_px > 0.0:
-            picture = blurred(picture, disturbances.blur_px)
-        values = sensor.values(picture, gain, rng)
-        if disturbances.outliers > 0.0:
-            values = with_outliers(values, disturbances.outliers, seed, rng)
-        written.append(_save(output / name.name, values))
+        values = sensor.values(bench.disturb_picture(picture, white, seed), gain, rng)
+        written.append(_save(output / name.name, bench.disturb_values(values, seed, rng)))
     return written
 
 
@@ -339,7 +218,7 @@ def panel_light(path: Path, panel: Panel) -> Light:
     return np.asarray(panel.black + (1.0 - panel.black) * light, np.float32)
 
 
-def _save(path: Path, values: npt.NDArray[np.unsignedinteger[Any]]) -> Path:
+def _save(path: Path, values: CameraValues) -> Path:
     with replacing(path) as partial:
         # Noise has no runs to be found: Huffman's code alone is as small, and quicker.
         Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)

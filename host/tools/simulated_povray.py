@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import OpenImageIO as oiio
-
 from lippmann.base import interrupts
 from lippmann.calibration.simulated_camera import Camera
-from lippmann.calibration.simulated_photographs import Look, Sight, gathered
+from lippmann.calibration.simulated_photographs import Bench, Projection, collect_projection
 from lippmann.capturing.povray_export import run_povray
 from lippmann.capturing.povray_optics import ARRAY_FACES, array_solids
 from lippmann.capturing.povray_text import block, vector
@@ -63,26 +62,29 @@ class Rays:
     pupil: tuple[float, float] = (0.0, 0.0)
 
 
-def look_at_solids(samples: int = 3, seed: int = 0) -> Look:
-    """Return the function that has POV-Ray trace what a camera sees, `samples` rays across a pixel and down.
+class SolidsBench(Bench):
+    """A bench on which POV-Ray traces what a camera sees, `samples` rays across a pixel and down.
 
     Give the camera a `blur_px` of 0.4 or more: the rays are regular grids, and in a perfectly sharp picture edges of
     lenslets would be sampled alike over long stretches.
 
-    It raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
+    Raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
     """
-    rng = np.random.default_rng((seed, 0x907))
 
-    def look(display: Display, camera: Camera) -> Sight:
+    def __init__(self, samples: int = 3, seed: int = 0) -> None:
+        self.samples, self.rng = samples, np.random.default_rng((seed, 0x907))
+
+    def project(self, display: Display, camera: Camera, samples: int = 0, seed: int = 0) -> Projection:
+        """Return what a camera sees of the display, by the bench's own number of samples and random numbers."""
         pixels, places, sees = [], [], []
         with tempfile.TemporaryDirectory() as folder:
             write_model(display, Path(folder))
             write_picture(Path(folder) / "panel.png", numbered(display.panel))
-            for grid in _spread(samples, rng):
+            for grid in _spread(self.samples, self.rng):
                 interrupts.check()
                 seen, u, v = render(Path(folder), camera, grid)
                 place, lit = numbers(seen, display.panel)
-                u, v = (axis + camera.blur_px * rng.standard_normal(len(axis)) for axis in (u, v))
+                u, v = (axis + camera.blur_px * self.rng.standard_normal(len(axis)) for axis in (u, v))
                 within = (u >= 0.0) & (u < camera.width_px) & (v >= 0.0) & (v < camera.height_px)
                 column, row = np.floor(u[within]).astype(np.int64), np.floor(v[within]).astype(np.int64)
                 pixels.append(row * camera.width_px + column)
@@ -90,9 +92,7 @@ def look_at_solids(samples: int = 3, seed: int = 0) -> Look:
                 sees.append(lit[within])
         whole = 0, camera.width_px * camera.height_px
         band = *whole, np.concatenate(pixels), np.concatenate(places), np.concatenate(sees)
-        return gathered(display, camera, iter([band]))
-
-    return look
+        return collect_projection(display, camera, iter([band]))
 
 
 def write_model(display: Display, folder: Path) -> None:

@@ -1,0 +1,137 @@
+"""What goes wrong on a bench and stands in no model: a bowed array, dust, dead pixels, reflections, a moved camera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from lippmann.calibration.simulated_camera import Camera, CameraValues, Light, Point
+from lippmann.calibration.simulated_photographs import Bench, Projection, Tracer, trace_projection
+from lippmann.display.description import Display
+from lippmann.optics.rays import Engine, Floats, Hits, Indices, Status
+from lippmann.optics.system import System
+from lippmann.optics.trace import trace_to_panel
+from scipy import ndimage
+
+#: Odd constants that spread lenslets' indices over 64 bits (Steele, Lea and Flood, "Fast splittable pseudorandom
+#: number generators", 2014: the finaliser of SplitMix64).
+SPREAD = (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+#: Number and size (share of the picture's width) of the patches that a reflection is made of.
+PATCHES, PATCH = 6, 0.2
+#: Radius of the bright spot, as a share of the picture's width.
+SPOT = 0.02
+
+
+@dataclass(frozen=True)
+class Disturbances(Bench):
+    """Disturbances of a display on a bench, and of its photographs. The defaults are none.
+
+    `bow_mm` is how much farther from the panel the array is at the panel's corners than in the middle; it grows with
+    the square of the distance. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary
+    values in every photograph) are shares. `reflection` is the light of a lamp's reflection, and `bright_spot` that of
+    its mirror image, as shares of the panel's white. `blur_px` is the deviation of a Gaussian blur in the photograph.
+    `moved_mm` moves the camera before the second half of the photographs. `seed` chooses the pixels and lenslets of the
+    display, which are the same for each position of the camera.
+    """
+
+    bow_mm: float = 0.0
+    dead_pixels: float = 0.0
+    hidden_lenslets: float = 0.0
+    reflection: float = 0.0
+    bright_spot: float = 0.0
+    outliers: float = 0.0
+    blur_px: float = 0.0
+    moved_mm: Point = (0.0, 0.0, 0.0)
+    seed: int = 0
+
+    def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
+        """Return what a camera sees of the display, whose array is bowed, and some of whose lenslets are hidden."""
+        return trace_projection(display, camera, samples, seed, disturbed(display, self))
+
+    def move(self, camera: Camera) -> Camera:
+        """Return the camera as it stands for the second half of the photographs."""
+        x, y, z = np.add(camera.position_mm, self.moved_mm).tolist()
+        aim = np.add(camera.look_at_mm, self.moved_mm).tolist()
+        return replace(camera, position_mm=(x, y, z), look_at_mm=(aim[0], aim[1], aim[2]))
+
+    def disturb_panel(self, light: Light) -> Light:
+        """Return the light that the panel emits, with its dead pixels, which stay black."""
+        dead = np.random.default_rng((self.seed, 0xDEAD)).random(light.shape[:2]) < self.dead_pixels
+        return np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light)
+
+    def disturb_picture(self, picture: Light, white: float, seed: int) -> Light:
+        """Return the light in the camera with reflections, and blurred."""
+        added = reflected(picture.shape[:2], self.reflection, self.bright_spot, seed)
+        added *= white
+        picture = picture + (added if picture.ndim == 2 else added[..., None])
+        if self.blur_px == 0.0:
+            return picture
+        return np.asarray(ndimage.gaussian_filter(picture, (self.blur_px, self.blur_px, 0.0)[: picture.ndim]))
+
+    def disturb_values(self, values: CameraValues, seed: int, rng: np.random.Generator) -> CameraValues:
+        """Return a photograph in which some pixels, the same in all photographs, have arbitrary values."""
+        if self.outliers == 0.0:
+            return values
+        chosen = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < self.outliers
+        noise = rng.integers(0, np.iinfo(values.dtype).max, values.shape, values.dtype, endpoint=True)
+        return np.where(chosen if values.ndim == 2 else chosen[..., None], noise, values)
+
+
+def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fast") -> Tracer:
+    """Return the tracer through the array as it is: bowed, and some of its lenslets hidden."""
+    deeper = display.misaligned(gap_mm=1.0)
+    front = System.of(display).last_face_mm
+
+    def trace(origin: Floats, direction: Floats) -> Hits:
+        if disturbances.bow_mm != 0.0:
+            # A raised lenslet: the ray comes from as much lower, and goes as much farther, on a straight line.
+            t = (front - origin[:, 2]) / direction[:, 2]
+            height = bow_height(display, disturbances.bow_mm, origin[:, :2] + t[:, None] * direction[:, :2])
+            origin = origin - np.stack([0.0 * height, 0.0 * height, height], axis=1)
+            hits = trace_to_panel(display, origin, direction, engine=engine)
+            farther = trace_to_panel(deeper, origin, direction, engine=engine)
+            hits = replace(hits, pixel=hits.pixel + height[:, None] * (farther.pixel - hits.pixel))
+        else:
+            hits = trace_to_panel(display, origin, direction, engine=engine)
+        if disturbances.hidden_lenslets > 0.0:
+            lost = hidden(hits.lenslet, disturbances.hidden_lenslets, disturbances.seed)
+            hits = replace(hits, status=np.where(lost, np.uint8(Status.BLOCKED), hits.status))
+        return hits
+
+    return trace
+
+
+def bow_height(display: Display, bow_mm: float, place_mm: Floats) -> Floats:
+    """Return how far a bowed array is raised at places (N, 2), mm from the panel's centre."""
+    reach = math.hypot(0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm)
+    return np.asarray(bow_mm * (place_mm**2).sum(axis=1) / reach**2)
+
+
+def hidden(lenslet: Indices, share: float, seed: int) -> npt.NDArray[np.bool_]:
+    """Tell which lenslets (N, 2) are hidden: this share of them, the same for the same seed."""
+    with np.errstate(over="ignore"):
+        i, j = lenslet.T.astype(np.uint64)
+        word = (i * np.uint64(SPREAD[0])) ^ (j * np.uint64(SPREAD[1])) ^ np.uint64(seed * SPREAD[2] % 2**64)
+        for shift, factor in zip((30, 27), SPREAD[1:], strict=True):
+            word = (word ^ (word >> np.uint64(shift))) * np.uint64(factor)
+        word ^= word >> np.uint64(31)
+    return np.asarray(word.astype(np.float64) < share * 2.0**64)
+
+
+def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, seed: int) -> Light:
+    """Return the light that a lamp adds to each photograph, (height, width): smooth patches, and a spot."""
+    rng = np.random.default_rng((seed, 0x1A3B))
+    height, width = shape
+    v, u = np.mgrid[0:height, 0:width].astype(np.float32)
+    added = np.zeros(shape, np.float32)
+
+    def patch(radius: float) -> Light:
+        x, y = rng.random() * width, rng.random() * height
+        return np.asarray(np.exp(-0.5 * ((u - x) ** 2 + (v - y) ** 2) / (radius * width) ** 2), np.float32)
+
+    for _ in range(PATCHES):
+        added += patch(PATCH) * np.float32(rng.random())
+    added *= np.float32(reflection / max(float(added.max()), 1e-30))
+    return added + np.float32(bright_spot) * patch(SPOT)
