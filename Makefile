@@ -24,7 +24,7 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 PIP := $(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt
 UV := $(BIN)/uv pip install -q --python $(BIN)/python -c constraints.txt
 FIRST := --no-deps setuptools rayoptics
-ALL := --no-build-isolation -e '.[cluster,rtl,test,site,lint]'
+ALL := --no-build-isolation -e '.[all,rtl,test,site,lint]'
 $(READY): pyproject.toml constraints.txt host/setup.sh
 	@PYTHON=$(PYTHON) host/setup.sh system
 	@echo "setup: installing Python packages into .venv (up to a minute)"

@@ -10,6 +10,7 @@ from pathlib import Path
 import lippmann
 import numpy as np
 import pytest
+from lippmann.base.machine import peak_memory_mb
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device
 from lippmann.engines import trace
@@ -693,13 +694,13 @@ def test_memory_of_all_colours_is_refused_before_the_scene_is_loaded(mi):
 
 def test_peak_memory_is_the_process_s_own():
     """Not that of who started it, which its resource usage begins with; and the most there was, not what is left."""
-    code = "import numpy as np; from lippmann.rendering.renderer import peak_memory_mb; "
+    code = "import numpy as np; from lippmann.base.machine import peak_memory_mb; "
     peaks = []
     large = np.ones(75_000_000)  # 600 MB
     for filled in ("", "np.ones(25_000_000); "):  # 200 MB, given back at once
         command = [sys.executable, "-c", f"{code}{filled}print(peak_memory_mb())"]
         peaks.append(float(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
-    assert renderer.peak_memory_mb() > large.nbytes / 1e6
+    assert peak_memory_mb() > large.nbytes / 1e6
     assert peaks[0] < 300.0
     assert peaks[1] - peaks[0] == pytest.approx(200.0, abs=20.0)
 

@@ -8,6 +8,7 @@ import platform
 import re
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -69,6 +70,28 @@ def proc_mb(file: str, entry: str) -> float | None:
         return None
     kib = int(found[1])  # which Linux calls kB
     return kib * 1024 / 1e6
+
+
+def peak_memory_mb() -> float:
+    """Return the peak memory of this process so far, MB; 0 where the system does not tell it."""
+    # Unlike /proc, the resource usage is what a process inherits from its parent.
+    if (peak := proc_mb("self/status", "VmHWM")) is not None:
+        return peak
+    try:
+        import resource  # only Unix has it
+    except ImportError:
+        return 0.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def process_seconds() -> float:
+    """Return the seconds since this process was started; 0 where /proc is not there to tell."""
+    status = Path("/proc/self/stat")
+    if not status.exists() or not hasattr(os, "sysconf"):
+        return 0.0
+    # The 22nd field; the second, the program's name in brackets, may hold spaces.
+    ticks = int(status.read_text().rpartition(")")[2].split()[19])
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
 def processor_name() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import functools
 import hashlib
@@ -37,7 +38,10 @@ def provenance(
     command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"), programs: Mapping[str, str] | None = None
 ) -> dict[str, str]:
     """Return the provenance of a report: machine, date, command, versions of Lippmann, of programs, some packages."""
-    versions = {**(programs or {}), **{name: importlib.metadata.version(name) for name in packages}}
+    versions = dict(programs or {})
+    for name in packages:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # an extra that is not installed
+            versions[name] = importlib.metadata.version(name)
     return {
         "machine": machine_name(),
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),

@@ -9,7 +9,6 @@ import dataclasses
 import hashlib
 import json
 import os
-import resource
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -200,6 +199,8 @@ def run_povray(ini: Path, *options: str) -> Run:
     Raises InputError when POV-Ray refuses the files, with its first error; MissingLibraryError when POV-Ray is not
     installed.
     """
+    import resource  # only Unix has it
+
     program = POVRAY.path()
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = time.perf_counter()

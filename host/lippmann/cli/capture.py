@@ -10,6 +10,7 @@ import numpy as np
 from lippmann import api
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
+from lippmann.base.machine import peak_memory_mb
 from lippmann.base.variant import current_device
 from lippmann.capturing.capture import placement_before, shown_depth
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
@@ -20,7 +21,7 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import display_text
 from lippmann.errors import input_error
-from lippmann.rendering.renderer import Shading, peak_memory_mb
+from lippmann.rendering.renderer import Shading
 from lippmann.rendering.sources import Aperture
 from lippmann.scenes.placement import unplaced_note
 from lippmann.scenes.scene import Scene, check_scene_file

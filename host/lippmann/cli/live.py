@@ -9,6 +9,7 @@ from dataclasses import asdict
 import click
 import numpy as np
 
+from lippmann.base.machine import peak_memory_mb
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
 from lippmann.board.streaming import Sender
@@ -29,7 +30,7 @@ from lippmann.motion.reel import Reel
 from lippmann.motion.screens import NoScreens, screens
 from lippmann.motion.shot import scene_of_shot, shots_of
 from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
-from lippmann.rendering.renderer import Settings, check_memory, peak_memory_mb
+from lippmann.rendering.renderer import Settings, check_memory
 from lippmann.rendering.samples import colours_of
 from lippmann.scenes.arrange import load_placed
 from lippmann.scenes.placement import Placement

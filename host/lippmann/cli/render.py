@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from lippmann import api
 from lippmann.base.images import check_output
+from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.progress import Progress
 from lippmann.base.variant import current_device, start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
@@ -40,7 +41,6 @@ from lippmann.rendering.bands import (
 from lippmann.rendering.cluster import check_scheduler, local_workers, render_on_cluster
 from lippmann.rendering.integral import RenderOptions
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import peak_memory_mb, process_seconds
 from lippmann.scenes.scene import Scene, check_scene_file
 
 #: Options that only scenes have.

@@ -6,7 +6,6 @@ the pixel's samples are averaged, and the panel's curve is applied once. A ray w
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from numbers import Integral
@@ -15,6 +14,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.machine import processor_count
 from lippmann.base.tones import decode, encoded_values
 from lippmann.display.description import Display
 from lippmann.engines import trace
@@ -131,7 +131,7 @@ def draw_layers(
             rtl_scene,
         )
 
-        threads = len(os.sched_getaffinity(0))  # the simulators run outside of Python's lock
+        threads = processor_count()  # the simulators run outside of Python's lock
         panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads)
     return decode(panel / np.float64(255.0), display.panel.transfer).astype(np.float64)
 

@@ -24,7 +24,7 @@ from lippmann.base import interrupts
 from lippmann.base.programs import starting_python
 from lippmann.base.provenance import pixel_versions
 from lippmann.base.variant import start_mitsuba
-from lippmann.errors import InputError, MissingLibraryError, device_error, input_error
+from lippmann.errors import InputError, MissingLibraryError, device_error, input_error, missing_library
 from lippmann.rendering.recorded import garbage_kept
 from lippmann.scenes.scene import digest_of
 
@@ -141,7 +141,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
 
         security = Security.temporary()
     except ImportError as error:
-        raise _no_dask(error) from None
+        raise missing_library(error) from None
     with contextlib.ExitStack() as end:
         end.enter_context(starting_python())
         end.enter_context(
@@ -162,10 +162,6 @@ def local_workers(count: int) -> Iterator[tuple[str, Any]]:
         yield cluster.scheduler_address, security
 
 
-def _no_dask(error: ImportError) -> MissingLibraryError:
-    return MissingLibraryError(f"distributed cannot be imported ({error}); pip install 'lippmann[cluster]'")
-
-
 def _worker(address: str) -> str:
     """Return the command that starts a worker: on loopback when the scheduler is there, and without a web page."""
     loopback = re.search(r"//(127\.|localhost|\[::1\])", address)
@@ -177,7 +173,7 @@ def _connected(address: str, security: Any = None) -> Any:
     try:
         import distributed
     except ImportError as error:
-        raise _no_dask(error) from None
+        raise missing_library(error) from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in a line
     try:

@@ -9,12 +9,9 @@ image). So depth comes out right and occlusion is correct, without a second pass
 from __future__ import annotations
 
 import math
-import os
-import resource
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -22,7 +19,7 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.images import Radiance
-from lippmann.base.machine import free_memory_mb, proc_mb
+from lippmann.base.machine import free_memory_mb
 from lippmann.base.progress import Progress
 from lippmann.base.tones import BAND_ROWS, psnr_db
 from lippmann.base.variant import current_device, mitsuba
@@ -528,12 +525,6 @@ def check_limit_mb(limit: object) -> None:
         raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")
 
 
-def peak_memory_mb() -> float:
-    """Return the peak memory of this process so far, MB."""
-    # Unlike /proc, the resource usage is what a process inherits from its parent.
-    return proc_mb("self/status", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
-
-
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, Any]:
     """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
     mi = mitsuba()
@@ -560,16 +551,6 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
     _, valid, depth = first_hit(scene, lines, front)
     found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
     return found.reshape(window.height_px, window.width_px)
-
-
-def process_seconds() -> float:
-    """Return the seconds since this process was started; 0 where /proc is not there to tell."""
-    told = Path("/proc/self/stat")
-    if not told.exists():
-        return 0.0
-    # The 22nd field; the second, the program's name in brackets, may hold spaces.
-    ticks = int(told.read_text().rpartition(")")[2].split()[19])
-    return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
 def render_integral(

@@ -8,7 +8,6 @@ compiled once for each version of it.
 from __future__ import annotations
 
 import errno
-import fcntl
 import hashlib
 import os
 import re
@@ -74,6 +73,8 @@ def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None],
             why = f"compiled simulations cannot be kept there ({error.strerror})"
             raise input_error(str(target.parent), why, "make it writable, or set XDG_CACHE_HOME") from None
         with lock:
+            import fcntl  # only Unix has it
+
             fcntl.flock(lock, fcntl.LOCK_EX)  # against other processes, and other threads
             if not target.exists():
                 with partial_folder(target) as work:

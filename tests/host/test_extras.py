@@ -1,0 +1,72 @@
+"""What an installation without extras does, and what it says of those that are missing."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lippmann.errors import EXTRA_MODULES
+from PIL import Image
+
+TOP = Path(__file__).parents[2]
+DISPLAY, FISH = TOP / "scenes/displays/vga-square.toml", TOP / "scenes/fish/fish.xml"
+#: Runs the command line as an installed package does, without the modules of some extras.
+WITHOUT = """
+import sys
+for name in sys.argv[1].split(","):
+    sys.modules[name] = None
+from lippmann import errors
+errors.__file__ = "/installed/lippmann/errors.py"
+from lippmann.cli import main
+main(sys.argv[2:])
+"""
+
+
+def lippmann(folder, extras, *words):
+    modules = ",".join(module for extra in extras for module in EXTRA_MODULES[extra])
+    command = [sys.executable, "-c", WITHOUT, modules, *map(str, words)]
+    return subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ("render", ["render", FISH, "--display", DISPLAY, "-o", "a.exr"]),
+        ("render", ["trace", "--display", DISPLAY, "--engine", "fast", "--pixels", "9", "-o", "a.npz"]),
+        ("board", ["board", "info", "--port", "socket://127.0.0.1:1"]),
+        ("calibrate", ["calibrate", "solve", "photos", "--display", DISPLAY, "-o", "b.toml"]),
+        ("live", ["display", "a.png", "--display", DISPLAY, "--force"]),
+        ("cluster", ["render", FISH, "--display", DISPLAY, "-o", "a.exr", "--workers", "2", "--samples", "1"]),
+    ],
+)
+def test_a_missing_extra_is_named_with_the_command_that_installs_it(tmp_path, extra, words):
+    Image.fromarray(np.zeros((480, 640, 3), np.uint8)).save(tmp_path / "a.png")
+    done = lippmann(tmp_path, [extra], *words)
+    assert done.returncode == 3, done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert re.fullmatch(rf"lippmann: \w+ cannot be imported \(.*\); run pip install 'lippmann\[{extra}\]'", last)
+
+
+def test_a_missing_extra_is_named_in_python_too():
+    program = "import sys; sys.modules['cobs'] = None; import lippmann; lippmann.Board"
+    done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
+    assert "MissingLibraryError: cobs cannot be imported" in done.stderr
+
+
+def test_rays_twin_vectors_and_regress_need_no_extra(tmp_path):
+    for words in (
+        ["inspect", DISPLAY, "--draw", "d.svg"],
+        ["trace", "--display", DISPLAY, "--pixels", "100", "-o", "golden.npz"],
+        ["trace", "--display", DISPLAY, "--engine", "twin", "--pixels", "100", "-o", "twin.npz"],
+        ["vectors", "--display", DISPLAY, "--case", "tangent", "-o", "vectors"],
+        ["regress", "--display", DISPLAY, "--rays", "golden.npz", "--report", "page"],
+    ):
+        done = lippmann(tmp_path, EXTRA_MODULES, *words)
+        assert done.returncode == 0, (words, done.stderr)
+    with np.load(tmp_path / "golden.npz") as rays:
+        wrong = {**rays, "direction": rays["direction"] * [-1.0, 1.0, 1.0]}
+    np.savez(tmp_path / "wrong.npz", **wrong)
+    done = lippmann(tmp_path, EXTRA_MODULES, "regress", "--display", DISPLAY, "--rays", "wrong.npz", "--junit", "j.xml")
+    assert done.returncode == 4, done.stderr
