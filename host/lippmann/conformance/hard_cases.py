@@ -88,8 +88,9 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
 
     The substrate becomes at least as thick as the dome's sag, and the eye stays outside the lenslets' focal zone.
     """
+    thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
     made = replace(display.array, **{"glass": None, **array})
-    made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
+    made = replace(made, thickness_mm=max(thickness_mm, made.sag_mm))
     display = replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
     eye_mm = display.viewing_distance_mm
     return display if eye_mm is None else replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm))
