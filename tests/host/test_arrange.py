@@ -347,3 +347,37 @@ def test_depths_of_a_file_move_with_its_scene():
     assert dataclasses.replace(moved, near_mm=9.0, far_mm=None).keeping_depths(own).near_mm == 9.0
     tilted = Placement(rotation_deg=(1.0, 0.0, 0.0)).keeping_depths(own)
     assert (tilted.near_mm, tilted.far_mm) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("rotation_deg", (0, 0)),
+        ("rotation_deg", (0, 0, 0, 0)),
+        ("rotation_deg", "012"),
+        ("rotation_deg", 5),
+        ("rotation_deg", None),
+        ("rotation_deg", (0, math.nan, 0)),
+        ("offset_mm", (1.0,)),
+        ("offset_mm", (0, "1", 0)),
+        ("offset_mm", (0, 0, math.inf)),
+        ("offset_mm", (0, True, 0)),
+        ("scale", None),
+        ("scale", "1"),
+        ("scale", math.nan),
+        ("scale", 0.0),
+        ("near_mm", math.inf),
+        ("near_mm", "5"),
+        ("far_mm", math.nan),
+        ("far_mm", (1, 2, 3)),
+    ],
+)
+def test_a_placement_is_checked_when_it_is_made(key, value):
+    with pytest.raises(InputError, match=f"^placement: {key}"):
+        Placement(**{key: value})
+
+
+def test_a_placement_holds_plain_numbers():
+    placement = Placement(np.float32(2), list(np.arange(3)), np.arange(3.0), near_mm=np.int64(1))
+    assert placement == Placement(2.0, (0.0, 1.0, 2.0), (0.0, 1.0, 2.0), near_mm=1.0)
+    assert repr(placement) == repr(Placement(2.0, (0.0, 1.0, 2.0), (0.0, 1.0, 2.0), near_mm=1.0))

@@ -19,7 +19,7 @@ from lippmann.scenes import meshes
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import load_scene
+from lippmann.scenes.scene import digest_of, load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement
 from test_export_views import told
@@ -679,8 +679,8 @@ def test_missing_and_broken_textures_are_named(tmp_path, mi):
 
 def test_a_factor_multiplies_every_row_of_a_texture(tmp_path, mi):
     """Of one that is taken in several parts: half of a linear 1 is 0.5, 188 in sRGB."""
-    made = meshes._Folder(tmp_path)
-    name = made.picture(Image.new("RGB", (2, 600), (255, 255, 0)), "colour", tmp_path, np.array([0.5, 1.0, 0.5]))
+    textures = meshes._Textures(tmp_path, tmp_path)
+    name = textures.write(Image.new("RGB", (2, 600), (255, 255, 0)), "colour", np.array([0.5, 1.0, 0.5]))
     written = np.asarray(Image.open(tmp_path / name))
     assert written.shape == (600, 2, 3)
     assert (written == [188, 255, 0]).all()
@@ -773,3 +773,49 @@ def test_commands_that_place_nothing_say_so(place, capfd, mi):
     assert "nothing places ball.glb" in capfd.readouterr().err
     assert run(["export", "povray", "ball.glb", "--display", "d.toml", "-o", "p", "--device", "llvm"]) == 2
     assert "no Mitsuba scene" in capfd.readouterr().err
+
+
+# ---- the hash of a scene ----
+
+#: Parts of a scene that name a file each.
+FILES_OF_SCENES = {
+    "reflectance.spd": '<bsdf type="diffuse" id="b"><spectrum name="reflectance" filename="{}"/></bsdf>',
+    "index.spd": '<shape type="sphere"><bsdf type="conductor"><spectrum name="eta" filename="{}"/></bsdf></shape>',
+    "lamp.spd": '<emitter type="point"><spectrum name="intensity" filename="{}"/></emitter>',
+    "skin.png": '<texture type="bitmap" id="t"><string name="filename" value="{}"/></texture>',
+    "sky.exr": '<emitter type="envmap"><string name="filename" value="{}"/></emitter>',
+    "smoke.vol": '<volume type="gridvolume" id="v"><string name="filename" value="{}"/></volume>',
+    "cloth.bsdf": '<bsdf type="measured" id="b"><string name="filename" value="{}"/></bsdf>',
+    "cup.obj": '<shape type="obj"><string name="filename" value="{}"/></shape>',
+    "room.xml": '<include filename="{}"/>',
+    "screen.toml": '<sensor type="integral"><string name="display" value="{}"/></sensor>',
+}
+
+
+@pytest.mark.parametrize("name", FILES_OF_SCENES)
+def test_each_file_that_a_scene_is_loaded_from_counts_in_its_hash(mi, tmp_path, name):
+    scene, file = tmp_path / "s.xml", tmp_path / name
+    scene.write_text(f'<scene version="3.0.0">{FILES_OF_SCENES[name].format(name)}</scene>')
+    written = {
+        ".spd": "400 0.{0}\n700 0.5\n", ".xml": '<scene version="3.0.0"><shape type="sphere" id="s{0}"/></scene>',
+    }.get(file.suffix, "content {0}")  # fmt: skip
+    file.write_text(written.format(1))
+    before = digest_of(scene)
+    assert digest_of(scene) == before
+    file.write_text(written.format(2))
+    assert digest_of(scene) != before
+
+
+@pytest.mark.parametrize("name", ["m.mtl", "skin.png"])
+def test_the_files_of_a_mesh_count_in_its_hash(mi, tmp_path, name):
+    (tmp_path / "m.obj").write_text(
+        "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl skin\nf 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "m.mtl").write_text("newmtl skin\nKd 1 1 1\nmap_Kd skin.png\n")
+    Image.new("RGB", (2, 2), (200, 0, 0)).save(tmp_path / "skin.png")
+    before = digest_of(tmp_path / "m.obj")
+    if name == "m.mtl":
+        (tmp_path / name).write_text("newmtl skin\nKd 1 0 0\n")
+    else:
+        Image.new("RGB", (2, 2), (0, 200, 0)).save(tmp_path / name)
+    assert digest_of(tmp_path / "m.obj") != before

@@ -7,11 +7,16 @@ eyes, of the outermost beyond them.
 
 from __future__ import annotations
 
-from typing import Any
+import itertools
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import drjit, mitsuba
+from lippmann.optics.backend import Arr
+
+if TYPE_CHECKING:
+    from mitsuba import Properties, SurfaceInteraction3f, TraversalCallback
 
 
 def register_light_field() -> None:
@@ -21,79 +26,78 @@ def register_light_field() -> None:
     lowest eyes, column 0 of the leftmost; `x_mm` (columns,) and `y_mm` (rows,), the eyes' places before the window's
     middle; `distance_mm`, theirs from its plane; `size_mm`, width and height of the window, in the unit of the eyes.
     """
-    mi = mitsuba()
-    import drjit as dr
+    mi: Any = mitsuba()
+    dr = drjit()
 
-    base: Any = mi.Emitter
-
-    class LightField(base):  # type: ignore[misc]
-        def __init__(self, props: Any) -> None:
+    class LightField(mi.Emitter):  # type: ignore[misc]
+        def __init__(self, props: Properties) -> None:
             super().__init__(props)
-            resolver = mi.file_resolver()
-            with np.load(str(resolver.resolve(mi.filesystem.path(props["filename"]))), allow_pickle=False) as file:
-                views = file["views"]
-                self.x, self.y = ([float(one) for one in file[name]] for name in ("x_mm", "y_mm"))
-                self.size = [float(one) for one in file["size_mm"]]
-                self.distance = float(file["distance_mm"])
+            file = mi.file_resolver().resolve(mi.filesystem.path(props["filename"]))
+            with np.load(str(file), allow_pickle=False) as arrays:
+                views = arrays["views"]
+                self.x, self.y, self.size = (arrays[name].tolist() for name in ("x_mm", "y_mm", "size_mm"))
+                self.distance = float(arrays["distance_mm"])
             self.shape = views.shape[2:4]
             self.views = mi.TensorXf16(views.ravel().astype(np.float16), (views.size,)).array
             self.m_flags = mi.EmitterFlags.Surface
 
-        def eval(self, si: Any, active: Any = True) -> Any:
+        def eval(self, si: SurfaceInteraction3f, active: Arr = True) -> Arr:
             u, v = si.uv.x, 1.0 - si.uv.y  # rows of pictures go down
             slope = self.distance / si.wi.z
-            left = near(self.x, (u - 0.5) * self.size[0] + si.wi.x * slope)
-            low = near(self.y, (0.5 - v) * self.size[1] + si.wi.y * slope)
-            shown = mi.Color3f(0.0)
-            for row, weight_y in low:
-                for column, weight_x in left:
-                    number = row * len(self.x) + column
-                    shown += weight_x * weight_y * self.colour(number, u, v, active)
-            return dr.select(active & (si.wi.z > 0.0), shown, 0.0)
+            columns = _neighbours(self.x, (u - 0.5) * self.size[0] + si.wi.x * slope)
+            rows = _neighbours(self.y, (0.5 - v) * self.size[1] + si.wi.y * slope)
+            light = mi.Color3f(0.0)
+            for (row, weight_y), (column, weight_x) in itertools.product(rows, columns):
+                view = row * len(self.x) + column
+                light += weight_x * weight_y * _view_colour(self.views, self.shape, view, u, v, active)
+            return dr.select(active & (si.wi.z > 0.0), light, 0.0)
 
-        def colour(self, number: Any, u: Any, v: Any, active: Any) -> Any:
-            """Return a view's colour, linear between the four nearest pixels."""
-            height, width = self.shape
-            x, y = u * width - 0.5, v * height - 0.5
-            x0, y0 = dr.floor(x), dr.floor(y)
-            total = mi.Color3f(0.0)
-            for dy, weight_y in ((0, 1.0 - (y - y0)), (1, y - y0)):
-                for dx, weight_x in ((0, 1.0 - (x - x0)), (1, x - x0)):
-                    column = dr.clip(mi.Int32(x0) + dx, 0, width - 1)
-                    row = dr.clip(mi.Int32(y0) + dy, 0, height - 1)
-                    place = 3 * mi.UInt32((mi.Int32(number) * height + row) * width + column)
-                    pixel = [mi.Float(dr.gather(type(self.views), self.views, place + k, active)) for k in range(3)]
-                    total += weight_x * weight_y * mi.Color3f(*pixel)
-            return total
-
-        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> tuple[Any, Any]:
+        def sample_direction(self, it: Arr, sample: Arr, active: Arr = True) -> tuple[Arr, Arr]:
             return dr.zeros(mi.DirectionSample3f), mi.Spectrum(0.0)
 
-        def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+        def pdf_direction(self, it: Arr, ds: Arr, active: Arr = True) -> Arr:
             return mi.Float(0.0)
 
-        def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+        def eval_direction(self, it: Arr, ds: Arr, active: Arr = True) -> Arr:
             return mi.Spectrum(0.0)
 
-        def sample_ray(self, time: Any, one: Any, two: Any, three: Any, active: Any = True) -> tuple[Any, Any]:
+        def sample_ray(self, time: Arr, one: Arr, two: Arr, three: Arr, active: Arr = True) -> tuple[Arr, Arr]:
             return dr.zeros(mi.Ray3f), mi.Spectrum(0.0)
 
-        def traverse(self, callback: Any) -> None:
+        def traverse(self, callback: TraversalCallback) -> None:
             pass
 
         def to_string(self) -> str:
             return f"LightField[{len(self.x)} x {len(self.y)} views]"
 
-    def near(places: list[float], at: Any) -> list[tuple[Any, Any]]:
-        """Return the numbers of the places on both sides of a coordinate, in rising order, and their weights."""
-        if len(places) == 1:
-            return [(mi.Int32(0), mi.Float(1.0))]
-        table = mi.Float(places)
-        search: Any = dr.binary_search
-        before = search(0, len(places) - 1, lambda k: dr.gather(mi.Float, table, k) <= at)
-        first = mi.Int32(dr.clip(mi.Int32(before) - 1, 0, len(places) - 2))
-        start, end = (dr.gather(mi.Float, table, mi.UInt32(first + k)) for k in (0, 1))
-        share = dr.clip((at - start) / (end - start), 0.0, 1.0)
-        return [(first, 1.0 - share), (first + 1, share)]
-
     mi.register_emitter("light_field", LightField)
+
+
+def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, active: Arr) -> Arr:
+    """Return the colour of a view of (height, width) pixels at u, v, linear between the four nearest pixels."""
+    mi, dr = mitsuba(), drjit()
+    height, width = shape
+    x, y = u * width - 0.5, v * height - 0.5
+    x0, y0 = dr.floor(x), dr.floor(y)
+    colour = mi.Color3f(0.0)
+    for dy, weight_y in ((0, 1.0 - (y - y0)), (1, y - y0)):
+        for dx, weight_x in ((0, 1.0 - (x - x0)), (1, x - x0)):
+            column = dr.clip(mi.Int32(x0) + dx, 0, width - 1)
+            row = dr.clip(mi.Int32(y0) + dy, 0, height - 1)
+            place = 3 * mi.UInt32((mi.Int32(view) * height + row) * width + column)
+            pixel = [mi.Float(dr.gather(type(views), views, place + k, active)) for k in range(3)]
+            colour += weight_x * weight_y * mi.Color3f(*pixel)
+    return colour
+
+
+def _neighbours(places: list[float], at: Arr) -> list[tuple[Arr, Arr]]:
+    """Return the numbers of the places on both sides of a coordinate, in rising order, and their weights."""
+    mi, dr = mitsuba(), drjit()
+    if len(places) == 1:
+        return [(mi.Int32(0), mi.Float(1.0))]
+    table = mi.Float(places)
+    before = dr.binary_search(0, len(places) - 1, lambda k: dr.gather(mi.Float, table, k) <= at)
+    first = mi.Int32(dr.clip(mi.Int32(before) - 1, 0, len(places) - 2))
+    start, end = (dr.gather(mi.Float, table, mi.UInt32(first + k)) for k in (0, 1))
+    share = dr.clip((at - start) / (end - start), 0.0, 1.0)
+    return [(first, 1.0 - share), (first + 1, share)]

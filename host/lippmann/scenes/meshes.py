@@ -11,14 +11,15 @@ import json
 import logging
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode, encode
@@ -27,6 +28,14 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes.mitsuba_xml import add_lights, bitmap, new_scene, plugin, unique, value, write
 
+if TYPE_CHECKING:
+    import trimesh
+    from PIL.Image import Image
+    from trimesh import Trimesh
+    from trimesh.visual.material import Material
+
+#: trimesh's look of a mesh, colours of vertices or faces, or a texture: what its kinds have is not common to them.
+Visual = Any
 #: The files' suffixes.
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 #: Largest file, and most corners of a file's faces, vertices of each instance counted.
@@ -35,8 +44,8 @@ MOST_BYTES, MOST_CORNERS = 1 << 30, 100_000_000
 MOST_PIXELS, PART_ROWS = 1 << 25, 256
 #: Albedo of a surface of which the file tells nothing.
 PLAIN = (0.6, 0.6, 0.6)
-#: glTF's numbers of a material that does not tell them.
-METALLIC, ROUGHNESS = 1.0, 1.0
+#: glTF's metallic and roughness of a material that does not tell them.
+USUAL = 1.0
 #: glTF's number of float32; extensions of materials, which change only looks; those that are noted.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
@@ -65,18 +74,20 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)
-    made = _Folder(folder)
+    textures = _Textures(folder, path)
     with np.errstate(all="ignore"):  # matrices of numbers that are too large are refused by their product
-        found = list(_instances(path, notes))
-    for (_, mesh, matrix), name in zip(found, unique(name for name, _, _ in found), strict=True):
-        _add_shape(scene, name, mesh, matrix, made, path, notes)
+        instances = list(_instances(path, notes))
+    names = unique(name for name, _, _ in instances)
+    for number, (name, (_, mesh, matrix)) in enumerate(zip(names, instances, strict=True)):
+        note = _add_shape(scene, name, mesh, matrix, textures, folder / f"mesh-{number}.ply", path)
+        notes += [note] if note else []
     return write(scene, folder / "scene.xml")
 
 
 # ---- reading ----
 
 
-def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Any, Floats]]:
+def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Floats]]:
     """Yield each mesh of a file as it stands in the scene: its name, trimesh's mesh, and a matrix (4, 4)."""
     loaded = _load(path, notes)
     nodes = [(str(node), *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
@@ -98,7 +109,7 @@ def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Any, Floats]
         raise input_error(str(path), "has no faces" if not corners else "has no area", "give a file with a surface")
 
 
-def _load(path: Path, notes: list[str]) -> Any:
+def _load(path: Path, notes: list[str]) -> trimesh.Scene:
     """Return trimesh's scene of a file."""
     import trimesh
     from trimesh.resolvers import FilePathResolver
@@ -106,7 +117,7 @@ def _load(path: Path, notes: list[str]) -> Any:
     class Files(FilePathResolver):
         """Finds the files that a file names, also as web addresses, with backslashes, and behind MTL's options."""
 
-        def get(self, name: str) -> Any:
+        def get(self, name: str) -> bytes:
             plain = MTL_OPTIONS.sub("", name.strip())
             for one in dict.fromkeys((plain, unquote(plain), plain.replace("\\", "/"))):
                 if Path(one).suffix.lower() in NAMED and Path(self.parent, one).is_file():
@@ -119,7 +130,7 @@ def _load(path: Path, notes: list[str]) -> Any:
         raise input_error(str(path), "is empty", REMEDY)
     if kind in (".glb", ".gltf"):
         _check_gltf(path, kind, data, notes)
-    with _told_of_losses() as lost:
+    with _recorded_losses() as losses:
         try:
             loaded = trimesh.load_scene(path, process=False, resolver=Files(str(path)))
         except MemoryError:
@@ -127,9 +138,9 @@ def _load(path: Path, notes: list[str]) -> Any:
         except Exception as error:  # trimesh's readers raise what they stumble over
             reason = _brief(str(error)) or type(error).__name__
             raise input_error(str(path), f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
-    if lost:
+    if losses:
         remedy = "put it there, or take its name out of the file"
-        raise input_error(str(path), f"lacks a texture or material that can be read ({_brief(lost[0])})", remedy)
+        raise input_error(str(path), f"lacks a texture or material that can be read ({_brief(losses[0])})", remedy)
     return loaded
 
 
@@ -139,27 +150,27 @@ def _brief(text: str) -> str:
 
 
 @contextmanager
-def _told_of_losses() -> Iterator[list[str]]:
-    """Give a list of what trimesh says of textures and materials that it leaves out without an error."""
-    told: list[str] = []
+def _recorded_losses() -> Iterator[list[str]]:
+    """Give a list of what trimesh logs of textures and materials that it leaves out without an error."""
+    losses: list[str] = []
 
-    class Handler(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            if any(word in record.getMessage() for word in LOSSES):
-                error = record.exc_info[1] if record.exc_info else None
-                told.append(" ".join(str(error or record.getMessage()).split())[:200])
+    def record_loss(record: logging.LogRecord) -> bool:
+        if any(word in record.getMessage() for word in LOSSES):
+            losses.append(str((record.exc_info and record.exc_info[1]) or record.getMessage()))
+        return False  # nothing of trimesh's log is shown
 
-    logger, handler = logging.getLogger("trimesh"), Handler()
-    before = logger.level, logger.propagate
+    logger, handler = logging.getLogger("trimesh"), logging.Handler()
+    handler.addFilter(record_loss)
+    level, propagate = logger.level, logger.propagate
     logger.addHandler(handler)
     logger.setLevel(logging.DEBUG)
     logger.propagate = False
     try:
-        yield told
+        yield losses
     finally:
         logger.removeHandler(handler)
-        logger.setLevel(before[0])
-        logger.propagate = before[1]
+        logger.setLevel(level)
+        logger.propagate = propagate
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
@@ -197,79 +208,80 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
 # ---- shapes ----
 
 
-class _Folder:
-    """Where a scene's files are written; each picture once."""
+class _Textures:
+    """The textures of a scene's file: each is written once, as a PNG."""
 
-    def __init__(self, folder: Path) -> None:
-        self.path = folder
-        self._pictures: dict[tuple[int, str, Any], str] = {}
-        self._kept: list[Any] = []
+    def __init__(self, folder: Path, source: Path) -> None:
+        self._folder, self._source = folder, source
+        self._names: dict[tuple[int, str, tuple[float, ...]], str] = {}
+        self._pictures: list[Image] = []
 
-    def picture(self, picture: Any, part: str, source: Path, factor: Floats | None = None) -> str:
-        """Write a part of a picture of Pillow's as a PNG; return its name.
+    def write(self, picture: Image, part: str, factor: Floats) -> str:
+        """Write a part of a picture; return the file's name.
 
         `part` is "colour", "alpha" or a channel's letter. Colours are multiplied by a linear factor (3,), a channel's
         numbers by a factor (1,).
         """
-        from PIL import Image
+        import PIL.Image
 
-        scaled = None if factor is None or (factor == 1.0).all() else tuple(factor.tolist())
-        key = id(picture), part, scaled
-        if key not in self._pictures:
-            if picture.width * picture.height > MOST_PIXELS:
-                what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
-                raise input_error(str(source), f"{what} are allowed", "make it smaller")
-            try:
-                pixels = np.array(picture.convert("RGBA"))
-            except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-                raise input_error(str(source), f"has a texture that cannot be read ({error})", REMEDY) from None
-            if scaled is not None and part == "colour":
-                for first in range(0, len(pixels), PART_ROWS):
-                    rows = pixels[first : first + PART_ROWS, :, :3]
-                    rows[:] = _as_bytes(encode(decode(rows / 255.0, "srgb") * np.array(scaled), "srgb"))
-            chosen = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
-            if scaled is not None and part != "colour":
-                chosen = _as_bytes(np.clip(chosen / 255.0 * scaled[0], 0.0, 1.0))
-            name = f"texture-{len(self._pictures)}.png"
-            Image.fromarray(chosen).save(self.path / name)
-            self._pictures[key] = name
-            self._kept.append(picture)  # so that no other picture gets its id
-        return self._pictures[key]
-
-
-def _as_bytes(unit: Any) -> Any:
-    return np.round(255.0 * np.asarray(unit)).astype(np.uint8)
+        key = id(picture), part, tuple(factor.tolist())
+        if key in self._names:
+            return self._names[key]
+        if picture.width * picture.height > MOST_PIXELS:
+            what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
+            raise input_error(str(self._source), f"{what} are allowed", "make it smaller")
+        try:
+            pixels = np.array(picture.convert("RGBA"))
+        except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
+            raise input_error(str(self._source), f"has a texture that cannot be read ({error})", REMEDY) from None
+        values = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
+        if (factor != 1.0).any() and part == "colour":
+            for first in range(0, len(values), PART_ROWS):
+                rows = values[first : first + PART_ROWS]
+                rows[:] = np.round(255.0 * encode(decode(rows / 255.0, "srgb") * factor, "srgb"))
+        elif (factor != 1.0).any():
+            values = np.round(255.0 * np.clip(values / 255.0 * factor, 0.0, 1.0)).astype(np.uint8)
+        name = f"texture-{len(self._names)}.png"
+        PIL.Image.fromarray(values).save(self._folder / name)
+        self._names[key] = name
+        self._pictures.append(picture)  # so that no other picture gets its id
+        return name
 
 
 def _add_shape(
-    scene: Element, name: str, mesh: Any, matrix: Floats, made: _Folder, source: Path, notes: list[str]
-) -> None:
-    if mesh.visual.kind == "face":
-        mesh = _with_faces_apart(mesh, source)
-    uv, material = getattr(mesh.visual, "uv", None), getattr(mesh.visual, "material", None)
+    scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path, source: Path
+) -> str | None:
+    """Add a mesh to a scene, with its file and textures; return a line on what of it is not shown."""
+    visual: Visual = mesh.visual
+    if visual.kind == "face":
+        mesh = _with_faces_apart(mesh, visual.face_colors, source)
+        visual = mesh.visual
+    note = None
+    uv, material = getattr(visual, "uv", None), getattr(visual, "material", None)
     colours = _vertex_colours(mesh, source.suffix.lower() in (".glb", ".gltf"))
-    if colours is not None and uv is not None and _has_texture(material):
+    images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
+    if colours is not None and uv is not None and images != [None, None]:
         if (colours < 0.999).any():
-            notes.append(f"note: {source.name} is shown without the colours of its vertices, for it has a texture")
+            note = f"note: {source.name} is shown without the colours of its vertices, for it has a texture"
         colours = None
-    file = f"mesh-{len(list(made.path.glob('mesh-*.ply')))}.ply"
-    _write_mesh(made.path / file, mesh, matrix, uv, colours)
+    _write_mesh(file, mesh, matrix, uv, colours)
     shape = plugin(scene, "shape", "ply", id=name)
-    value(shape, "string", "filename", file)
+    value(shape, "string", "filename", file.name)
     if not _has_normals(mesh):
         value(shape, "boolean", "face_normals", True)
-    _add_material(shape, material, made, source, uv is not None, colours is not None)
+    if colours is not None:
+        diffuse = plugin(plugin(shape, "bsdf", "twosided"), "bsdf", "diffuse")
+        texture = plugin(diffuse, "texture", "mesh_attribute", name="reflectance")
+        value(texture, "string", "name", "vertex_color")
+    else:
+        _add_material(shape, material, textures, uv is not None)
+    return note
 
 
-def _has_texture(material: Any) -> bool:
-    return any(getattr(material, name, None) is not None for name in ("image", "baseColorTexture"))
-
-
-def _with_faces_apart(mesh: Any, source: Path) -> Any:
+def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Path) -> Trimesh:
     """Return a mesh whose faces share no vertices, each of which has its face's colour."""
     import trimesh
 
-    colours = mesh.visual.face_colors
     if len(colours) != len(mesh.faces):
         what = f"has {len(colours)} colours of faces, and {len(mesh.faces)} triangles"
         raise input_error(str(source), what, "split its faces into triangles in a mesh editor")
@@ -278,29 +290,27 @@ def _with_faces_apart(mesh: Any, source: Path) -> Any:
     return trimesh.Trimesh(corners, faces, vertex_colors=np.repeat(colours, 3, axis=0), process=False)
 
 
-def _has_normals(mesh: Any) -> bool:
+def _has_normals(mesh: Trimesh) -> bool:
     """Tell whether the file has normals; asked for them else, trimesh would make some up."""
     return "vertex_normals" in mesh._cache
 
 
-def _vertex_colours(mesh: Any, linear: bool) -> Floats | None:
+def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
     """Return the vertices' linear colours (N, 3); None without."""
-    visual = mesh.visual
-    wide = _wide_colours(mesh)
-    if wide is not None:
-        given = wide
-    elif visual.kind == "vertex":
-        given = visual.vertex_colors
-    else:
-        given = mesh.vertex_attributes.get("color")
-        if given is None or len(given) != len(mesh.vertices):
-            return None
-    plain = np.asarray(given)[:, :3]
+    visual: Visual = mesh.visual
+    colours = _wide_colours(mesh)
+    if colours is None and visual.kind == "vertex":
+        colours = visual.vertex_colors
+    elif colours is None and "color" in mesh.vertex_attributes:
+        colours = np.asarray(mesh.vertex_attributes["color"])
+    if colours is None or len(colours) != len(mesh.vertices):
+        return None
+    plain = np.asarray(colours)[:, :3]
     unit = plain / np.iinfo(plain.dtype).max if plain.dtype.kind in "iu" else plain.astype(np.float64)
     return unit if linear else np.asarray(decode(unit, "srgb"), np.float64)
 
 
-def _wide_colours(mesh: Any) -> Any:
+def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
     """Return the colours of more than 8 bits of a PLY file (N, 3), of which trimesh would keep 8; None without.
 
     Numbers of 16 or 32 bits that are all below 256 are bytes in a wide type.
@@ -316,7 +326,7 @@ def _wide_colours(mesh: Any) -> Any:
     return wide.astype(np.uint8) if wide.max(initial=0) <= 255 else wide
 
 
-def _write_mesh(path: Path, mesh: Any, matrix: Floats, uv: Any, colours: Floats | None) -> None:
+def _write_mesh(path: Path, mesh: Trimesh, matrix: Floats, uv: Floats | None, colours: Floats | None) -> None:
     """Write a mesh, placed by a matrix."""
     points = np.array(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     normals, faces = None, np.array(mesh.faces)
@@ -334,73 +344,64 @@ def _write_mesh(path: Path, mesh: Any, matrix: Floats, uv: Any, colours: Floats 
 # ---- materials ----
 
 
-def _add_material(shape: Element, material: Any, made: _Folder, source: Path, uv: bool, coloured: bool) -> None:
+def _add_material(shape: Element, material: Material | None, textures: _Textures, has_uv: bool) -> None:
     """Add trimesh's material to a shape: a BSDF, and light that it emits."""
-    if coloured:
-        outer = plugin(shape, "bsdf", "twosided")
-        diffuse = plugin(outer, "bsdf", "diffuse")
-        texture = plugin(diffuse, "texture", "mesh_attribute", name="reflectance")
-        value(texture, "string", "name", "vertex_color")
-    elif type(material).__name__ == "PBRMaterial":
-        _add_pbr(shape, material, made, source, uv)
-    else:
-        outer = plugin(shape, "bsdf", "twosided")
-        _add_simple(outer, material, made, source, uv)
+    from trimesh.visual.material import PBRMaterial
 
+    def add(
+        parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
+    ) -> None:
+        """Add a parameter: one of the material's textures, times a factor, or without it the factor alone."""
+        image = getattr(material, texture, None) if has_uv else None
+        if image is not None:
+            bitmap(parent, parameter, textures.write(image, part, np.asarray(factor)), raw)
+        else:
+            value(parent, "rgb" if len(factor) == 3 else "float", parameter, factor)
 
-def _add_simple(outer: Element, material: Any, made: _Folder, source: Path, uv: bool) -> None:
-    diffuse = plugin(outer, "bsdf", "diffuse")
-    image, own = getattr(material, "image", None), getattr(material, "kwargs", {}).get("kd")
-    if image is not None and uv:
-        bitmap(diffuse, "reflectance", made.picture(image, "colour", source))
-    else:
-        value(diffuse, "rgb", "reflectance", PLAIN if own is None else np.clip(np.ravel(own)[:3], 0.0, 1.0))
-
-
-def _add_pbr(shape: Element, material: Any, made: _Folder, source: Path, uv: bool) -> None:
-    def picture(name: str) -> Any:
-        return getattr(material, name, None) if uv else None
-
-    base = material.baseColorFactor
+    if not isinstance(material, PBRMaterial):
+        diffuse = plugin(plugin(shape, "bsdf", "twosided"), "bsdf", "diffuse")
+        own = getattr(material, "kwargs", {}).get("kd")
+        plain = PLAIN if own is None else np.clip(np.ravel(own)[:3], 0.0, 1.0)
+        is_textured = has_uv and getattr(material, "image", None) is not None
+        add(diffuse, "reflectance", "image", "colour", np.ones(3) if is_textured else plain)
+        return
+    base, is_textured = material.baseColorFactor, has_uv and material.baseColorTexture is not None
     factor = np.ones(4) if base is None else np.ravel(base) / (255.0 if np.asarray(base).dtype.kind in "iu" else 1.0)
     factor = np.concatenate([factor, np.ones(4)])[:4]
     parent = shape
-    if material.alphaMode in ("BLEND", "MASK") and (picture("baseColorTexture") is not None or factor[3] < 1.0):
+    if material.alphaMode in ("BLEND", "MASK") and (is_textured or factor[3] < 1.0):
         parent = plugin(parent, "bsdf", "mask")
-        if picture("baseColorTexture") is not None:
-            bitmap(parent, "opacity", made.picture(material.baseColorTexture, "alpha", source), raw=True)
-        else:
-            value(parent, "float", "opacity", float(factor[3]))
+        add(parent, "opacity", "baseColorTexture", "alpha", np.ones(1) if is_textured else factor[3:], raw=True)
     parent = plugin(parent, "bsdf", "twosided")
-    if picture("normalTexture") is not None:
+    if has_uv and material.normalTexture is not None:
         parent = plugin(parent, "bsdf", "normalmap")
-        bitmap(parent, "normalmap", made.picture(material.normalTexture, "colour", source), raw=True)
+        add(parent, "normalmap", "normalTexture", "colour", np.ones(3), raw=True)
     principled = plugin(parent, "bsdf", "principled")
-    if picture("baseColorTexture") is not None:
-        bitmap(principled, "base_color", made.picture(material.baseColorTexture, "colour", source, factor[:3]))
-    else:
-        value(principled, "rgb", "base_color", factor[:3])
-    both = picture("metallicRoughnessTexture")
-    for name, letter, given, usual in (
-        ("metallic", "B", material.metallicFactor, METALLIC),
-        ("roughness", "G", material.roughnessFactor, ROUGHNESS),
+    add(principled, "base_color", "baseColorTexture", "colour", factor[:3])
+    for name, channel, number in (
+        ("metallic", "B", material.metallicFactor),
+        ("roughness", "G", material.roughnessFactor),
     ):
-        if both is not None:
-            share = np.array([1.0 if given is None else float(given)])
-            bitmap(principled, name, made.picture(both, letter, source, share), raw=True)
-        else:
-            value(principled, "float", name, float(usual if given is None else given))
+        add(
+            principled,
+            name,
+            "metallicRoughnessTexture",
+            channel,
+            [USUAL if number is None else float(number)],
+            raw=True,
+        )
     glow = np.zeros(3) if material.emissiveFactor is None else np.ravel(material.emissiveFactor)[:3]
     if glow.any():
-        emitter = plugin(shape, "emitter", "area")
-        if picture("emissiveTexture") is not None:
-            bitmap(emitter, "radiance", made.picture(material.emissiveTexture, "colour", source, glow))
-        else:
-            value(emitter, "rgb", "radiance", glow)
+        add(plugin(shape, "emitter", "area"), "radiance", "emissiveTexture", "colour", glow)
 
 
 def write_surface(
-    path: Path, points: Any, faces: Any, normals: Any = None, uv: Any = None, colours: Any = None
+    path: Path,
+    points: Floats,
+    faces: npt.NDArray[np.integer],
+    normals: Floats | None = None,
+    uv: Floats | None = None,
+    colours: Floats | None = None,
 ) -> None:
     """Write points (N, 3), faces (M, 3), and per point normals (N, 3), texture coordinates (N, 2), and colours (N, 3).
 
@@ -408,23 +409,18 @@ def write_surface(
     """
     mi = mitsuba()
 
-    def flat(values: Any) -> Any:
-        return mi.Float(np.array(values, np.float32).ravel())
-
-    built = mi.Mesh(
+    mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )
-    parameters = mi.traverse(built)
-    parameters["vertex_positions"] = flat(points)
+    parameters = mi.traverse(mesh)
     parameters["faces"] = mi.UInt32(np.array(faces, np.uint32).ravel())
-    if normals is not None:
-        parameters["vertex_normals"] = flat(normals)
-    if uv is not None:
-        parameters["vertex_texcoords"] = flat(uv)
+    for name, values in (("positions", points), ("normals", normals), ("texcoords", uv)):
+        if values is not None:
+            parameters[f"vertex_{name}"] = mi.Float(np.array(values, np.float32).ravel())
     parameters.update()
     if colours is not None:
-        built.add_attribute("vertex_color", 3, flat(colours))
-    built.write_ply(str(path))
+        mesh.add_attribute("vertex_color", 3, mi.Float(np.array(colours, np.float32).ravel()))
+    mesh.write_ply(str(path))
 
 
 #: Names of the list of a face's vertices.
@@ -450,20 +446,11 @@ def check_faces(path: Path) -> None:
             data = plyfile.PlyData.read(str(path), mmap=False)
         vertices = data["vertex"].count if "vertex" in data else 0
         faces = [data["face"][name] for name in LISTS if "face" in data and name in data["face"]]
-        worst = next((number for numbers in faces if (number := _worst(numbers, vertices)) is not None), None)
+        lists = [np.concatenate(one) if one.dtype == object and len(one) else one for one in map(np.asarray, faces)]
+        numbers = [int(extreme) for one in lists if one.size for extreme in (one.min(), one.max())]
+        worst = next((number for number in numbers if not 0 <= number < vertices), None)
     except (plyfile.PlyParseError, KeyError, ValueError, OverflowError, MemoryError) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise input_error(str(path), f"cannot be read as ply ({reason})", "export it again") from None
     if worst is not None:
         raise input_error(str(path), f"a face names vertex {worst} of {vertices}", "export it again")
-
-
-def _worst(lists: Any, vertices: int) -> int | None:
-    """Return a number that is no vertex's; None when all are."""
-    numbers = np.asarray(lists)
-    if numbers.dtype == object and len(numbers):
-        numbers = np.concatenate(numbers)
-    for number in (int(numbers.min()), int(numbers.max())) if numbers.size else ():
-        if not 0 <= number < vertices:
-            return number
-    return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -12,7 +13,7 @@ import numpy.typing as npt
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key
-from lippmann.errors import InputError
+from lippmann.errors import InputError, input_error
 from lippmann.optics.panel_frame import exact_rotation
 from lippmann.scenes.formats import kind_of, usual_rotation
 
@@ -45,10 +46,17 @@ class Placement:
     far_mm: Annotated[Depth, key("depth z of the farthest object of interest")] = None
 
     def __post_init__(self) -> None:
-        """Refuse what is not a similarity."""
-        numbers = (self.scale, *self.rotation_deg, *self.offset_mm, self.near_mm or 0.0, self.far_mm or 0.0)
-        if not all(math.isfinite(x) for x in numbers):
-            raise InputError("placement: a value is not finite; give finite numbers")
+        """Refuse what is not a similarity, naming the key; keep plain numbers."""
+        for name in ("rotation_deg", "offset_mm"):
+            given = getattr(self, name)
+            triple = tuple(given) if isinstance(given, tuple | list | np.ndarray) else ()
+            if len(triple) != 3:
+                raise input_error(f"placement: {name}", f"{given!r} is not three numbers", "give (x, y, z)")
+            object.__setattr__(self, name, tuple(_finite(name, value) for value in triple))
+        for name in ("scale", "near_mm", "far_mm"):
+            value = getattr(self, name)
+            if name == "scale" or value is not None:
+                object.__setattr__(self, name, _finite(name, value))
         if not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
             raise InputError(
                 f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "
@@ -126,6 +134,13 @@ class Placement:
             rotation_deg=(math.degrees(about_x), math.degrees(about_y), math.degrees(about_z)),
             offset_mm=(float(matrix[0, 3]), float(matrix[1, 3]), float(matrix[2, 3])),
         )
+
+
+def _finite(name: str, value: object) -> float:
+    """Return a number of a placement; refuse what is not finite or not a number."""
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+        raise input_error(f"placement: {name}", f"{value!r} is not a finite number", "give one")
+    return float(value)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
 from lippmann.scenes.light_field import register_light_field
 from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Arrange, Matrix, Placement, placement_beside, usual_arrange
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 #: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
 SURROUNDS = 3.0
@@ -59,7 +62,7 @@ class Scene:
     """
 
     path: Path
-    mitsuba: Any
+    mitsuba: mi.Scene
     placement: Placement
     integrator: str | None = None
     has_camera: bool = False
@@ -100,7 +103,6 @@ def check_scene_file(path: str | Path) -> Path:
 
 def _check_files(path: Path) -> None:
     """Refuse a scene file that Mitsuba's parser would not survive, and such includes."""
-    resolver = mitsuba().file_resolver()
     seen, waiting = set[Path](), [path]
     while waiting:
         file = waiting.pop()
@@ -108,15 +110,15 @@ def _check_files(path: Path) -> None:
             continue
         seen.add(file)
         for name in check_xml(file, "mend the scene file"):
-            found = Path(str(resolver.resolve(mitsuba().filesystem.path(name))))
-            if found.is_file() or found.is_fifo():
-                waiting.append(found)
+            include = _file_of(name)
+            if include.is_file() or include.is_fifo():
+                waiting.append(include)
 
 
 @contextmanager
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
-) -> Iterator[tuple[Any, Any]]:
+) -> Iterator[tuple[mi.parser.ParserConfig, mi.parser.ParserState]]:
     """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
 
     In the block Mitsuba finds files beside the scene file, as with its own loader. Another tool's file is converted;
@@ -186,7 +188,7 @@ def load_scene(
         mi.parser.transform_all(configuration, state)
         for node in state.nodes:
             if node.props.plugin_name() == "ply" and "filename" in node.props:
-                check_faces(_named(node))
+                check_faces(_file_of(str(node.props["filename"])))
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
@@ -194,7 +196,7 @@ def load_scene(
     return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras), usual, tuple(notes))
 
 
-def scene_of(made: Any, placement: Placement | None = None) -> Scene:
+def scene_of(made: mi.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
     """Return the scene of a `mitsuba.Scene`, or of the dictionary of one, which Mitsuba's load_dict takes.
 
     Raises InputError for a dictionary that Mitsuba refuses, or that makes no scene.
@@ -213,7 +215,7 @@ def scene_of(made: Any, placement: Placement | None = None) -> Scene:
     return Scene(Path("scene"), made, _with_depths(made, placement, Path("scene")), None, bool(made.sensors()))
 
 
-def _check_lamps(scene: Any, where: str) -> None:
+def _check_lamps(scene: mi.Scene, where: str) -> None:
     """Raise InputError for a lamp with a number that is not finite: Mitsuba takes it, and the picture would be black.
 
     Pictures are left out.
@@ -230,7 +232,7 @@ def _check_lamps(scene: Any, where: str) -> None:
                 raise input_error(where, f"{name} of {which} is not finite", "give finite numbers")
 
 
-def _keep(part: Part, state: Any, path: Path) -> None:
+def _keep(part: Part, state: mi.parser.ParserState, path: Path) -> None:
     """Remove the shapes of a parsed scene that do not belong to a part."""
     mi = mitsuba()
     root, child = state.root.props, mi.Properties.ResolvedReference
@@ -246,7 +248,7 @@ def _keep(part: Part, state: Any, path: Path) -> None:
         del root[name]
 
 
-def _ids_there(shapes: Sequence[Any]) -> str:
+def _ids_there(shapes: Sequence[mi.Properties]) -> str:
     ids = [props.id() for props in shapes if props.id()]
     if not ids:
         return 'give the shapes ids in the file: <shape type="ply" id="...">'
@@ -255,35 +257,37 @@ def _ids_there(shapes: Sequence[Any]) -> str:
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of a scene file, its includes, and the meshes and textures that it names.
+    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from.
+
+    It covers the file, its includes, every file that a property of any name names, and the spectra, which the parser
+    has read from their files. Another tool's file is converted first: the hash is that of the conversion.
 
     InputError as for `load_scene`.
     """
     path = check_scene_file(path)
     mi = mitsuba()
+    digest = hashlib.sha256()
     with parsed(path) as (configuration, state):
         mi.parser.transform_resolve(configuration, state)
-        files = [str(file) for file in state.files]
-        for node in state.nodes:
-            if "filename" in node.props:
-                files.append(str(_named(node)))
-        digest = hashlib.sha256()
+        files = [Path(str(file)) for file in state.files]
+        for name, value in itertools.chain.from_iterable(node.props.items() for node in state.nodes):
+            if isinstance(value, str) and (name == "filename" or _file_of(value).is_file()):
+                files.append(_file_of(value))
+            elif hasattr(value, "wavelengths"):
+                digest.update(np.array([value.wavelengths, value.values]).tobytes())
         for file in dict.fromkeys(files):
-            digest.update(_sum_of(Path(file)))
+            with file.open("rb") as stream:
+                digest.update(hashlib.file_digest(stream, "sha256").digest())
     return digest.hexdigest()
 
 
-def _named(node: Any) -> Path:
-    """Return the path of the file that a node of a scene names."""
-    return Path(str(mitsuba().file_resolver().resolve(mitsuba().filesystem.path(node.props["filename"]))))
+def _file_of(name: str) -> Path:
+    """Return the path of the file that the parsed scene names."""
+    mi = mitsuba()
+    return Path(str(mi.file_resolver().resolve(mi.filesystem.path(name))))
 
 
-def _sum_of(path: Path) -> bytes:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").digest()
-
-
-def _boxes(scene: Any) -> list[tuple[Matrix, Matrix]]:
+def _boxes(scene: mi.Scene) -> list[tuple[Matrix, Matrix]]:
     """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
     boxes, found = [], []
     for shape in scene.shapes():
@@ -297,7 +301,7 @@ def _boxes(scene: Any) -> list[tuple[Matrix, Matrix]]:
     return found + [(np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()) for box in boxes]
 
 
-def _middle_of_splats(shape: Any) -> tuple[Matrix, Matrix]:
+def _middle_of_splats(shape: mi.Shape) -> tuple[Matrix, Matrix]:
     """Return the box of most of the splats: a capture has stray ones, far around what was photographed."""
     box = shape.bbox()
     lowest, highest = (np.array(corner, np.float64).ravel() for corner in (box.min, box.max))
@@ -316,7 +320,7 @@ def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def bounds_of(scene: Any) -> tuple[Matrix, Matrix]:
+def bounds_of(scene: mi.Scene) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
 
     A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out, such as a
@@ -332,7 +336,7 @@ def bounds_of(scene: Any) -> tuple[Matrix, Matrix]:
     return _union(boxes)
 
 
-def _closed(scene: Any, low: Matrix, high: Matrix) -> bool:
+def _closed(scene: mi.Scene, low: Matrix, high: Matrix) -> bool:
     """Tell whether rays outwards from all six faces of a box hit something."""
     mi = mitsuba()
     middle, half = (low + high) / 2, (high - low) / 2
@@ -342,7 +346,7 @@ def _closed(scene: Any, low: Matrix, high: Matrix) -> bool:
     return bool(np.array(scene.ray_test(ray)).all())
 
 
-def box_of(scene: Any, placement: Placement) -> tuple[Matrix, Matrix]:
+def box_of(scene: mi.Scene, placement: Placement) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
 
     A closed shape around all others is left out (`bounds_of`). The corners are infinite as those of `placed_box`.
@@ -363,7 +367,7 @@ def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Mat
     return placed.min(axis=0), placed.max(axis=0)
 
 
-def depths_of(scene: Any, placement: Placement) -> tuple[float, float]:
+def depths_of(scene: mi.Scene, placement: Placement) -> tuple[float, float]:
     """Return the (lowest, highest) z of `box_of`."""
     low, high = box_of(scene, placement)
     return float(low[2]), float(high[2])
@@ -374,7 +378,7 @@ def in_front_of(depths: tuple[float, float]) -> float:
     return depths[1] + 1e-3 * max(1.0, depths[1] - depths[0])
 
 
-def _with_depths(scene: Any, placement: Placement, path: Path) -> Placement:
+def _with_depths(scene: mi.Scene, placement: Placement, path: Path) -> Placement:
     if placement.near_mm is not None and placement.far_mm is not None:
         return placement
     depths = depths_of(scene, placement)
