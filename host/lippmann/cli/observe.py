@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +18,32 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.eye.observer import Eye, whole_window
+from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_video
 from lippmann.optics.rays import Model
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
+from lippmann.rendering.sources import Window
 
 MAX_VIEW_PX = 16384
 SWEEP_FRAMES = 21
 #: Pixels of a panel beyond which the image stays in its file, and each part of a view reads the rows that it sees.
 STORED_PX = 1 << 26
+
+
+def _misaligned(
+    rotation_error: float = option("Rotation of the array, degrees.", 0.0, Finite()),
+    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), Vector(2)),
+    gap_error: float = option("Change of the gap, mm.", 0.0, Finite()),
+    pitch_scale: float = option("Factor on the array's pitch.", 1.0, Finite()),
+) -> Callable[[Display], Display]:
+    return lambda display: display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
+
+
+#: The options that misalign the array.
+MISALIGNED: Any = _misaligned
 
 
 @make_command("observe")
@@ -43,10 +58,7 @@ def command(
     focus: float = option("Depth z on which the eye focuses, mm.", 0.0, Finite()),
     model: Model = LENS_MODEL,
     no_crosstalk: bool = option("Draw rays that see a neighbour's elemental image black.", False),
-    rotation_error: float = option("Rotation of the array, degrees.", 0.0, Finite()),
-    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), Vector(2)),
-    gap_error: float = option("Change of the gap, mm.", 0.0, Finite()),
-    pitch_scale: float = option("Factor on the array's pitch.", 1.0, Finite()),
+    misalign: Callable[[Display], Display] = MISALIGNED,
     sweep: tuple[float, float] | None = option(
         "Move the eye from x = X0 to X1; writes an animation.", None, Vector(2, "X0,X1")
     ),
@@ -63,29 +75,16 @@ def command(
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
     path = _check_files(image_path, output, sheet, frames, sweep is not None)
-    video = path.suffix.lower() in VIEW_SUFFIXES
-    frames = frames or SWEEP_FRAMES
     display = load_display(display_path)
-    panel = display.panel
-    xs = [eye[0]] if sweep is None else np.linspace(sweep[0], sweep[1], frames).tolist()
+    xs = [eye[0]] if sweep is None else np.linspace(*sweep, frames or SWEEP_FRAMES).tolist()
     eyes = [Eye((x, eye[1], eye[2]), pupil, focus) for x in xs]
-    window = even_window(whole_window(display, width)) if video else whole_window(display, width)
+    window = whole_window(display, width)
+    if path.suffix.lower() in VIEW_SUFFIXES:
+        window = even_window(window)
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
-    built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
-    stored = panel.width_px * panel.height_px > STORED_PX
-    # The panel's light on the host and on the device, and each view as numbers and as a frame.
-    values = (
-        2 * (STORED_PX if stored else panel.width_px * panel.height_px)
-        + 2 * len(eyes) * window.width_px * window.height_px
-    )
-    check_memory_mb(
-        BASE_MEMORY_MB + 3 * 4 * values / 1e6,
-        None,
-        f"{len(eyes)} views of {window.width_px} x {window.height_px} pixels",
-        "give a smaller --width or fewer --frames",
-    )
-    image = IntegralImage.load(image_path, display, force, stored)
+    built = misalign(display)
+    image = _load_image(image_path, display, force, len(eyes), window)
     with progress_bar("observe") as progress:
         views = [
             api.observe(
@@ -98,32 +97,54 @@ def command(
         views[0].metadata["view_of"] = Path(image_path).name
         views[0].save(path)
     else:
-        if video:
-            pictures = [encoded_values(view.radiance, "srgb", 8) for view in (*views, *views[-2:0:-1])]
-            write_video(path, pictures, window.width_px, window.height_px, 1000.0 / FRAME_MS)
-        else:
-            write_animation(path, [view.radiance for view in views])
-        if sheet is not None:
-            chosen = np.linspace(0, frames - 1, min(frames, 9)).round().astype(int)
-            captions = [f"eye x = {xs[k]:+.0f} mm" for k in chosen]
-            write_contact_sheet(sheet, [views[k].radiance for k in chosen], captions)
-    result: dict[str, Any] = {
-        "output": str(path),
-        "sheet": sheet,
-        "width_px": window.width_px,
-        "height_px": window.height_px,
-        "views": [
-            {"eye_mm": list(one.position_mm), "status_share": view.status_share}
-            for one, view in zip(eyes, views, strict=True)
-        ],
-    }
+        _write_sweep(path, views, window)
+    if sheet is not None:
+        chosen = np.linspace(0, len(xs) - 1, min(len(xs), 9)).round().astype(int)
+        captions = [f"eye x = {xs[k]:+.0f} mm" for k in chosen]
+        write_contact_sheet(sheet, [views[k].radiance for k in chosen], captions)
+    _emit_result(path, sheet, window, eyes, views, built)
+
+
+def _load_image(path: str, display: Display, force: bool, count: int, window: Window) -> IntegralImage:
+    """Load the image for so many views, a large one row by row; refuse views that do not fit into memory."""
+    panel_px = display.panel.width_px * display.panel.height_px
+    # The panel's light on the host and on the device, and each view as numbers and as a frame.
+    values = 2 * min(STORED_PX, panel_px) + 2 * count * window.width_px * window.height_px
+    what = f"{count} views of {window.width_px} x {window.height_px} pixels"
+    needed_mb = BASE_MEMORY_MB + 3 * 4 * values / 1e6
+    check_memory_mb(needed_mb, None, what, "give a smaller --width or fewer --frames")
+    return IntegralImage.load(path, display, force, panel_px > STORED_PX)
+
+
+def _write_sweep(path: Path, views: Sequence[View], window: Window) -> None:
+    """Write a sweep's views to and fro, as a video or as an animation."""
+    if path.suffix.lower() in VIEW_SUFFIXES:
+        pictures = [encoded_values(view.radiance, "srgb", 8) for view in (*views, *views[-2:0:-1])]
+        write_video(path, pictures, window.width_px, window.height_px, 1000.0 / FRAME_MS)
+    else:
+        write_animation(path, [view.radiance for view in views])
+
+
+def _emit_result(
+    path: Path, sheet: str | None, window: Window, eyes: Sequence[Eye], views: Sequence[View], built: Display
+) -> None:
+    """Print what was written and what the eyes see; log a border that is dark."""
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
         where = "beside the panel" if built.array.extent_mm is None else "beside the panel or on the array's mount"
         log(f"note: up to {100 * dark:.1f} % of the rays end {where}, so the view has a dark border")
-
+    seen = [
+        {"eye_mm": list(one.position_mm), "status_share": view.status_share}
+        for one, view in zip(eyes, views, strict=True)
+    ]
     share = np.mean([view.status_share["crosstalk"] for view in views])
-    emit(result, f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays")
+    emit(
+        {
+            "output": str(path), "sheet": sheet, "width_px": window.width_px, "height_px": window.height_px,
+            "views": seen,
+        },
+        f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays",
+    )  # fmt: skip
 
 
 def _check_files(image: str, output: str, sheet: str | None, frames: int | None, moves: bool) -> Path:

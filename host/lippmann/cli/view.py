@@ -62,18 +62,9 @@ def command(
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
     """
-    if serve and output is not None:
-        raise InputError("--serve keeps the page in memory; leave out -o or --serve")
-    if tcp_port and not serve:
-        raise InputError("--tcp-port belongs to --serve; give both or neither")
     if moved.given and scene_path is None:
         raise InputError(f"--{next(iter(moved.given)).replace('_', '-')} belongs to --scene; give both or neither")
-    beside = (
-        Path(image_path).resolve().with_suffix(".html")
-        if Path(image_path).is_dir()
-        else Path(image_path).with_suffix(".html")
-    )
-    path = None if serve else check_output(output or str(beside), api.PAGE_SUFFIXES)
+    path = _page_path(image_path, output, serve, tcp_port)
     display = load_display(display_path)
     scene = None if scene_path is None else check_scene_file(scene_path)
     image, *later = (IntegralImage.load(one, display, force) for one in frames_of(image_path))
@@ -94,6 +85,19 @@ def command(
         partial.write_bytes(page)
     text = f"{path}: {len(page) / 1e6:.1f} MB, {count} direct views; open it in a browser"
     emit({"output": str(path), **result}, text)
+
+
+def _page_path(image_path: str, output: str | None, serve: bool, tcp_port: int) -> Path | None:
+    """Return the page's file; `None` when the page is served. Refuse options that do not go together."""
+    if serve and output is not None:
+        raise InputError("--serve keeps the page in memory; leave out -o or --serve")
+    if tcp_port and not serve:
+        raise InputError("--tcp-port belongs to --serve; give both or neither")
+    if serve:
+        return None
+    image = Path(image_path)
+    beside = (image.resolve() if image.is_dir() else image).with_suffix(".html")
+    return check_output(output or beside, api.PAGE_SUFFIXES)
 
 
 def frames_of(path: str) -> list[str | Path]:

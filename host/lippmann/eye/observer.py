@@ -8,10 +8,11 @@ lands in a neighbour's cell sees the neighbour's pixel: this is crosstalk.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from numbers import Real
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,14 +20,14 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.images import Radiance, StoredRows, write_picture
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, whole_number
-from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.rays import Model, Status
 from lippmann.optics.sampling import points_in_square
 from lippmann.optics.system import System
-from lippmann.optics.trace import pixels_from_rays
+from lippmann.optics.trace import PixelHits, pixels_from_rays
 from lippmann.optics.zones import FARTHEST_EYE_MM
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sources import Window
@@ -35,6 +36,8 @@ from lippmann.rendering.sources import Window
 CHUNK_RAYS = 1 << 21
 #: Bytes of the rows of an image on disk that are read at once.
 STORED_BYTES = 1 << 27
+#: Returns the three colours of an image where rays see it (`seen`), at columns and rows, for their hits on the panel.
+LookUp = Callable[[Arr, Arr, Arr, PixelHits], list[Arr]]
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
 
 
 def observe(
-    radiance: npt.NDArray[Any] | StoredRows,
+    radiance: npt.NDArray[np.floating] | StoredRows,
     display: Display,
     eye: Eye,
     window: Window,
@@ -126,69 +129,81 @@ def observe(
     samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
-    b = DrJitBackend(current_device())
-    system, layout = System.of(display), layout_of(panel.subpixels)
-    stored = isinstance(radiance, StoredRows)
-    light = mi.Float(0.0) if stored else mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
-    total = window.width_px * window.height_px
-    out = np.empty((total, 3), np.float32)
-    counts = np.zeros(len(Status), np.int64)
-
-    def look(first: Any, count: int) -> tuple[list[Any], Any]:
-        index = dr.arange(mi.UInt32, count * samples)
-        pixel = first + index // samples
-        sample = index % samples
-        origin, direction = eye_rays(b, eye, window, pixel, sample, seed)
-        hits = pixels_from_rays(b, system, origin, direction, model)
-        seen = (hits.status == int(Status.OK)) | (
-            (hits.status == int(Status.CROSSTALK)) if crosstalk else mi.Bool(False)
-        )
-        column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
-        row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
-        if isinstance(radiance, StoredRows):
-            dr.eval(seen, column, row, hits.u, hits.v, hits.status)
-            colour = _stored_light(radiance, seen, column, row)
-        else:
-            place = (row * panel.width_px + column) * 3
-            colour = [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
-        if panel.black:
-            colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
-        if layout is not None:
-            # A sub-pixel emits its colour from a part of the panel, so much brighter; white emits all three.
-            parts = layout.shown(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
-            colour = [mi.Float(0.0)] * 3
-            for k, gain, inside in layout.emitters(b, hits.u, hits.v):
-                for c in (k,) if k < 3 else range(3):
-                    colour[c] = colour[c] + dr.select(inside, gain * parts[k], 0.0)
-        mean = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
-        return mean, hits.status
-
-    chunk = max(1, CHUNK_RAYS // samples)
-    if stored:
+    b, system = DrJitBackend(current_device()), System.of(display)
+    total, chunk = window.width_px * window.height_px, max(1, CHUNK_RAYS // samples)
+    if not isinstance(radiance, StoredRows):
+        look_up = _light_in_memory(radiance)
+    else:
+        look_up = partial(_light_on_disk, radiance)
         # The rows that a row of the view sees, but for a lenslet's.
         row_bytes = 12 * panel.width_px * max(1, panel.height_px // window.height_px)
         chunk = min(chunk, window.width_px * max(1, STORED_BYTES // row_bytes))
+    out = np.empty((total, 3), np.float32)
+    counts = np.zeros(len(Status), np.int64)
     for start in range(0, total, chunk):
         interrupts.check()
         count = min(chunk, total - start)
-        mean, status = look(dr.opaque(mi.UInt32, start), count)
-        dr.eval(mean, status)
+        index = dr.arange(mi.UInt32, count * samples)
+        pixel = dr.opaque(mi.UInt32, start) + index // samples
+        hits = pixels_from_rays(b, system, *eye_rays(b, eye, window, pixel, index % samples, seed), model)
+        seen = (hits.status == int(Status.OK)) | ((hits.status == int(Status.CROSSTALK)) & mi.Bool(crosstalk))
+        colour = _emitted_light(b, panel, look_up, hits, seen)
+        mean = [dr.block_reduce(dr.ReduceOp.Add, c, samples) * (1.0 / samples) for c in colour]
+        dr.eval(mean, hits.status)
         for k in range(3):
             out[start : start + count, k] = np.asarray(mean[k])
-        counts += np.bincount(np.asarray(status), minlength=len(Status))
+        counts += np.bincount(np.asarray(hits.status), minlength=len(Status))
     share = {status.name.lower(): float(counts[status]) / (total * samples) for status in Status}
     return View(out.reshape(window.height_px, window.width_px, 3), share)
 
 
-def _stored_light(radiance: StoredRows, seen: Any, column: Any, row: Any) -> list[Any]:
+def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, seen: Arr) -> list[Arr]:
+    """Return the three colours that rays see where they hit a panel; black for those that do not see it."""
+    mi = mitsuba()
+    import drjit as dr
+
+    column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
+    row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
+    # The look-up may evaluate the pixels; the rays are not traced again then.
+    colour = look_up(seen, column, row, hits)
+    if panel.black:
+        colour = [dr.select(seen, panel.black + (1.0 - panel.black) * c, 0.0) for c in colour]
+    layout = layout_of(panel.subpixels)
+    if layout is None:
+        return colour
+    # A sub-pixel emits its colour from a part of the panel, so much brighter; white emits all three.
+    parts = layout.shown(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
+    colour = [mi.Float(0.0)] * 3
+    for k, gain, inside in layout.emitters(b, hits.u, hits.v):
+        for c in (k,) if k < 3 else range(3):
+            colour[c] = colour[c] + dr.select(inside, gain * parts[k], 0.0)
+    return colour
+
+
+def _light_in_memory(radiance: npt.NDArray[np.floating]) -> LookUp:
+    """Return the look-up of an image that is copied to the device as a whole."""
+    mi = mitsuba()
+    import drjit as dr
+
+    light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
+
+    def look_up(seen: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
+        place = (row * radiance.shape[1] + column) * 3
+        return [dr.gather(mi.Float, light, place + k, seen) for k in range(3)]
+
+    return look_up
+
+
+def _light_on_disk(radiance: StoredRows, seen: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
     """Return the light of an image on disk where some rays see it; only the parts with such rays are read."""
     mi = mitsuba()
     import drjit as dr
 
+    dr.eval(seen, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
     rows = max(1, STORED_BYTES // (12 * width))
     part = row // rows
-    colour: list[Any] = [mi.Float(0.0)] * 3
+    colour = [mi.Float(0.0)] * 3
     for number in np.unique(np.asarray(part)[np.asarray(seen)]):
         first = int(number) * rows
         light = mi.Float(radiance[first : first + rows].ravel())
@@ -200,8 +215,8 @@ def _stored_light(radiance: StoredRows, seen: Any, column: Any, row: Any) -> lis
 
 
 def eye_rays(
-    b: DrJitBackend, eye: Eye, window: Window, pixel: Any, sample: Any, seed: int
-) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    b: DrJitBackend, eye: Eye, window: Window, pixel: Arr, sample: Arr, seed: int
+) -> tuple[tuple[Arr, ...], tuple[Arr, ...]]:
     """Return origins and unit directions (double) from the pupil through the window's pixels."""
     mi = mitsuba()
     import drjit as dr
@@ -211,7 +226,7 @@ def eye_rays(
     s, t = points_in_square(pixel, sample, seed, stream=0)
     x, y = window.point(b.double(column) + b.double(s), b.double(row) + b.double(t))
     # Opaque, so that another eye needs no compilation.
-    double: Any = b.double
+    double: Arr = b.double
     ex, ey, ez, focus, radius = (dr.opaque(double, c) for c in (*eye.position_mm, eye.focus_z_mm, 0.5 * eye.pupil_mm))
     if eye.pupil_mm > 0.0:
         p, q = points_in_square(pixel, sample, seed)
