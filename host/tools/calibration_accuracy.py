@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import click
 import numpy as np
+from lippmann.base.files import scratch_folder
 from lippmann.base.images import Radiance
 from lippmann.base.machine import proc_mb
 from lippmann.base.tones import psnr_db
@@ -24,6 +26,10 @@ from lippmann.calibration.result import Calibration
 from lippmann.calibration.simulated_camera import Camera, Point, Sensor, framed
 from lippmann.calibration.simulated_photographs import UNDISTURBED, Bench, photograph_folder
 from lippmann.calibration.solve import calibrate
+from lippmann.cli.frame import option
+from lippmann.conformance.figures import Rows, groups, values
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import Plot, finish_picture, make_axes
 from lippmann.display.description import Array, Display, Grid, Panel, PlanoSide, display_text, load_display
 from lippmann.errors import LippmannError
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -38,7 +44,9 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 from scipy.spatial import KDTree
 
+from tools.bench import ON_DEVICE, MeasurementRun, measurement
 from tools.processes import processes
+from tools.report_plots import draw_bar_charts, draw_lines, make_page
 from tools.simulated_disturbances import Disturbances
 from tools.simulated_povray import SolidsBench
 
@@ -440,3 +448,76 @@ def _seen(scene: Scene, made: Display, built: Display, eye: Eye, settings: Setti
     """Return an eye's view, on a display as built, of a scene's picture that was made for another."""
     picture = render_integral(scene, made, "exact", settings).radiance
     return observe(np.minimum(picture, 1.0), built, eye, whole_window(built), EYE_SAMPLES).radiance
+
+
+@measurement(page="calibration-accuracy", packages=(*ON_DEVICE, "scipy", "opencv-python-headless"))
+def calibration(
+    bench: MeasurementRun,
+    displays: int = option("Number of random displays, of the seeds from --seed on.", 12, click.IntRange(1)),
+    solids: int = option("Number of them that POV-Ray photographs too, as solids of glass.", 0, click.IntRange(0)),
+    bowed: int = option("Number of them photographed bowed, dusty and with wrong pixels, too.", 0, click.IntRange(0)),
+    large: bool = option("Also an 8K panel behind 100,000 lenslets, with its time and memory.", False),
+    swept: int = option("Number of displays in the sweep.", 2, click.IntRange(0), flag="--sweep"),
+    width_px: int = option("Width of the panels, pixels.", 640, click.IntRange(320, 8192), flag="--width"),
+    jobs: int = option("Processes that share the random displays.", 1, click.IntRange(1)),
+) -> tuple[Mapping[str, Any], Page]:
+    """Calibrate random displays by simulated photographs, and compare with the displays as built.
+
+    A sweep tells the error over photographs, noise and positions; an eye compares pictures of the fish.
+
+    Example: python -m tools.bench calibration --displays 4
+    """
+    with scratch_folder() as folder:
+        first = bench.seed
+        one = partial(measure, folder, panel_px=width_px, jobs=jobs)
+        measured = {
+            "rows": one(range(first, first + displays)),
+            "solids": one(range(first, first + solids), solids=True),
+            "bowed": one(range(first, first + bowed), BOWED),
+            "large": largest(folder, bench.scenes, first) if large else (),
+            "sweep": sweep(folder, range(first, first + swept), jobs),
+            "views": views(folder, bench.scenes, ("vga-square", "vga-hex"), first),
+        }
+        tables = {name: bench.collect(rows) for name, rows in measured.items()}
+    return tables, calibration_page(bench.origin, tables, width_px)
+
+
+def calibration_page(origin: Mapping[str, str], tables: Mapping[str, Rows], panel_px: int) -> Page:
+    """Return the page of `tools.bench calibration`; `panel_px` is the width of the random displays' panels."""
+    random = [*tables["rows"], *tables["solids"], *tables["bowed"]]
+    found = {name: [row for row in rows if "refused" not in row] for name, rows in tables.items()}
+    refused = [row for row in random if "refused" in row]
+    context = {**found, "sweep": tables["sweep"], "refused": refused, "tried": len(random)}
+    widths = {"panel_px": panel_px, "photo_px": photo_width(panel_px)}
+    solved = found["rows"]
+    sums = {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
+    labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
+    charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
+    plot = [draw_bar_charts("calibration-accuracy", labels, charts)] if solved else []
+    plot += [draw_calibration_sweep(tables["sweep"])] if tables["sweep"] else []
+    kept = {"accuracy": solved, **{name: rows for name, rows in tables.items() if name != "rows"}}
+    files = {f"calibration-{name}": rows for name, rows in kept.items() if rows}
+    return make_page("calibration-accuracy", origin, plot, files, {**context, **widths, **sums})
+
+
+#: Column and label over which a calibration's errors are drawn, by what is swept.
+SWEPT_AXES = {
+    "positions": ("value", "places of the camera"),
+    "steps": ("photographs", "photographs from three places"),
+    "noise": ("value", "noise, times the sensor's"),
+}
+
+
+def draw_calibration_sweep(rows: Rows) -> Plot:
+    """Draw the errors of a calibration over the photographs, the positions and the noise, one picture for each."""
+    solved = [row for row in rows if "refused" not in row]
+    kinds = groups(solved, "over")
+    picture, axes = make_axes(2, len(kinds), (3.6, 2.8))
+    for across, kind in enumerate(kinds):
+        for axis, key, label in zip(
+            axes[:, across], ("rms_px", "gap_percent"), ("centres, px rms", "gap, %"), strict=True
+        ):
+            column, heading = SWEPT_AXES[kind[0]["over"]]
+            draw_lines(axis, kind, "display", column, key)
+            axis.set(xlabel=heading, ylabel=label, yscale="log", ylim=(0.5 * min(values(solved, key)), None))
+    return Plot("calibration-sweep", finish_picture(picture))

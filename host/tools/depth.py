@@ -13,7 +13,7 @@ moves far.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,11 +23,16 @@ from lippmann.base.images import Radiance
 from lippmann.base.variant import mitsuba
 from lippmann.capturing.capture import capture, shown_depth
 from lippmann.capturing.capture_setup import Setup, load_setup
+from lippmann.conformance.figures import Rows, groups, values, where
+from lippmann.conformance.pages import Page
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Floats, Model
 from lippmann.rendering.renderer import Settings
 from lippmann.scenes.placement import Placement, placement_beside
 from lippmann.scenes.scene import Scene, load_scene
+
+from tools.bench import MeasurementRun, measurement
+from tools.report_plots import contact_sheet, make_page
 
 #: Depths of the fish scene's objects in its own frame, mm: the middle of the fish, and the stems.
 OBJECTS = {"fish": 6.0, "stem 1": -20.0, "stem 2": -45.0, "stem 3": -70.0, "stem 4": -100.0, "stem 5": -115.0}
@@ -160,3 +165,39 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
             note = "" if rotated else ", not rotated"
             captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{note}")
     return views, captions
+
+
+@measurement(page="depth")
+def depth(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
+    """Measure the depths that the founding paper's set-ups show, against the lens equations.
+
+    Example: python -m tools.bench depth
+    """
+    rows = bench.collect(measure(bench.scenes, bench.seed))
+    views = None if bench.report is None else fish_views(bench.scenes, bench.seed)
+    return {"rows": rows}, depth_page(bench.origin, rows, views)
+
+
+def depth_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
+    """Return the page of `tools.bench depth`; `views` are the pictures of its sheet, and captions."""
+    sheet = contact_sheet("depth", views, 2)
+    moved = [{**row, "shift": row["wide_mm"] - row["theory_mm"]} for row in rows]
+    setups = []
+    for group in groups(moved, "setup", "rotated"):
+        nearer, shifts = np.diff(values(group, "centres_mm")) < 0.0, values(group, "shift")
+        setups.append(
+            {
+                **group[0],
+                "images": "rotated" if group[0]["rotated"] else "as captured",
+                "relief": "orthoscopic" if nearer.all() else "neither" if nearer.any() else "pseudoscopic",
+                "range": f"{group[0]['theory_mm']:+.1f} to {group[-1]['theory_mm']:+.1f}",
+                "error": max(abs(row["error_percent"]) for row in group),
+                "lenslets": max(abs(row["lenslets_mm"] - row["theory_mm"]) for row in group),
+                "shift": f"{min(shifts):+.1f} to {max(shifts):+.1f}",
+            }
+        )
+    near, far = (f"{eyes[0]:+.0f} to {eyes[-1]:+.0f}" for eyes in (EYES_MM, WIDE_EYES_MM))
+    rotated = where(moved, rotated=True)
+    signs = sum(row["lenslets_mm"] * row["theory_mm"] > 0 for row in rotated)
+    context = {"rows": rotated, "signs": signs, "setups": setups, "near": near, "far": far, "depth": depth}
+    return make_page("depth", origin, sheet, {"depth": rows}, context)

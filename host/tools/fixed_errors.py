@@ -7,36 +7,39 @@ coordinates in 1/16 pixel, aperture points in the configuration's own words.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import logging
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from lippmann.conformance.figures import Figures, Measured
+from lippmann.conformance import ray_sets
 from lippmann.display.description import Display
 from lippmann.engines import trace
-from lippmann.fixed.build import CONFIGURATIONS, Build, Named, chosen
+from lippmann.fixed.build import Build, Named
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.conversion import pixels_of_words, rays_of_words
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
+from lippmann.fixed.lenslet_choice import lenslet_hex, lenslet_square, pixel_to_lattice
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.words import WIDEST, Bools, Ints
-from lippmann.optics.rays import Floats, Rays, Status, gets_through
+from lippmann.fixed.words import PIXEL_FRACTION, WIDEST, Bools, Ints
+from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.model_choice import in_cells_mm, located, panel_size, pixels_from_cells
+from lippmann.optics.rays import Floats, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
-from tools import word_sets
-from tools.stage_errors import hybrids, steps_of
-from tools.word_sets import Words
-
 if TYPE_CHECKING:
-    from tools.full_report import Plan
+    pass
 
 logger = logging.getLogger("lippmann.report")
 #: Rays of each adversarial set, and of the budget.
 ADVERSARIAL, BUDGET = 200_000, 200_000
 #: Panels up to this many pixels are traced whole.
 WHOLE = 2400 * 2400
+#: Rays traced at a time.
+CHUNK = 250_000
+#: Rays of the sample of a panel that is not traced whole.
+SAMPLE = 2_000_000
+#: Displacements that are tried in search of an edge: from 1/64 of the stated error to 64 times it.
+REACHES = tuple(2.0**k for k in range(-6, 7))
 
 
 class Comparison(NamedTuple):
@@ -72,11 +75,11 @@ def compare(display: Display, build: Build, words: Words) -> Comparison:
     config = configuration(display, build, model)
     pixel = pixels_of_words(display, words.u, words.v)
     twin = rays_of_words(display, pixel, ray_pipeline(*words, config, build), f)
-    golden = trace(display, pixel, word_sets.aims_of(display, build, words), model)
-    refused = word_sets.too_slanted(display, build, words) & (twin.status == int(Status.MISSED))
+    golden = trace(display, pixel, aims_of(display, build, words), model)
+    refused = too_slanted(display, build, words) & (twin.status == int(Status.MISSED))
     status = (twin.status != golden.status) & ~refused
-    starts = np.stack(word_sets.twin_start(display, build, words.u, words.v), axis=1)
-    same = (starts == word_sets.golden_start(display, pixel)) & (twin.lenslet == golden.lenslet)
+    starts = np.stack(twin_start(display, build, words.u, words.v), axis=1)
+    same = (starts == golden_start(display, pixel)) & (twin.lenslet == golden.lenslet)
     lenslet = ~same.all(axis=1) & ~refused
     return Comparison(
         twin=twin,
@@ -158,7 +161,7 @@ def _chunk(build: Build, display: Display, words: Words) -> dict[str, Any]:
     if len(differs):
         some, others = Words(*(column[differs] for column in words)), rows_of(found.twin, differs)
         stated = stated_nm(build.fraction_bits)
-        away = word_sets.edge_distance_nm(display, build, some, others, stated)
+        away = edge_distance_nm(display, build, some, others, stated)
         far = (away > stated) & (others.status == int(Status.MISSED)) & (build.aims or build.viewer or build.converge)
         lost, edge = int(far.sum()), float(away[~far].max(initial=0.0))
     return {
@@ -187,87 +190,180 @@ def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Wor
     whole = display.panel.width_px * display.panel.height_px <= WHOLE
     count = min(ADVERSARIAL, WHOLE)
     sets = {
-        "frame" if whole else "sample": word_sets.frame_words(display, build, seed, WHOLE),
-        "edges": iter([word_sets.edge_words(display, build, seed + 1, count)]),
+        "frame" if whole else "sample": frame_words(display, build, seed, WHOLE),
+        "edges": iter([edge_words(display, build, seed + 1, count)]),
     }
     if build.aims:
-        sets["wide aims"] = iter([word_sets.wide_words(display, build, seed + 2, count)])
-        sets["boundaries"] = iter([word_sets.boundary_words(display, build, seed + 3, count // 4)])
+        sets["wide aims"] = iter([wide_words(display, build, seed + 2, count)])
+        sets["boundaries"] = iter([boundary_words(display, build, seed + 3, count // 4)])
     return sets
 
 
 # ---- budget ----
 
 
-def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> list[dict[str, Any]]:
-    """Return what each step adds to the error of an exact configuration, over random pixels (and aims in the cell).
+class Words(NamedTuple):
+    """Rays in the pipeline's words, each (N,): pixels (u, v), and aperture points (a, b), 0 for chief rays."""
 
-    The rows are in the order of the ray. The first is the rounding of the configuration's words, the last the whole.
-    Each has how far the step's rounding moves the ray, and under `left_` the error that is left if it were exact.
+    u: Ints
+    v: Ints
+    a: Ints
+    b: Ints
+
+
+def frame_words(display: Display, build: Build, seed: int, most: int) -> Iterator[Words]:
+    """Yield a panel's pixel centres in chunks: all, or `SAMPLE` random ones of a panel of more than `most` pixels.
+
+    A build with aims gets a random point of the lenslet's cell for each.
     """
-    build = named.build
     random = np.random.default_rng(seed)
-    count = min(count, WHOLE)
-    words = Words(*word_sets.random_pixels(display, random, count), *word_sets.cell_aims(display, build, random, count))
-    config = configuration(display, build, build.model)
+    panel = display.panel
+    count = panel.width_px * panel.height_px
+    whole = count <= most
+    total = count if whole else min(SAMPLE, most)
+    for start in range(0, total, CHUNK):
+        size = min(CHUNK, total - start)
+        index = np.arange(start, start + size) if whole else random.integers(0, count, size)
+        row, column = np.divmod(index, panel.width_px)
+        u, v = words_of_pixels(display, np.stack([column, row], axis=1) + 0.5)
+        yield Words(u, v, *cell_aims(display, build, random, size))
+
+
+def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
+    """Return pixels on the edges and vertices of cells, within 1/16 pixel, and aims on edges and vertices likewise."""
+    random = np.random.default_rng(seed)
+    lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
+    edge, aimed = (ray_sets.edge_points(display, random, count, vertices=0.25) for _ in range(2))
+    size = panel_size(display)
+    near = words_of_pixels(display, np.clip(pixels_from_cells(display, lenslets, edge), 0.0, size))
+    limit = size.astype(np.int64)[:, None] << (PIXEL_FRACTION - 1)
+    u, v = np.clip(near + random.integers(-1, 2, (2, count)), -limit, limit)
+    if not build.aims:
+        return Words(u, v, 0 * u, 0 * u)
+    a, b = words_of_aims(display, aimed, build.fraction_bits) + random.integers(-2, 3, (2, count))
+    return Words(u, v, a, b)
+
+
+def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
+    """Return random pixels with aims up to one and a half pitches away."""
+    random = np.random.default_rng(seed)
+    reach = 3 << (build.fraction_bits - 1)
+    a, b = random.integers(-reach, reach + 1, (2, count))
+    return Words(*random_pixels(display, random, count), a, b)
+
+
+def boundary_words(display: Display, build: Build, seed: int, count: int) -> Words:
+    """Return rays on both sides of boundaries of golden's fates, down to one word of the aim.
+
+    For random pixels, the segment between two aims of different fates is bisected. It ends at a cell's edge on the
+    dome, at the critical angle, or at any other boundary of a fate.
+    """
+    random = np.random.default_rng(seed)
+    reach = 3 << (build.fraction_bits - 1)
+    u, v = random_pixels(display, random, count)
+    low, high = random.integers(-reach, reach + 1, (2, 2, count))
+    pixel = pixels_of_words(display, u, v)
+
+    def fates_of(a: Ints, b: Ints) -> Ints:
+        return fates(display, build.model, pixel, aims_of_words(display, a, b, build.fraction_bits))
+
+    wanted = fates_of(*low)
+    for _ in range(build.fraction_bits + 2):
+        middle = (low + high) >> 1
+        like_low = (fates_of(*middle) == wanted).all(axis=1)
+        low = np.where(like_low, middle, low)
+        high = np.where(like_low, high, middle)
+    differ = (fates_of(*high) != wanted).any(axis=1)
+    return Words(*np.tile([u[differ], v[differ]], 2), *np.concatenate([low[:, differ], high[:, differ]], axis=1))
+
+
+def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
+    """Return random words of pixels, anywhere on the panel."""
+    return words_of_pixels(display, ray_sets.random_pixels(display, random, count))
+
+
+def cell_aims(display: Display, build: Build, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
+    """Return words of random points of a cell; zeros for chief rays."""
+    points = ray_sets.random_aims(display, random, count) if build.aims else np.zeros((count, 2))
+    return words_of_aims(display, points, build.fraction_bits)
+
+
+def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
+    """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/lipp_aim.sv).
+
+    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at. In a build with
+    `converge` the latter alone counts, of the point that the line to the eye has in the cell.
+    """
+    if not build.aims:
+        return np.zeros(len(words.u), np.bool_)
+    array, lattice = display.array, System.of(display).lattice
+    start = in_cells_mm(display, pixels_of_words(display, words.u, words.v))
+    aim = aims_of_words(display, words.a, words.b, build.fraction_bits)
+    i, j, _, _ = lattice.locate(NumpyBackend(), *aim.T)
+    centre = np.stack(lattice.centre(i, j), axis=1)
+    if build.converge:
+        aim = centre
+    # The outermost word may go either way.
+    limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
+    apart = centre - start
+    found = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit
+    # Behind `shear` the words hold four times as much, and points are measured upright.
+    upright = 4.0 * limit if build.shear else limit
+    return np.asarray((found | (np.abs(apart) >= upright) | (np.abs(aim - start) >= upright)).any(axis=1))
+
+
+def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
+    """Return the aperture points of words, (N, 2), mm; None for a build without aims."""
+    return aims_of_words(display, words.a, words.b, build.fraction_bits) if build.aims else None
+
+
+def fates(display: Display, model: Model, pixel: Floats, aims: Floats | None) -> Ints:
+    """Return golden's fates of rays, (N, 5): status, lenslet left through, lenslet started in."""
+    rays = trace(display, pixel, aims, model)
+    return np.column_stack([rays.status, rays.lenslet, golden_start(display, pixel)]).astype(np.int64)
+
+
+def twin_start(display: Display, build: Build, u: Ints, v: Ints) -> tuple[Ints, Ints]:
+    """Return the lenslet in whose cell the twin sees a pixel."""
+    c, f = configuration(display, build, build.model), build.fraction_bits
+    x, _ = pixel_to_lattice(u, v, c.x_from_u, c.x_from_v, c.x_offset, f)
+    y, _ = pixel_to_lattice(u, v, c.y_from_u, c.y_from_v, c.y_offset, f)
+    i, j, *_ = (lenslet_hex if build.grid == "hex" else lenslet_square)(x, y, f)
+    return i, j
+
+
+def golden_start(display: Display, pixel: Floats) -> Ints:
+    """Return the lenslet in whose cell golden sees a pixel, (N, 2)."""
+    return located(display, pixel)[0].astype(np.int64)
+
+
+def edge_distance_nm(
+    display: Display, build: Build, words: Words, twin: Rays, stated: float, model: Model | None = None
+) -> Floats:
+    """Return how far rays are, by golden, from the edge where their fate changes to the twin's, (N,), nm.
+
+    Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden gives it the twin's
+    fate: the distance to a cell's edge, or to the critical angle, as a length. Golden calls next to no ray missed: a
+    ray that the twin calls missed is moved until golden gives it any other fate. The distance is infinite where a
+    displacement of 64 times the stated error changes nothing. `model` is the build's by default.
+    """
     pixel = pixels_of_words(display, words.u, words.v)
-    golden = trace(display, pixel, word_sets.aims_of(display, build, words), build.model)
-    turn_back = System.of(display).frame.turn_back
-    # Points and directions, in nm and microradian: golden's, and those of each hybrid run.
-    runs = [
-        np.stack([np.column_stack([*turn_back(*v.T[:2]), v[:, 2]]) * 1e6 for v in (golden.direction, golden.local_mm)])
-    ]
-    alive = compare(display, build, words).alive
-    steps = steps_of(build)
-    for point, direction, lenslet in hybrids(build, config, words):
-        runs.append(np.stack([direction * 1e6, point * display.array.radius_mm * 1e6]))
-        alive &= (lenslet == golden.lenslet).all(axis=1)
-    runs = [run[:, alive] for run in runs]
-
-    def row(step: str, share: Floats, left: Floats) -> dict[str, Any]:
-        found: dict[str, Any] = {"configuration": named.name, "display": display.name, "stage": step}
-        for prefix, moves in (("", share), ("left_", left)):
-            for quantity, move in zip(("direction_urad", "point_nm"), moves, strict=True):
-                length = np.linalg.norm(move, axis=1)
-                found[f"{prefix}max_{quantity}"] = float(length.max())
-                found[f"{prefix}rms_{quantity}"] = float((length**2).mean() ** 0.5)
-        return found
-
-    total = runs[-1] - runs[0]
-    shares = (after - before for before, after in itertools.pairwise(runs))
-    rows = [row(step, share, total - share) for step, share in zip(["configuration", *steps], shares, strict=True)]
-    return [*rows, row("all", total, 0.0 * total)]
-
-
-def measure_all(names: tuple[str, ...], scenes: Path, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Measure named configurations (all when none is named) on their displays, and the budgets of the exact ones."""
-    errors, steps = [], []
-    for named in chosen(names):
-        for display in named.displays(scenes):
-            sets = sets_of(named.build, display, seed)
-            errors += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]
-            steps += budget(named, display, seed) if named.build.model == "exact" else []
-    return errors, steps
-
-
-#: Columns of the report's budget, and those of `budget`.
-BUDGETED = {
-    "max_urad": "max_direction_urad",
-    "rms_urad": "rms_direction_urad",
-    "max_nm": "max_point_nm",
-    "rms_nm": "rms_point_nm",
-    "left_max_urad": "left_max_direction_urad",
-    "left_max_nm": "left_max_point_nm",
-}
-
-
-def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure the budgets of the plan's configurations, each on the founding paper's display with its grid."""
-    rows = []
-    for name in plan.budget:
-        logger.info("error budget: %s ...", name)
-        named = CONFIGURATIONS[name]
-        for step in budget(named, named.displays(scenes)[0], seed, min(BUDGET, plan.rays)):
-            values = {column: Measured(step[key]) for column, key in BUDGETED.items()}
-            rows.append({"configuration": name, "display": step["display"], "step": step["stage"], **values})
-    return Figures("report-budget", ("configuration", "display", "step"), rows)
+    aims = aims_of(display, build, words)
+    model = model or build.model
+    own = fates(display, model, pixel, aims)
+    wanted = np.column_stack([twin.status, twin.lenslet, *twin_start(display, build, words.u, words.v)])
+    lost = twin.status == int(Status.MISSED)
+    distance = np.full(len(pixel), np.inf)
+    turn = np.radians(22.5 + 45.0 * np.arange(8))
+    ways = [(p, q) for p, q in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)) if p or aims is not None]
+    for reach in REACHES:
+        step_mm = reach * stated * 1e-6
+        for angle in turn:
+            way = np.array([np.cos(angle), np.sin(angle)])
+            for on_panel, at_aim in ways:
+                # Rows of pixels go down.
+                moved = pixel + on_panel * step_mm / np.array(display.panel.pitches_mm) * way * (1.0, -1.0)
+                fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
+                same = np.where(lost, (fate != own).any(axis=1), (fate == wanted).all(axis=1))
+                distance[same] = np.minimum(distance[same], reach * stated)
+    return distance

@@ -7,26 +7,47 @@ budget by step.
 from __future__ import annotations
 
 import dataclasses
+import logging
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+from lippmann.base.images import Radiance
+from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.cli.frame import make_command
 from lippmann.cli.report import ReportOptions, write_report
 from lippmann.conformance import display_report, engine_speeds
 from lippmann.conformance.display_report import Comparison, Section, display_sections, make_report
-from lippmann.conformance.figures import Figures, Stored
+from lippmann.conformance.engine_speeds import Pictures, Simulation, errors, in_turn, random_rays
+from lippmann.conformance.figures import Figures, Measured, Stored, groups, read_csv, where
 from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
+from lippmann.display.description import Display
+from lippmann.engines import trace_fixed
+from lippmann.errors import input_error
+from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, Named
+from lippmann.rendering.sources import Aperture
+from lippmann.simulation.toolchain import repository
 
-from tools import fixed_errors, renderer_speed, report_builds, report_plots
+from tools import renderer_speed, stage_errors
+from tools.measured_page import SYNTHESIS
+from tools.report_plots import TEMPLATES, draw_lines
 
-TEMPLATES = Path(__file__).with_name("templates")
 #: The tables that are kept, in the order of the sections.
 TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "report-budget")
+logger = logging.getLogger("lippmann.report")
+#: The configurations that are simulated. Each of the others would take half a minute to compile.
+SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
+#: Figures of place-and-route in `SYNTHESIS`, and the sign with which each counts as a cost: a faster clock costs less.
+PLACED = {"lut": 1.0, "mult18x18d": 1.0, "dp16kd": 1.0, "ramw": 1.0, "mhz": -1.0}
+#: Columns that name a row.
+KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 
 
 @dataclass(frozen=True)
@@ -75,24 +96,148 @@ QUICK = Plan(
 def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
     """Return all sections, in the order of the page."""
     measured = (scenes, plan, seed)
-    builds = (report_plots.draw_costs, report_plots.draw_word_lengths)
+    builds = (draw_costs, draw_word_lengths)
     return [
         *display_sections(*measured),
-        Section("rtl", partial(report_builds.measure, *measured), builds),
-        Section("noise", partial(renderer_speed.measure_noise, *measured), (report_plots.draw_renderer,)),
-        Section("growth", partial(renderer_speed.measure_growth, *measured), (report_plots.draw_growth,)),
-        Section("budget", partial(fixed_errors.measure_budget, *measured), (report_plots.draw_budget,)),
+        Section("rtl", partial(measure_builds, *measured), builds),
+        Section("noise", partial(renderer_speed.measure_noise, *measured), (renderer_speed.draw_renderer,)),
+        Section("growth", partial(renderer_speed.measure_growth, *measured), (renderer_speed.draw_growth,)),
+        Section("budget", partial(stage_errors.measure_budget, *measured), (stage_errors.draw_budget,)),
     ]
 
 
 def template_names(tables: Mapping[str, Figures]) -> dict[str, Any]:
     """Return further names for the template."""
-    front = report_builds.on_front(tables["rtl"])
+    front = on_front(tables["rtl"])
     return {
         "powers": renderer_speed.powers_of(tables["growth"]),
         "front": [name for name, best in front.items() if best],
-        "placed": report_builds.placed()[0],
+        "placed": placed()[0],
     }
+
+
+def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
+    """Read the kept figures of place-and-route: their origin, and those of `PLACED` of each configuration.
+
+    Raises InputError when the file is missing or lacks a column.
+    """
+    path = repository() / SYNTHESIS
+    origin, rows = read_csv(path)
+    try:
+        return origin, {row["configuration"]: {key: float(row[key]) for key in PLACED} for row in rows}
+    except (KeyError, TypeError, ValueError) as error:
+        raise input_error(str(path), f"holds no figures of place-and-route ({error})", "run make synth") from None
+
+
+def configurations(plan: Plan) -> list[Named]:
+    """Return a plan's configurations: the named ones, and the exact ones of each word length that have no name."""
+    named = [c for name, c in CONFIGURATIONS.items() if plan.named or name in SIMULATED]
+    builds = {c.build for c in named}
+    lengths = [Build(bits, grid) for grid in DISPLAYS for bits in plan.fraction_bits]
+    return named + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
+
+
+def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
+    """Measure the plan's configurations, each on the founding paper's display with its grid."""
+    chosen, (_, sizes) = configurations(plan), placed()
+    logger.info("configurations of the RTL: simulation ...")
+    runs = {
+        c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
+        for c in chosen
+        if plan.simulate and c.name in SIMULATED
+    }
+    rates = in_turn({name: run.rtl_rate for name, run in runs.items()}, plan.rounds)
+
+    @cache
+    def pictures(display: Display) -> Pictures:
+        return Pictures.of(scenes, display, plan, seed)
+
+    @cache
+    def golden(display: Display, model: Any, aperture: Aperture) -> Radiance:
+        return pictures(display).integral(model, "golden", aperture=aperture)
+
+    rows = []
+    for named in chosen:
+        logger.info("configurations of the RTL: %s ...", named.name)
+        build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
+        aperture: Aperture = "full" if build.aims else "chief"
+        sample = random_rays(display, aperture, plan.rays, seed)
+        words = (build.model, build.fraction_bits)
+        twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
+        found = errors(sample.trace(), twin, pictures(display).scene.depth_range_mm)
+        picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
+        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
+        size = sizes.get(named.name)
+        keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
+        rows.append(
+            {
+                **dict(zip(KEYS, keys, strict=True)),
+                **{key: None if size is None else Measured(size[key]) for key in PLACED},
+                "simulated_rays_per_second": None if run is None else Measured.of(rates[named.name]),
+                "words_differ": None if run is None else Measured(run.words_differ()),
+                **{key: Measured(value) for key, value in found.items()},
+                "image_db": Measured.finite(own),
+                "exact_image_db": Measured.finite(whole),
+            }
+        )
+    return Figures("report-rtl", KEYS, rows)
+
+
+def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Tell which designs no other design dominates, from costs (N, columns); turn the sign of what should be large.
+
+    One dominates another when it costs no more in any column, and less in one. Designs of equal cost do not dominate
+    each other.
+    """
+    cost = np.asarray(costs, np.float64)
+    no_more = (cost[:, None] <= cost[None]).all(axis=2)
+    less = (cost[:, None] < cost[None]).any(axis=2)
+    return np.asarray(~(no_more & less).any(axis=0))
+
+
+def on_front(data: Figures) -> dict[str, bool]:
+    """Tell which placed configurations are on the Pareto front of those with the same display and rays.
+
+    The costs are the cells of each kind, the clock, and the largest error in the scene against the exact model.
+    """
+    found: dict[str, bool] = {}
+    for rows in groups((row for row in data.rows if row["mhz"] is not None), "display", "rays"):
+        costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in rows]
+        found |= dict(zip((row["configuration"] for row in rows), pareto_front(costs).tolist(), strict=True))
+    return found
+
+
+def draw_costs(data: Figures) -> Plot:
+    """Draw cells and clock against error of the placed configurations."""
+    picture, axes = make_axes(1, 2)
+    for name, best in on_front(data).items():
+        (row,) = where(data.rows, configuration=name)
+        square = row["grid"] == "square"
+        colour = COLOURS[[*DISPLAYS].index(row["grid"])]
+        for axis, key in zip(axes[0], ("lut", "mhz"), strict=True):
+            at = (row[key].median, row["max_mm"].median)
+            axis.plot(*at, "o", color=colour, fillstyle="full" if best else "none")
+            # The marks lie close together: names of square grids stand right of them, of hexagonal ones left.
+            axis.annotate(
+                name, at, xytext=(4 if square else -4, 4), textcoords="offset points",
+                ha="left" if square else "right", color=colour, fontsize=7,
+            )  # fmt: skip
+    for axis, label in zip(axes[0], ("LUT", "clock, MHz = M rays/s"), strict=True):
+        axis.set(yscale="log", xlabel=label, ylabel="largest error in the scene, mm")
+        axis.margins(x=0.3, y=0.2)
+    return Plot("report-rtl", finish_picture(picture))
+
+
+def draw_word_lengths(data: Figures) -> Plot:
+    """Draw the error of the exact pipeline's rays and pictures over its word length."""
+    picture, axes = make_axes(1, 2)
+    exact = where(data.rows, model="exact", rays="chief")
+    rows = [row for row in exact if row["display"] == DISPLAYS[row["grid"]][0]]
+    for axis, key in zip(axes[0], ("max_mm", "image_db"), strict=True):
+        draw_lines(axis, sorted(rows, key=lambda row: int(row["fraction_bits"])), "grid", "fraction_bits", key)
+    axes[0][0].set(yscale="log", xlabel="F, fraction bits", ylabel="largest error in the scene, mm")
+    axes[0][1].set(xlabel="F, fraction bits", ylabel="integral image against golden, dB")
+    return Plot("report-word-lengths", finish_picture(picture))
 
 
 @make_command("full_report")
@@ -106,7 +251,7 @@ def main(options: ReportOptions = ReportOptions) -> None:  # type: ignore[assign
     """
 
     def measure(scenes: Path, before: Stored | None) -> tuple[Page, Comparison]:
-        report_builds.placed()  # a missing file is told before anything is measured
+        placed()  # a missing file is told before anything is measured
         plan, words = QUICK if options.quick else WHOLE, f"python -m tools.full_report {options.words()}"
         sections = make_sections(scenes, plan, options.seed)
         return make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)

@@ -2,7 +2,8 @@
 
 `python -m tools.generate_tables` (`make docs-tables`) writes them. A page holds a table between
 `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; that of the coverage points between `<!-- points -->` and
-`<!-- end of points -->`, that of the promises between `<!-- promises -->` and `<!-- end of promises -->`.
+`<!-- end of points -->`, that of the promises of docs/promises.toml between `<!-- promises -->` and
+`<!-- end of promises -->`.
 """
 
 from __future__ import annotations
@@ -10,22 +11,24 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import click
-from lippmann.base.toml import Schema, bounds_text, rivals, tables
+from lippmann.base import toml
+from lippmann.base.toml import Schema, bounds_text, documented, key, rivals, tables
 from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS
-from lippmann.errors import input_error
+from lippmann.errors import did_you_mean, input_error
 from lippmann.simulation.toolchain import repository
-
-from tools import promises
 
 SCHEMAS = Path("docs/reference/schemas")
 POINTS_MARKED = re.compile(r"(<!-- points -->\n).*?(<!-- end of points -->)", re.S)
 PROMISES_MARKED = re.compile(r"(<!-- promises -->\n).*?(<!-- end of promises -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
+FILE = Path("docs/promises.toml")
 
 
 def generate(top: Path) -> dict[Path, str]:
@@ -35,7 +38,7 @@ def generate(top: Path) -> dict[Path, str]:
         text = page.read_text()
         filled = POINTS_MARKED.sub(lambda place: place[1] + _points() + place[2], MARKED.sub(_filled, text))
         if PROMISES_MARKED.search(filled):
-            filled = PROMISES_MARKED.sub(lambda place: place[1] + promises.table(top) + place[2], filled)
+            filled = PROMISES_MARKED.sub(lambda place: place[1] + promises_table(top) + place[2], filled)
         if MARKED.search(text) or POINTS_MARKED.search(text) or PROMISES_MARKED.search(text):
             made[page.relative_to(top)] = filled
     return made
@@ -58,16 +61,16 @@ def _filled(place: re.Match[str]) -> str:
     groups = {group[0]: group for group, _ in rivals(known[name])}
     replaced = {key for group in groups.values() for key in group[1:]}
     lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
-    for key in (key for first in properties if first not in replaced for key in groups.get(first, [first])):
-        node = properties[key]
+    for word in (word for first in properties if first not in replaced for word in groups.get(first, [first])):
+        node = properties[word]
         if not name and ("properties" in node or "properties" in (node.get("items") or {})):
             continue  # it has a table of its own
         default = node.get("x-default", _toml(node.get("default", "")))
-        if key in required:
+        if word in required:
             default = "*required*"
-        elif key in groups and not default:
+        elif word in groups and not default:
             default = "*one of these*"
-        cells = (f"`{key}`", _value(node), default, node.get("description", ""))
+        cells = (f"`{word}`", _value(node), default, node.get("description", ""))
         lines.append(f"| {' | '.join(cells)} |")
     return place[1] + "\n".join(lines) + "\n" + place[4]
 
@@ -101,6 +104,73 @@ def _toml(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     return f'`"{value}"`' if isinstance(value, str) and value else str(value)
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Promise:
+    """A promise, as a page says it."""
+
+    page: Annotated[str, key("the page, from the top of the checkout")]
+    words: Annotated[str, key("words that the page has; line ends are spaces")]
+    kept_by: Annotated[tuple[str, ...], key("files that keep it: modules, RTL")]
+    tests: Annotated[tuple[str, ...], key("tests that hold it, `FILE::NAME`")]
+    points: Annotated[tuple[str, ...], key("coverage points that judged rays meet for it")] = ()
+
+
+@documented
+@dataclass(frozen=True, kw_only=True)
+class Promises:
+    """The file of promises."""
+
+    promise: Annotated[tuple[Promise, ...], key("")]
+
+
+def promises_table(top: Path) -> str:
+    """Return the table of all promises, in the order of the file.
+
+    Raises InputError for a promise with a page, words, a file, a test or a point that is not there.
+    """
+    path = top / FILE
+    promises = toml.read(Promises, toml.load(path, "promises"), str(path)).promise
+    rows = ["| promise | kept by | held by |\n|---|---|---|\n"]
+    for number, promise in enumerate(promises):
+        _check(top, promise, f"{FILE}: promise[{number}]")
+        held = [*map(_test_link, promise.tests), *(f"[{point}](coverage.md)" for point in promise.points)]
+        said = f"{promise.words} ([{Path(promise.page).stem}]({_from_page(promise.page)}))"
+        rows.append(f"| {said} | {', '.join(map(_link, promise.kept_by))} | {', '.join(held)} |\n")
+    return "".join(rows)
+
+
+def _check(top: Path, promise: Promise, where: str) -> None:
+    for file in (promise.page, *promise.kept_by, *(test.partition("::")[0] for test in promise.tests)):
+        if not (top / file).is_file():
+            raise input_error(where, f"there is no file {file}", "name the file as it is called now")
+    if promise.words not in " ".join((top / promise.page).read_text().split()):
+        raise input_error(f"{where}.words", f"{promise.page} does not say '{promise.words}'", "quote what it says now")
+    for test in promise.tests:
+        file, _, name = test.partition("::")
+        names = re.findall(r"^(?:async )?def (\w+)\(", (top / file).read_text(), re.M)
+        if name not in names:
+            remedy = did_you_mean(name, names) or "name a test of this file, FILE::NAME"
+            raise input_error(f"{where}.tests", f"{file} has no test '{name}'", remedy)
+    for point in promise.points:
+        if point not in POINTS:
+            remedy = did_you_mean(point, POINTS) or f"choose from {', '.join(POINTS)}"
+            raise input_error(f"{where}.points", f"there is no coverage point '{point}'", remedy)
+
+
+def _from_page(file: str) -> str:
+    return str(Path(file).relative_to("docs/reference")) if file.startswith("docs/reference/") else f"../../{file}"
+
+
+def _link(file: str) -> str:
+    return f"[{Path(file).name}]({_from_page(file)})"
+
+
+def _test_link(test: str) -> str:
+    file, _, name = test.partition("::")
+    return f"[{name}]({_from_page(file)})"
 
 
 @click.command()

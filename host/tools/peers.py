@@ -40,10 +40,10 @@ from lippmann.scenes.scene import Scene
 from PIL import Image as PngImage
 from scipy import ndimage
 
-from tools.bench import Bench, measurement
-from tools.picture_strips import every_strip, rows_of_strips
+from tools.bench import MeasurementRun, measurement
 from tools.report_plots import make_page, row_of
 from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
+from tools.shading_speed import every_strip, rows_of_strips
 
 #: Side of the windows whose pictures are compared, px.
 PICTURE_PX = 600
@@ -307,7 +307,7 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -
 
 
 @measurement(page="peers")
-def peers(bench: Bench) -> tuple[Mapping[str, Any], Page]:
+def peers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
     """Compare picture and time with POV-Ray. POV-Ray's pictures are kept in out/peers and not rendered again.
 
     Example: python -m tools.bench peers

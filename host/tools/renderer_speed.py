@@ -21,17 +21,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from lippmann.base.images import Radiance
+from lippmann.base.machine import gpu_name
 from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.engine_speeds import in_turn, middle
-from lippmann.conformance.figures import Figures, Measured, groups
+from lippmann.conformance.figures import Figures, Measured, groups, values
+from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Array, Display, display_text, load_display
 from lippmann.errors import LippmannError
+from lippmann.rendering.coherence import coherence_hint
 from lippmann.rendering.renderer import Settings, make_integrator, render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 
+from tools.report_plots import draw_lines
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from tools.full_report import Plan
 
 logger = logging.getLogger("lippmann.report")
@@ -47,6 +54,13 @@ TRIANGLES, LIGHTS = 20_000, 2
 ROUNDS, CAMERA_MM = 3, 600.0
 #: Renders that `tools.bench render` times in a process of their own: display and samples a pixel.
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
+#: Displays and samples a pixel; the larger ones for a GPU, which a small picture leaves idle.
+CPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1))
+GPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1), ("uhd-4k", 16))
+#: The integrators that do one stage more each, by the stage's name.
+STAGES = {"optics": "nothing", "camera": "first_hit", "shading": "unshadowed", "shadows": "lights"}
+#: Times of a whole process, in their order.
+PROCESS = ("start_seconds", "load_seconds", "prepare_seconds", "seconds", "write_seconds")
 
 
 def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radiance] | None = None) -> Work:
@@ -353,3 +367,127 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         for integrator, chosen in settings.items():
             row = against_perspective(scene, display, chosen)
             yield {"what": f"against Mitsuba's perspective, {name}, {integrator}, 4 samples", **row}
+
+
+def register_stages() -> None:
+    """Register integrators that end early: `nothing` after the optics, `first_hit` after the camera rays' hits."""
+    mi = mitsuba()
+    import drjit as dr
+
+    base: Any = mi.SamplingIntegrator
+
+    class Nothing(base):  # type: ignore[misc]
+        def sample(
+            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
+        ) -> tuple[Any, Any, list[Any]]:
+            # Uses all of the ray, so that the compiler leaves none of the optics out.
+            return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
+
+    class FirstHit(base):  # type: ignore[misc]
+        def sample(
+            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
+        ) -> tuple[Any, Any, list[Any]]:
+            hit = scene.ray_intersect_preliminary(ray, coherent=coherence_hint(mi.UInt32(0)), active=active)
+            return mi.Spectrum(dr.select(hit.is_valid(), hit.t + hit.prim_uv.x, 0.0)), active, []
+
+    class Unshadowed(base):  # type: ignore[misc]
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            depth = props.get("max_depth", 4)
+            self.lights = mi.load_dict({"type": "lights", "max_depth": depth, "shadows": False})
+
+        def sample(
+            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
+        ) -> tuple[Any, Any, list[Any]]:
+            found: tuple[Any, Any, list[Any]] = self.lights.sample(scene, sampler, ray, medium, active)
+            return found
+
+    for name, one in (("nothing", Nothing), ("first_hit", FirstHit), ("unshadowed", Unshadowed)):
+        mi.register_integrator(name, one)
+
+
+def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
+    """Time renders that do one stage more each, in turn; return each one's seconds, and pixels a second to the hits.
+
+    `shared_seconds` are those of all stages, with shared light.
+
+    Compilation is left out, and so is what a stage adds to the next by making rays wait for each other.
+    """
+    register_stages()
+    each = replace(settings, shading="each")
+    works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}
+    works["shared"] = timed(scene, display, replace(settings, shading="shared"))
+    seconds = {stage: float(np.median(times)) for stage, times in in_turn(works, ROUNDS).items()}
+    pixels = display.panel.width_px * display.panel.height_px * settings.samples
+    return {
+        **{f"{stage}_seconds": value for stage, value in seconds.items()},
+        "pixels_per_second": pixels / seconds["camera"],
+    }
+
+
+def measure_stages(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of `tools.bench stages`: `what`, and its figures."""
+    device, fish = current_device(), scenes / "fish/fish.xml"
+    scene = load_scene(fish)
+    for name, samples in GPU_RENDERS if device == "cuda" else CPU_RENDERS:
+        what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
+        path = scenes / f"displays/{name}.toml"
+        within = stages(scene, load_display(path), Settings(samples=samples, seed=seed))
+        whole = separately(device, fish, path, samples, PROCESS)
+        yield {"what": what, "gpu": gpu_name() if device == "cuda" else "", **within, **whole}
+
+
+#: Labels of the sizes over which growth is measured. The others are called as in the rows.
+GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
+
+
+def draw_renderer(data: Figures) -> Plot:
+    """Draw the render time against noise and against PSNR."""
+    picture, axes = make_axes(1, 2)
+    for axis, key in zip(axes[0], ("noise", "psnr_db"), strict=True):
+        # A picture without random numbers has no noise, and no place on the logarithmic axis.
+        draw_lines(axis, [row for row in data.rows if row[key].median > 0.0], "integrator", "seconds", key)
+    axes[0][0].set(xscale="log", yscale="log", xlabel="seconds", ylabel="noise, levels of 255")
+    axes[0][1].set(xscale="log", xlabel="seconds", ylabel=f"PSNR against {REFERENCE}, dB")
+    return Plot("report-renderer", finish_picture(picture))
+
+
+def draw_growth(data: Figures) -> Plot:
+    """Draw render time over each size that was varied, and memory over pixels."""
+    picture, axes = make_axes(2, 4, (3.2, 2.8))
+    free = iter(axes.ravel())
+    for rows in groups(data.rows, "with"):
+        axis, name = next(free), str(rows[0]["with"])
+        sizes, times = values(rows, "size"), np.array(values(rows, "seconds"))
+        relative = np.array(sizes) / sizes[0]
+        axis.plot(sizes, times, "o-", color=COLOURS[0])
+        axis.plot(
+            sizes, times[0] * (1.0 / relative if name == "threads" else relative), "--", color="grey", linewidth=1
+        )
+        middle = float(np.exp(np.log(times).mean()))
+        # At least a decade, so that noise does not look like growth.
+        limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
+        axis.set(xscale="log", yscale="log", ylabel="seconds", ylim=limits)
+        _mark_sizes(axis, sizes, GROWTH.get(name, name))
+    memory = next(free)
+    rows = [row for row in data.rows if row["memory_mb"] is not None]
+    memory.plot(values(rows, "size"), values(rows, "memory_mb"), "s-", color=COLOURS[1])
+    memory.set(xscale="log", ylabel="peak memory, MB", ylim=(0.0, None))
+    _mark_sizes(memory, values(rows, "size"), "pixels")
+    for axis in free:
+        axis.remove()
+    return Plot("report-growth", finish_picture(picture))
+
+
+def _mark_sizes(axis: Axes, sizes: Sequence[float], label: str) -> None:
+    """Put ticks at the measured sizes only."""
+    axis.set_xlabel(label)
+    axis.set_xticks(sizes, [size_label(size) for size in sizes], fontsize=8)
+    axis.set_xticks([], minor=True)
+
+
+def size_label(size: float) -> str:
+    """Return a size in three digits and with a prefix: labels must not run into each other."""
+    from matplotlib.ticker import EngFormatter
+
+    return str(EngFormatter(sep="")(float(f"{size:.3g}")))

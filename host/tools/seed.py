@@ -31,7 +31,7 @@ from lippmann.rendering.sources import RaySource, Window, eye_source
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
 
-from tools.bench import Bench, measurement
+from tools.bench import MeasurementRun, measurement
 from tools.renderer_speed import with_pitch
 from tools.report_plots import make_page, row_of
 
@@ -232,7 +232,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) 
 
 @measurement(page="seed")
 def seed(
-    bench: Bench,
+    bench: MeasurementRun,
     quick: bool = option("A trial: the windows are too small to measure anything.", False),
 ) -> tuple[Mapping[str, Any], Page]:
     """Repeat the founding paper's benchmark with Lippmann and with POV-Ray.

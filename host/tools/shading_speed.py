@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import math
+import sys
 import xml.etree.ElementTree as Xml
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from lippmann.base.files import scratch_folder
 from lippmann.base.images import Radiance
-from lippmann.base.tones import psnr_db
+from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import drjit, mitsuba
 from lippmann.capturing.capture import capture, placement_before
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.conformance.engine_speeds import EYE_MM, VIEW_SAMPLES
+from lippmann.conformance.engine_speeds import EYE_MM, VIEW_SAMPLES, middle
+from lippmann.conformance.figures import Rows, groups
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import Plot, finish_picture, make_axes
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.rendering.renderer import Rendered, Settings, Shading, render_integral, render_rays
+from lippmann.rendering.samples import TILE_PX
 from lippmann.rendering.shading import SharedProgram
-from lippmann.rendering.sources import display_source
+from lippmann.rendering.sources import Lines, RaySource, display_source
 from lippmann.rendering.surface_lattice import NONE, Place
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
 
-from tools.picture_strips import every_strip, rows_of_strips
+from tools.bench import MeasurementRun, measurement
+from tools.report_plots import contact_sheet, draw_lines, make_page
 
 #: Display, numbers of lamps, and samples a pixel.
 DISPLAY, LAMPS, SAMPLES = "paper-square", (1, 2, 5, 20), (1, 2, 4, 8)
@@ -38,6 +46,15 @@ SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse
 SHADINGS: tuple[Shading, ...] = ("each", "shared", "auto")
 #: Factor on the differences of the map.
 MAP_GAIN = 50.0
+#: Side of the middle of the display that is rendered for the pilots, px.
+SIDE_PX = 480
+#: Samples of a pilot picture, the fewest that are spread; pilots from which the true error is known.
+PILOT, PICTURES = 2, 16
+#: Samples of a finer picture, which shows how fast the error falls, and of the reference.
+FINE, REFERENCE = 16, 256
+#: Samples a pixel of the even picture whose noise is to be met, by samples that go where the noise is.
+EVEN_SAMPLES = (4, 8, 16)
+Field = npt.NDArray[np.float64]
 
 
 class Decoupled(SharedProgram):
@@ -156,3 +173,161 @@ def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]
 
 def _seen(picture: Radiance, display: Display) -> Radiance:
     return observe(picture, display, Eye(EYE_MM), whole_window(display), VIEW_SAMPLES).radiance
+
+
+def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure what samples could save that go where the noise is: by each pixel's, or tile's, known or estimated noise.
+
+    A pixel of n samples has the mean squared error v / n^p, with p of the whole picture: 1 for samples at random, more
+    for even ones. The fewest samples for a mean error are those with n in proportion to v^(1 / (1 + p)) (Lagrange), but
+    each pixel needs a few before its noise is known.
+
+    Yields `scene`, `samples`, and by how much fewer samples, on average, meet the same noise: factors.
+
+    `pixel`: each pixel's error is known; `tile`: each tile's is; `found`: each pixel's is estimated from two pilots,
+    averaged over its neighbours, with all pilots counted. `power` is p.
+    """
+    display = middle(load_display(scenes / f"displays/{DISPLAY}.toml"), SIDE_PX)
+    for name in SCENES:
+        scene = load_scene(scenes / f"{name}/{name}.xml")
+        exact = _encoded(scene, display, seed + PICTURES, REFERENCE)
+        pictures = [_encoded(scene, display, seed + k, PILOT) for k in range(PICTURES)]
+        of_pilots = np.mean([_apart(picture, exact) for picture in pictures], axis=0)
+        of_fine = _apart(_encoded(scene, display, seed, FINE), exact)
+        power = math.log(of_pilots.mean() / of_fine.mean()) / math.log(FINE / PILOT)
+        true = of_pilots * PILOT**power
+        known = {"pixel": true, "tile": _of_tiles(true)}
+        pilots = _smoothed(_apart(pictures[0], pictures[1]))
+        for samples in EVEN_SAMPLES:
+            factors = {
+                way: samples / samples_needed(true, guess, samples, PILOT, power) for way, guess in known.items()
+            }
+            factors["found"] = samples / samples_needed(true, pilots, samples, 2 * PILOT, power)
+            yield {"scene": name, "samples": samples, "power": power, **factors}
+
+
+def samples_needed(true: Field, guess: Field, samples: float, least: float, power: float) -> float:
+    """Return the mean number of samples that meets the mean error, true / n^power, of `samples` everywhere.
+
+    They are shared out by a guess of the error, and each pixel has `least` at least.
+    """
+    wanted, share = true.mean() / samples**power, guess ** (1.0 / (1.0 + power))
+
+    def numbers(factor: float) -> Field:
+        return np.maximum(least, factor * share)
+
+    def error(factor: float) -> float:
+        return float((true / numbers(factor) ** power).mean())
+
+    if error(0.0) <= wanted:
+        return least
+    low, high = 0.0, 1.0
+    while error(high) > wanted:
+        high *= 2.0
+        if high > 1e12:  # some noise that the guess denies: nothing but more samples for all helps
+            return samples
+    for _ in range(60):
+        factor = 0.5 * (low + high)
+        low, high = (factor, high) if error(factor) > wanted else (low, factor)
+    return float(min(numbers(high).mean(), samples))
+
+
+def _encoded(scene: Scene, display: Display, seed: int, samples: int) -> Field:
+    # Plain means, so that one law of noise holds for pilots and for pictures of many samples.
+    source = replace(display_source(display, "exact", samples), owner=None)
+    rendered = render_rays(scene, source, Settings(samples, seed=seed, shading="each"))
+    return encode(rendered.radiance, "srgb").astype(np.float64)
+
+
+def _apart(one: Field, other: Field) -> Field:
+    """Return the squared difference of each pixel, of all colours together."""
+    return np.asarray(((one - other) ** 2).sum(axis=-1))
+
+
+def _of_tiles(values: Field) -> Field:
+    """Return each pixel's mean over its tile."""
+    rows, columns = (length // TILE_PX for length in values.shape)
+    tiles = values.reshape(rows, TILE_PX, columns, TILE_PX).mean(axis=(1, 3))
+    return np.kron(tiles, np.ones((TILE_PX, TILE_PX)))
+
+
+def _smoothed(values: Field) -> Field:
+    """Return each pixel's mean over itself and its eight neighbours."""
+    from scipy.ndimage import uniform_filter
+
+    # Its running sums round to less than 0.
+    return np.asarray(np.maximum(uniform_filter(values, 3, mode="nearest"), 0.0))
+
+
+def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
+    """Return a part of a picture: every so many strips of so many rows (`rows_of_strips`)."""
+    mi = mitsuba()
+
+    def moved(b: Any, v: Any) -> tuple[Any, Any]:
+        strip = b.floor(v * (1.0 / rows))
+        return strip, v + (strip * (every - 1.0) + every // 2) * rows
+
+    def lines(b: Any, u: Any, v: Any, square: Any) -> Lines:
+        return source.lines(b, u, moved(b, v)[1], square)
+
+    height = source.height_px // (every * rows) * rows
+    taken = replace(source, height_px=height, lines=lines, owner=None)
+    owner_of = source.owner
+    if owner_of is None:
+        return taken
+
+    def owner(b: Any, u: Any, v: Any) -> Any:
+        strip, v = moved(b, v)
+        # The strip's number is added, so that pixels of two strips never share.
+        return owner_of(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
+
+    return replace(taken, owner=owner)
+
+
+def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.int64]:
+    """Return the picture's rows that `every_strip` takes, from the middle of the first group of strips on."""
+    strips = np.arange(height_px // (every * rows)) * every + every // 2
+    taken: npt.NDArray[np.int64] = (strips[:, None] * rows + np.arange(rows)).ravel()
+    return taken
+
+
+@measurement(page="shading")
+def shading(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
+    """Measure time against error of light that each ray finds, that a pixel's surfaces share, and that lenslets share.
+
+    And what samples could save that go where the noise is.
+
+    Example: python -m tools.bench shading
+    """
+    with scratch_folder() as folder:
+        rows = bench.collect(curves(bench.scenes, folder, bench.seed))
+    pairs = bench.collect(likeness(bench.scenes, bench.seed))
+    saved = bench.collect(samples_saved(bench.scenes, bench.seed))
+    views = None if bench.report is None else error_map(bench.scenes, bench.seed)
+    tables = {"shading": rows, "shading-likeness": pairs, "shading-adaptive": saved}
+    return tables, shading_page(bench.origin, tables, views)
+
+
+def shading_page(
+    origin: Mapping[str, str], tables: Mapping[str, Rows], views: tuple[list[Radiance], list[str]] | None = None
+) -> Page:
+    """Return the page of `tools.bench shading`; `views` are the pictures of its sheet, and captions."""
+    drawn = [draw_shading(tables["shading"]), *contact_sheet("shading-map", views, 3)]
+    context = {
+        "rows": tables["shading"], "pairs": tables["shading-likeness"], "saved": tables["shading-adaptive"],
+        "constants": sys.modules[__name__],
+    }  # fmt: skip
+    return make_page("shading", origin, drawn, tables, context)
+
+
+def draw_shading(rows: Rows) -> Plot:
+    """Draw the error of ways to shade over their time, a picture for each number of lamps."""
+    kinds = groups(rows, "lamps")
+    picture, axes = make_axes(1, len(kinds), (3.4, 3.2))
+    for axis, kind in zip(axes[0], kinds, strict=True):
+        draw_lines(axis, kind, "way", "seconds", "panel_db")
+        lamps = kind[0]["lamps"]
+        axis.set(
+            xlim=(0.0, None), xlabel="seconds", ylabel="panel, dB", title=f"{lamps} lamp{'s' if lamps > 1 else ''}"
+        )
+    return Plot("shading", finish_picture(picture))

@@ -9,23 +9,51 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import itertools
+import logging
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from lippmann.display.description import Grid
+from lippmann.cli.frame import option
+from lippmann.conformance.figures import Figures, Measured, Rows, columns, groups, values, where
+from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
+from lippmann.display.description import Display, Grid
+from lippmann.engines import trace
 from lippmann.fixed import ray_pipeline
-from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import Configuration
+from lippmann.fixed.build import CONFIGURATIONS, Build, Named, chosen
+from lippmann.fixed.configuration import Configuration, configuration
+from lippmann.fixed.conversion import pixels_of_words
 from lippmann.fixed.meet_dome import Meeting
 from lippmann.fixed.words import OFFSET_FRACTION, Ints, extra_bits
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.rays import Floats
+from lippmann.optics.system import System
 
-from tools.word_sets import Words
+from tools.bench import MeasurementRun, measurement
+from tools.fixed_errors import (
+    BUDGET,
+    MAXIMA,
+    SAMPLE,
+    WHOLE,
+    Words,
+    aims_of,
+    cell_aims,
+    compare,
+    measure,
+    random_pixels,
+    sets_of,
+)
+from tools.report_plots import draw_bar_charts, draw_bars, make_page
 
+if TYPE_CHECKING:
+    from tools.full_report import Plan
+
+logger = logging.getLogger("lippmann.report")
 #: The registers and the ray between two steps, under the names of the twin's parameters: words, or numbers.
 State = dict[str, Any]
 Steps = Mapping[str, Callable[..., Any]]
@@ -274,3 +302,134 @@ FLOAT: Steps = {
     "lenslet_hex": partial(_lenslet, "hex"),
     **{step.__name__.removeprefix("_"): step for step in _FLOAT},
 }
+
+
+def draw_budget(data: Figures) -> Plot:
+    """Draw each step's share of the RTL's error, a column for each configuration."""
+    columns = groups(data.rows, "configuration")
+    picture, axes = make_axes(2, len(columns), (3.4, 3.0))
+    for across, rows in enumerate(columns):
+        # The columns share their labels: steps without the grid.
+        steps = [row["step"].removesuffix("_square").removesuffix("_hex") if across == 0 else "" for row in rows]
+        colours = [*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]]
+        for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
+            draw_bars(axis, steps, values(rows, key), color=colours)
+            axis.set(xlabel=f"rms, {unit}", title=rows[0]["configuration"])
+    return Plot("report-budget", finish_picture(picture))
+
+
+#: Columns of the report's budget, and those of `budget`.
+BUDGETED = {
+    "max_urad": "max_direction_urad",
+    "rms_urad": "rms_direction_urad",
+    "max_nm": "max_point_nm",
+    "rms_nm": "rms_point_nm",
+    "left_max_urad": "left_max_direction_urad",
+    "left_max_nm": "left_max_point_nm",
+}
+
+
+def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> list[dict[str, Any]]:
+    """Return what each step adds to the error of an exact configuration, over random pixels (and aims in the cell).
+
+    The rows are in the order of the ray. The first is the rounding of the configuration's words, the last the whole.
+    Each has how far the step's rounding moves the ray, and under `left_` the error that is left if it were exact.
+    """
+    build = named.build
+    random = np.random.default_rng(seed)
+    count = min(count, WHOLE)
+    words = Words(*random_pixels(display, random, count), *cell_aims(display, build, random, count))
+    config = configuration(display, build, build.model)
+    pixel = pixels_of_words(display, words.u, words.v)
+    golden = trace(display, pixel, aims_of(display, build, words), build.model)
+    turn_back = System.of(display).frame.turn_back
+    # Points and directions, in nm and microradian: golden's, and those of each hybrid run.
+    runs = [
+        np.stack([np.column_stack([*turn_back(*v.T[:2]), v[:, 2]]) * 1e6 for v in (golden.direction, golden.local_mm)])
+    ]
+    alive = compare(display, build, words).alive
+    steps = steps_of(build)
+    for point, direction, lenslet in hybrids(build, config, words):
+        runs.append(np.stack([direction * 1e6, point * display.array.radius_mm * 1e6]))
+        alive &= (lenslet == golden.lenslet).all(axis=1)
+    runs = [run[:, alive] for run in runs]
+
+    def row(step: str, share: Floats, left: Floats) -> dict[str, Any]:
+        found: dict[str, Any] = {"configuration": named.name, "display": display.name, "stage": step}
+        for prefix, moves in (("", share), ("left_", left)):
+            for quantity, move in zip(("direction_urad", "point_nm"), moves, strict=True):
+                length = np.linalg.norm(move, axis=1)
+                found[f"{prefix}max_{quantity}"] = float(length.max())
+                found[f"{prefix}rms_{quantity}"] = float((length**2).mean() ** 0.5)
+        return found
+
+    total = runs[-1] - runs[0]
+    shares = (after - before for before, after in itertools.pairwise(runs))
+    rows = [row(step, share, total - share) for step, share in zip(["configuration", *steps], shares, strict=True)]
+    return [*rows, row("all", total, 0.0 * total)]
+
+
+def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
+    """Measure the budgets of the plan's configurations, each on the founding paper's display with its grid."""
+    rows = []
+    for name in plan.budget:
+        logger.info("error budget: %s ...", name)
+        named = CONFIGURATIONS[name]
+        for step in budget(named, named.displays(scenes)[0], seed, min(BUDGET, plan.rays)):
+            values = {column: Measured(step[key]) for column, key in BUDGETED.items()}
+            rows.append({"configuration": name, "display": step["display"], "step": step["stage"], **values})
+    return Figures("report-budget", ("configuration", "display", "step"), rows)
+
+
+def measure_all(names: tuple[str, ...], scenes: Path, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Measure named configurations (all when none is named) on their displays, and the budgets of the exact ones."""
+    errors, steps = [], []
+    for named in chosen(names):
+        for display in named.displays(scenes):
+            sets = sets_of(named.build, display, seed)
+            errors += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]
+            steps += budget(named, display, seed) if named.build.model == "exact" else []
+    return errors, steps
+
+
+@measurement(page="fixed-point-error", packages=("numpy",))
+def fixed(
+    bench: MeasurementRun,
+    configuration: tuple[str, ...] = option(
+        "Measure only this; may be repeated.", (), str, multiple=True, metavar="NAME"
+    ),
+) -> tuple[Mapping[str, Any], Page]:
+    """Measure the error of the fixed-point pipeline against golden, and the share of each step.
+
+    Example: python -m tools.bench fixed --configuration widest-square
+    """
+    rows, shares = measure_all(configuration, bench.scenes, bench.seed)
+    return {"rows": rows, "budget": shares}, fixed_page(bench.origin, rows, shares)
+
+
+def fixed_page(origin: Mapping[str, str], rows: Rows, budget: Rows) -> Page:
+    """Return the page of `tools.bench fixed`."""
+    worst = []
+    for group in groups(rows, "configuration"):
+        kept = [kept for kept in values(group, "kept") if kept is not None]
+        most = max(group, key=lambda row: float(row["max_weighted_urad"]))
+        counts = ("rays", "status_differs", "lenslet_differs", "refused", "lost")
+        worst.append(
+            {
+                **{key: most[key] for key in ("configuration", "fraction_bits", "display")},
+                **{key: max(values(group, key)) for key in MAXIMA},
+                **{key: sum(values(group, key)) for key in counts},
+                "kept": all(kept) if kept else None,
+            }
+        )
+    steps = []
+    for named in groups(budget, "configuration"):
+        *shares, whole = where(named, display=named[0]["display"])
+        largest = max(shares, key=lambda row: float(row["rms_direction_urad"]))
+        steps.append({**largest, "whole_urad": whole["rms_direction_urad"], "whole_nm": whole["rms_point_nm"]})
+    charts = columns(worst, {"weighted direction, microradian": "max_weighted_urad", "exit point, nm": "max_point_nm"})
+    plot = draw_bar_charts("fixed-point-error", values(worst, "configuration"), charts, xscale="log")
+    context = {"worst": worst, "steps": steps, "budget_rays": BUDGET, "complete_px": WHOLE, "sample": SAMPLE}
+    return make_page(
+        "fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context
+    )

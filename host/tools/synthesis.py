@@ -33,12 +33,11 @@ from lippmann.simulation.toolchain import repository
 from lippmann.simulation.virtual_board import KNOWN_TIMINGS, TIMING
 
 from tools import flow
-from tools.bench_pages import measured_page
-from tools.fixed_errors import measure
+from tools.fixed_errors import frame_words, measure
 from tools.flow import SYNTHESIS, Source
 from tools.lint import elaborated
+from tools.measured_page import measured_page
 from tools.report_plots import draw_bar_charts, make_page
-from tools.word_sets import frame_words
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
 WANTED_MHZ = 200

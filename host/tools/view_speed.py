@@ -13,7 +13,7 @@ from lippmann.eye.viewer_page import page_html
 from lippmann.rendering.renderer import Settings, render_integral
 from lippmann.scenes.scene import load_scene
 
-from tools.bench import Bench, measurement
+from tools.bench import MeasurementRun, measurement
 from tools.browser import browser_page
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ COUNTED = """
 
 
 @measurement()
-def view(bench: Bench) -> tuple[Mapping[str, Any], None]:
+def view(bench: MeasurementRun) -> tuple[Mapping[str, Any], None]:
     """Measure viewer pages in Chromium without a GPU: time until the first view, frames a second.
 
     Example: python -m tools.bench view

@@ -6,19 +6,15 @@ import re
 import click.testing
 import pytest
 from lippmann.cli import run
+from lippmann.conformance.calibration_page import calibration_page
 from lippmann.conformance.figures import read_csv
 from lippmann.simulation.toolchain import repository
-from tools import animate_speed, bench, bench_pages, renderer_speed
-from tools.bench_pages import (
-    MEASURED,
-    calibration_page,
-    content_page,
-    fixed_page,
-    hard_page,
-    layers_page,
-    link_page,
-    measured_page,
-)
+from tools import bench, measured_page, motion_speed, renderer_speed
+from tools.content import content_page
+from tools.hard_case_errors import hard_page
+from tools.layers_likeness import layers_page
+from tools.link_speed import link_page
+from tools.stage_errors import fixed_page
 
 SCENES = str(repository() / "scenes")
 REPORTS = repository() / "docs/reports"
@@ -41,7 +37,9 @@ ROW = {
 def measured(monkeypatch):
     """`bench animate`, with a row that is made up; what it was called with."""
     calls = []
-    monkeypatch.setattr(animate_speed, "measure", lambda scenes, seed: calls.append((str(scenes), seed)) or iter([ROW]))
+    monkeypatch.setattr(
+        motion_speed, "measure_animate", lambda scenes, seed: calls.append((str(scenes), seed)) or iter([ROW])
+    )
     return calls
 
 
@@ -95,7 +93,7 @@ def test_rows_as_text_and_as_page(measured, capfd, tmp_path):
 
 @pytest.mark.parametrize("name", ["fixed", "rtl", "link"])
 def test_a_device_that_is_not_used_is_still_accepted(name):
-    command = bench.command.commands[name]
+    command = bench.command.get_command(None, name)
     assert any("--device" in option.opts and option.hidden for option in command.params)
 
 
@@ -106,8 +104,8 @@ def test_each_measurement_has_its_own_options_only(capfd):
     assert "No such option" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("name", bench.OWN_MODULES)
-def test_measurements_of_modules_of_their_own(name):
+@pytest.mark.parametrize("name", bench.MEASUREMENTS)
+def test_every_measurement_has_an_example(name):
     result = click.testing.CliRunner().invoke(bench.command, [name, "--help"])
     assert result.exit_code == 0
     assert f"Example: python -m tools.bench {name}" in result.output
@@ -205,15 +203,15 @@ def test_kept_pages_are_those_of_the_kept_rows(make, names):
     ],
 )
 def test_figures_of_devices_stand_beside_each_other(monkeypatch, name, device, wide, kept):
-    monkeypatch.setattr(bench_pages, "has_avx512", lambda: wide)
-    assert bench_pages.measured_name(name, device) == kept
-    assert kept in MEASURED
+    monkeypatch.setattr(measured_page, "has_avx512", lambda: wide)
+    assert measured_page.measured_name(name, device) == kept
+    assert kept in measured_page.MEASURED
 
 
 def test_measured_figures_are_those_of_the_kept_rows():
     docs = repository() / "docs"
-    assert {path.stem for path in (docs / "measured").iterdir()} <= set(MEASURED)
-    assert (docs / "measured.md").read_text() == measured_page(docs).text() + "\n"
+    assert {path.stem for path in (docs / "measured").iterdir()} <= set(measured_page.MEASURED)
+    assert (docs / "measured.md").read_text() == measured_page.measured_page(docs).text() + "\n"
 
 
 @pytest.mark.parametrize(

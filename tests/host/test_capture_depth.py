@@ -8,8 +8,7 @@ import pytest
 from lippmann.capturing.capture import shown_depth
 from lippmann.capturing.capture_setup import Pickup, load_setup
 from lippmann.capturing.imaging_lens import ThinLens
-from tools.bench_pages import depth_page
-from tools.depth import CENTRES, WIDE, judged, measure_depths, strip_of
+from tools.depth import CENTRES, WIDE, depth_page, judged, measure_depths, strip_of
 from tools.depth import SETUPS as FIGURE
 
 SETUPS = Path(__file__).parents[2] / "scenes/setups"

@@ -4,7 +4,7 @@ import csv
 
 from lippmann.conformance.hard_cases import CASES
 from lippmann.simulation.toolchain import repository
-from tools.formulas import measure
+from tools.hard_case_errors import measure_formulas
 
 REPORTS = repository() / "docs/reports"
 
@@ -37,7 +37,7 @@ def test_nothing_overflows_unseen_and_rtl_is_the_twin():
 
 
 def test_every_formula_gains():
-    gains = measure(7)
+    gains = measure_formulas(7)
     assert len(gains) >= 12
     for gain in gains:
         assert gain["chosen"] < gain["naive"], gain

@@ -8,9 +8,8 @@ from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
-from tools import content_gallery
-from tools.bench_pages import content_page
-from tools.content_files import Surface, write_meshes, write_splats
+from tools import content
+from tools.content import Surface, content_page, write_meshes, write_splats
 
 SCENES = repository() / "scenes"
 
@@ -52,9 +51,9 @@ def test_splats_lie_on_the_surface_and_show_its_colours(knot, tmp_path):
 
 @pytest.mark.full
 def test_more_views_are_nearer_to_the_scene(tmp_path, monkeypatch, mi):
-    monkeypatch.setattr(content_gallery, "VIEWS", ((3, 1), (16, 1)))
-    monkeypatch.setattr(content_gallery, "SAMPLES", 2)
-    rows = list(content_gallery.measure(SCENES, tmp_path, 1))
+    monkeypatch.setattr(content, "VIEWS", ((3, 1), (16, 1)))
+    monkeypatch.setattr(content, "SAMPLES", 2)
+    rows = list(content.measure(SCENES, tmp_path, 1))
     few, many, depths, itself = (row["middle_db"] for row in rows)
     assert few < many < itself
     assert depths > few - 3.0
@@ -63,17 +62,17 @@ def test_more_views_are_nearer_to_the_scene(tmp_path, monkeypatch, mi):
 
 @pytest.mark.full
 def test_the_gallery_has_a_picture_of_each_kind(tmp_path, monkeypatch, mi):
-    monkeypatch.setattr(content_gallery, "GALLERY", "vga-square")
-    pictures, captions = content_gallery.gallery(SCENES, tmp_path, 1)
+    monkeypatch.setattr(content, "GALLERY", "vga-square")
+    pictures, captions = content.gallery(SCENES, tmp_path, 1)
     assert len(pictures) == len(captions) == 8
     assert captions[-3:] == ["views/", "quilt_qs8x2a1.33333.png", "picture.toml"]
     assert all(picture.max() > 0.2 for picture in pictures)
 
 
 def test_a_depth_picture_is_placed_by_its_camera(tmp_path, mi):
-    display = content_gallery.load_display(SCENES / "displays/vga-square.toml")
+    display = content.load_display(SCENES / "displays/vga-square.toml")
     scene = load_scene(SCENES / "fish/fish.xml", Placement(0.25))
-    path = content_gallery.write_depth_picture(scene, display, tmp_path, 160)
+    path = content.write_depth_picture(scene, display, tmp_path, 160)
     placed = arranged(load_scene(path), display, "camera")
     # The scale is that of the display, for the camera was the display's eye.
     assert placed.placement.scale == pytest.approx(scene_scale(placed, display), rel=1e-6)

@@ -17,7 +17,6 @@ from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.display.description import Display, Panel, load_display, parse_display
 from lippmann.errors import InputError
-from tools import promises
 from tools.generate_tables import MARKED, generate
 
 TOP = Path(__file__).parents[2]
@@ -86,7 +85,9 @@ def test_a_promise_whose_words_file_test_or_point_is_gone_is_refused(old, new, s
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     if said is None:
-        assert "| nothing is lost ([page](../../docs/page.md)) |" in generate(tmp_path)[promises.PAGE]
+        assert (
+            "| nothing is lost ([page](../../docs/page.md)) |" in generate(tmp_path)[Path("docs/reference/promises.md")]
+        )
     else:
         with pytest.raises(InputError, match=rf"docs/promises.toml: promise\[0\].*{said}"):
             generate(tmp_path)

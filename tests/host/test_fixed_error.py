@@ -25,7 +25,7 @@ from lippmann.optics.rays import MODELS, Status, gets_through
 from lippmann.optics.system import System
 from lippmann.simulation.toolchain import repository
 from optics_cases import exit_cosine, random_in_cell
-from tools import bench, fixed_errors, stage_errors, word_sets
+from tools import bench, fixed_errors, stage_errors
 
 SCENES = repository() / "scenes"
 RAYS = 20_000
@@ -45,10 +45,10 @@ def random_words(display, build, count=RAYS, seed=SEED):
     size = (panel.width_px, panel.height_px)
     u, v = words_of_pixels(display, random.uniform((0, 0), size, (count, 2)))
     if not build.aims:
-        return word_sets.Words(u, v, 0 * u, 0 * u)
+        return fixed_errors.Words(u, v, 0 * u, 0 * u)
     points = random_in_cell(random, display, count)
     assert len(points) == count
-    return word_sets.Words(u, v, *words_of_aims(display, points, build.fraction_bits))
+    return fixed_errors.Words(u, v, *words_of_aims(display, points, build.fraction_bits))
 
 
 def direction_bound(display, model, f):
@@ -103,8 +103,10 @@ def test_against_golden(model, aperture, name, side, f):
     differs = np.flatnonzero(~same)
     assert len(differs) < 0.001 * RAYS
     if len(differs):
-        some = word_sets.Words(*(column[differs] for column in words))
-        away = word_sets.edge_distance_nm(display, build, some, fixed_errors.rows_of(twin, differs), stated_nm, model)
+        some = fixed_errors.Words(*(column[differs] for column in words))
+        away = fixed_errors.edge_distance_nm(
+            display, build, some, fixed_errors.rows_of(twin, differs), stated_nm, model
+        )
         assert away.max() <= stated_nm
 
 
@@ -121,14 +123,14 @@ def test_rays_near_the_critical_angle_and_on_edges():
     """Pairs of rays, a word of the aim apart, on both sides of golden's boundaries."""
     named = CONFIGURATIONS["widest-aims-hex"]
     display = named.displays(SCENES)[0]
-    words = word_sets.boundary_words(display, named.build, SEED, 1000)
+    words = fixed_errors.boundary_words(display, named.build, SEED, 1000)
     half = len(words.u) // 2
     assert half > 200
     a, b = words.a, words.b
     assert np.abs(a[:half] - a[half:]).max() <= 1
     assert np.abs(b[:half] - b[half:]).max() <= 1
-    aims = word_sets.aims_of(display, named.build, words)
-    fates = word_sets.fates(display, named.build.model, pixels_of_words(display, words.u, words.v), aims)
+    aims = fixed_errors.aims_of(display, named.build, words)
+    fates = fixed_errors.fates(display, named.build.model, pixels_of_words(display, words.u, words.v), aims)
     assert (fates[:half] != fates[half:]).any(axis=1).all()
     # Total internal reflection is among them.
     assert (fates[:, 0] == Status.INTERNAL_REFLECTION).sum() > 100
@@ -144,8 +146,8 @@ def test_the_promise_holds_beyond_the_owners_cell(name):
     print(f"seed {seed}")
     for display in named.displays(SCENES):
         for words in (
-            word_sets.wide_words(display, named.build, seed, 100_000),
-            word_sets.boundary_words(display, named.build, seed, 5_000),
+            fixed_errors.wide_words(display, named.build, seed, 100_000),
+            fixed_errors.boundary_words(display, named.build, seed, 5_000),
         ):
             row = fixed_errors.measure(named, display, "wide", iter([words]))
             assert row["kept"], row
@@ -156,7 +158,7 @@ def test_the_promise_holds_beyond_the_owners_cell(name):
 def test_edge_words_lie_on_edges(name):
     named = CONFIGURATIONS[name]
     for display in named.displays(SCENES):
-        words = word_sets.edge_words(display, named.build, SEED, 2000)
+        words = fixed_errors.edge_words(display, named.build, SEED, 2000)
         system = System.of(display)
         pixel = pixels_of_words(display, words.u, words.v)
         # Pixels at the panel's rim were moved onto it.
@@ -177,11 +179,15 @@ def test_edge_words_lie_on_edges(name):
 def test_rays_that_the_words_do_not_hold_are_refused_and_counted():
     named = CONFIGURATIONS["widest-aims-hex"]
     display = named.displays(SCENES)[0]
-    row = fixed_errors.measure(named, display, "wide", iter([word_sets.wide_words(display, named.build, SEED, 20_000)]))
+    row = fixed_errors.measure(
+        named, display, "wide", iter([fixed_errors.wide_words(display, named.build, SEED, 20_000)])
+    )
     assert 0 < row["refused"] < 0.05 * row["rays"]
     # With enough domes to try none is lost.
     more = dataclasses.replace(named, build=dataclasses.replace(named.build, max_cell_steps=4))
-    row = fixed_errors.measure(more, display, "wide", iter([word_sets.wide_words(display, more.build, SEED, 20_000)]))
+    row = fixed_errors.measure(
+        more, display, "wide", iter([fixed_errors.wide_words(display, more.build, SEED, 20_000)])
+    )
     assert row["lost"] == 0
     assert row["edge_nm"] <= 2.0
 
@@ -221,7 +227,7 @@ def test_steps_in_float64_are_golden_but_for_the_configuration(name):
     named = CONFIGURATIONS[name]
     f = named.build.fraction_bits
     for display in named.displays(SCENES):
-        rows = {row["stage"]: row for row in fixed_errors.budget(named, display, SEED)}
+        rows = {row["stage"]: row for row in stage_errors.budget(named, display, SEED)}
         first, last = rows["configuration"], rows["all"]
         assert 0.0 < first["rms_direction_urad"] < 10.0 * 2.0**-f * 1e6
         assert 0.0 < first["max_point_nm"] < 10.0 * 2.0**-f * display.array.radius_mm * 1e6
@@ -235,7 +241,7 @@ def test_steps_in_float64_are_golden_but_for_the_configuration(name):
 def test_a_worse_step_shows_in_its_own_row(monkeypatch):
     named = CONFIGURATIONS["widest-square"]
     display = named.displays(SCENES)[0]
-    before = {row["stage"]: row for row in fixed_errors.budget(named, display, SEED)}
+    before = {row["stage"]: row for row in stage_errors.budget(named, display, SEED)}
     good = stage_errors.TWIN["leave_dome"]
 
     @functools.wraps(good)
@@ -244,7 +250,7 @@ def test_a_worse_step_shows_in_its_own_row(monkeypatch):
         return dx + 64, *rest
 
     monkeypatch.setitem(stage_errors.TWIN, "leave_dome", bad)
-    after = {row["stage"]: row for row in fixed_errors.budget(named, display, SEED)}
+    after = {row["stage"]: row for row in stage_errors.budget(named, display, SEED)}
     # 64 near words; the step's own rounding is some hundredths of that.
     worse, sound = after["leave_dome"], before["leave_dome"]
     assert worse["rms_direction_urad"] == pytest.approx(64 * 2.0**-24 * 1e6, rel=0.02)

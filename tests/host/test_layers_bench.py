@@ -20,7 +20,7 @@ from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, rgb, write_scene
 from tools import layers_likeness
-from tools.bench_pages import layers_page
+from tools.layers_likeness import layers_page
 
 REPORTS = repository() / "docs/reports"
 DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)

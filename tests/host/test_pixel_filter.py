@@ -19,7 +19,7 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display, generator
-from tools.picture_strips import every_strip, rows_of_strips
+from tools.shading_speed import every_strip, rows_of_strips
 
 WIDTH, HEIGHT = 40, 150
 

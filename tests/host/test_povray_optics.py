@@ -24,8 +24,8 @@ from test_povray_scene import ball, card, diffuse, light
 from tools import bench
 from tools.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams
 from tools.peers import page as peers_page
-from tools.picture_strips import every_strip
 from tools.seed import Timed, findings, lenslets_in, with_window
+from tools.shading_speed import every_strip
 
 SMALL_PX = 120
 

@@ -9,7 +9,7 @@ from lippmann.conformance.engine_speeds import in_turn
 from lippmann.conformance.figures import Figures, Measured, read_figures, read_stored, write_csv
 from lippmann.conformance.pages import TEMPLATES, Page
 from lippmann.errors import InputError
-from tools.report_builds import pareto_front
+from tools.full_report import pareto_front
 
 ORIGIN = {"machine": "one", "date": "2026-01-01", "command": "lippmann report", "versions": "1", "seed": "0"}
 

@@ -8,8 +8,7 @@ from lippmann.conformance.figures import read_stored
 from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.optics.rays import ENGINES, MODELS
 from lippmann.simulation.toolchain import repository
-from tools.full_report import TABLES, WHOLE
-from tools.report_builds import on_front
+from tools.full_report import TABLES, WHOLE, on_front
 
 REPORTS = repository() / "docs/reports"
 

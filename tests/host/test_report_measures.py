@@ -19,10 +19,9 @@ from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Status
 from lippmann.simulation.toolchain import repository
-from tools import renderer_speed, report_builds
+from tools import full_report, renderer_speed
 from tools.full_report import QUICK, WHOLE
-from tools.renderer_speed import noise_levels
-from tools.report_plots import size_label
+from tools.renderer_speed import noise_levels, size_label
 
 SCENES = repository() / "scenes"
 DEPTHS = (-165.0, 78.0)
@@ -182,7 +181,7 @@ def test_the_sheet_has_as_many_triangles_and_lights(mi, triangles, lights):
 
 
 def test_the_whole_plan_measures_every_configuration_and_word_length():
-    found = report_builds.configurations(WHOLE)
+    found = full_report.configurations(WHOLE)
     assert {c.name for c in found} >= set(CONFIGURATIONS)
     assert len({c.name for c in found}) == len({c.build for c in found}) == len(found)
     exact = {(c.build.grid, c.build.fraction_bits) for c in found if c.build.model == "exact"}
@@ -190,22 +189,22 @@ def test_the_whole_plan_measures_every_configuration_and_word_length():
 
 
 def test_the_quick_plan_measures_a_few():
-    assert {c.name for c in report_builds.configurations(QUICK)} == set(report_builds.SIMULATED)
+    assert {c.name for c in full_report.configurations(QUICK)} == set(full_report.SIMULATED)
 
 
 def test_placed_figures_are_those_that_are_kept():
-    origin, sizes = report_builds.placed()
+    origin, sizes = full_report.placed()
     assert {"machine", "date", "command"} <= set(origin)
-    assert set(report_builds.SIMULATED) <= set(sizes)
+    assert set(full_report.SIMULATED) <= set(sizes)
     assert all(size["lut"] > 1000 and size["mhz"] > 50 for size in sizes.values())
 
 
 def test_missing_figures_of_place_and_route_are_told(monkeypatch, tmp_path):
     (tmp_path / "docs/reports").mkdir(parents=True)
-    (tmp_path / report_builds.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
-    monkeypatch.setattr(report_builds, "repository", lambda: tmp_path)
+    (tmp_path / full_report.SYNTHESIS).write_text("# machine: one\nconfiguration,lut\nwidest-square,5\n")
+    monkeypatch.setattr(full_report, "repository", lambda: tmp_path)
     with pytest.raises(InputError, match=r"synthesis\.csv: holds no figures of place-and-route .*; run make synth"):
-        report_builds.placed()
+        full_report.placed()
 
 
 def test_the_front_counts_cells_clock_and_error():
@@ -223,7 +222,7 @@ def test_the_front_counts_cells_clock_and_error():
         row("elsewhere", 90000, 10, 1.0, display="other"),
         row("aims", 90000, 10, 1.0, rays="full"),
     ]
-    found = report_builds.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
+    found = full_report.on_front(Figures("report-rtl", ("configuration", "display", "rays"), rows))
     assert found == {"small": True, "exact": True, "worse": False, "fast": True, "elsewhere": True, "aims": True}
 
 

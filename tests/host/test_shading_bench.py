@@ -11,8 +11,8 @@ from lippmann.rendering.sources import display_source
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
-from tools import adaptive, shading_speed
-from tools.bench_pages import shading_page
+from tools import shading_speed
+from tools.shading_speed import shading_page
 
 SCENES = repository() / "scenes"
 
@@ -79,21 +79,21 @@ def test_samples_go_where_the_noise_is():
     """Half of the pixels with 9 times the error of the others, by hand; nothing is saved where all are alike."""
     true = np.array([1.0, 9.0])
     # n = c and 3 c: noise (1 / c + 3 / c) / 2 = 5 / 8, so c = 3.2, and 6.4 samples instead of 8.
-    assert adaptive.samples_needed(true, true, 8.0, 1.0, 1.0) == pytest.approx(6.4)
-    assert adaptive.samples_needed(true, np.array([2.0, 18.0]), 8.0, 1.0, 1.0) == pytest.approx(6.4)
+    assert shading_speed.samples_needed(true, true, 8.0, 1.0, 1.0) == pytest.approx(6.4)
+    assert shading_speed.samples_needed(true, np.array([2.0, 18.0]), 8.0, 1.0, 1.0) == pytest.approx(6.4)
     # Errors 1 / n^3 and 16 / n^3, n = c and 2 c: 3 / 2 c^3 = 17 / 2 x 8^3.
-    even = adaptive.samples_needed(np.array([1.0, 16.0]), np.array([1.0, 16.0]), 8.0, 1.0, 3.0)
+    even = shading_speed.samples_needed(np.array([1.0, 16.0]), np.array([1.0, 16.0]), 8.0, 1.0, 3.0)
     assert even == pytest.approx(1.5 * (3.0 * 512.0 / 17.0) ** (1.0 / 3.0))
     # At least 5 each: the other one needs 9 / n = 10 / 8 - 1 / 5.
-    assert adaptive.samples_needed(true, true, 8.0, 5.0, 1.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
-    assert adaptive.samples_needed(np.ones(3), np.ones(3), 8.0, 1.0, 1.0) == pytest.approx(8.0)
-    assert adaptive.samples_needed(true, np.array([1.0, 0.0]), 8.0, 1.0, 1.0) == 8.0
+    assert shading_speed.samples_needed(true, true, 8.0, 5.0, 1.0) == pytest.approx(0.5 * (5.0 + 9.0 / 1.05))
+    assert shading_speed.samples_needed(np.ones(3), np.ones(3), 8.0, 1.0, 1.0) == pytest.approx(8.0)
+    assert shading_speed.samples_needed(true, np.array([1.0, 0.0]), 8.0, 1.0, 1.0) == 8.0
 
 
 @pytest.mark.full
 def test_what_is_known_saves_more_than_what_is_found(mi, monkeypatch):
-    monkeypatch.setattr(adaptive, "SCENES", ("fish",))
-    monkeypatch.setattr(adaptive, "SIDE_PX", 160)
-    for row in adaptive.measure(SCENES, 1):
+    monkeypatch.setattr(shading_speed, "SCENES", ("fish",))
+    monkeypatch.setattr(shading_speed, "SIDE_PX", 160)
+    for row in shading_speed.samples_saved(SCENES, 1):
         assert row["pixel"] >= row["tile"] >= 1.0
         assert row["pixel"] >= row["found"] >= 1.0

@@ -13,8 +13,7 @@ from lippmann.calibration.simulated_photographs import photograph_folder
 from lippmann.calibration.solve import calibrate
 from lippmann.eye.observer import Eye, observe, whole_window
 from tools.calibration_accuracy import judge, random_case
-from tools.fixed_errors import compare, stated_nm
-from tools.word_sets import frame_words
+from tools.fixed_errors import compare, frame_words, stated_nm
 
 #: Photographs' width for each pixel of the panel.
 SHARPNESS = 25 / 16

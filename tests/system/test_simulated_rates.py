@@ -8,7 +8,7 @@ from lippmann.simulation.harness import SceneHarness
 from lippmann.simulation.toolchain import repository
 from test_board_scene import HEIGHT, SEED, USUAL, WIDTH, display_of, random_layer
 from tools import ray_speed
-from tools.bench_pages import measured_page
+from tools.measured_page import measured_page
 
 
 def stack_on(display):

