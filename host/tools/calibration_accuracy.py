@@ -479,10 +479,10 @@ def calibration(
             "views": views(folder, bench.scenes, ("vga-square", "vga-hex"), first),
         }
         tables = {name: bench.collect(rows) for name, rows in measured.items()}
-    return tables, calibration_page(bench.origin, tables, width_px)
+    return tables, accuracy_page(bench.origin, tables, width_px)
 
 
-def calibration_page(origin: Mapping[str, str], tables: Mapping[str, Rows], panel_px: int) -> Page:
+def accuracy_page(origin: Mapping[str, str], tables: Mapping[str, Rows], panel_px: int) -> Page:
     """Return the page of `tools.bench calibration`; `panel_px` is the width of the random displays' panels."""
     random = [*tables["rows"], *tables["solids"], *tables["bowed"]]
     found = {name: [row for row in rows if "refused" not in row] for name, rows in tables.items()}

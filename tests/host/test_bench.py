@@ -6,10 +6,10 @@ import re
 import click.testing
 import pytest
 from lippmann.cli import run
-from lippmann.conformance.calibration_page import calibration_page
 from lippmann.conformance.figures import read_csv
 from lippmann.simulation.toolchain import repository
 from tools import bench, measured_page, motion_speed, renderer_speed
+from tools.calibration_accuracy import accuracy_page
 from tools.content import content_page
 from tools.hard_case_errors import hard_page
 from tools.layers_likeness import layers_page
@@ -152,7 +152,7 @@ def test_the_page_of_calibrations():
     made = {"rows": [row, {"display": "bad", "refused": "blurred"}], "sweep": tried, "views": seen}
     made |= {"solids": [row | {"rms_px": 0.061}], "bowed": [row | {"rms_px": 0.052, "bow_um": 29.5}]}
     weight = {"photographs": 120, "megapixels": 12.0, "peak_mb": 2100.0, "seconds": 150.0}
-    page = calibration_page({}, made | {"large": [row | weight]}, 1280)
+    page = accuracy_page({}, made | {"large": [row | weight]}, 1280)
     text = page.text()
     assert {plot.name for plot in page.plots} == {"calibration-accuracy", "calibration-sweep"}
     assert "6 of 7 numbers lie inside" in text

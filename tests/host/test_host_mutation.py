@@ -167,7 +167,7 @@ def test_a_test_that_fails_without_the_fault_is_left_out(scratch, planted, capsy
 
 def test_a_fault_that_keeps_a_file_of_tests_from_its_import_is_caught(scratch, monkeypatch):
     file, name = "host/lippmann/display/glass.py", "def index_of("
-    tests = ["tests/host/test_old_names.py", "tests/host/test_glass.py::test_planted"]
+    tests = ["tests/host/test_pll.py", "tests/host/test_glass.py::test_planted"]
     monkeypatch.setattr(host_mutation, "_reach", lambda _: SimpleNamespace(tests=lambda _: tests))
     fault = fault_at(scratch, file, name)
     planted = scratch.folder / "tests/host/test_glass.py"
