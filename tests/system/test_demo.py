@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from lippmann.board import virtual_loop
 from lippmann.board.film_player import Played
-from lippmann.cli import demo, demo_drawn, run
+from lippmann.cli import demo, run
 from lippmann.fixed.scene_build import SceneBuild
 from PIL import Image
 
@@ -28,7 +28,7 @@ def scenes(tmp_path_factory):
     for name in ("fish", "films", "layers"):
         (folder / name).symlink_to(SCENES / name)
     (folder / "displays").mkdir()
-    for name in (demo.DISPLAY, demo_drawn.DISPLAY):
+    for name in (demo.DISPLAY, demo.DRAWN_DISPLAY):
         text = (SCENES / name).read_text()
         text = re.sub(r"^width_px = .*", f"width_px = {WIDTH}", text, flags=re.M)
         (folder / name).write_text(re.sub(r"^height_px = .*", f"height_px = {HEIGHT}", text, flags=re.M))
@@ -38,8 +38,8 @@ def scenes(tmp_path_factory):
 @pytest.fixture
 def few_pixels(monkeypatch):
     """Views of the panels that are no larger than those are."""
-    for module in (demo, demo_drawn):
-        monkeypatch.setattr(module, "VIEW_WIDTH_PX", WIDTH)
+    for name in ("VIEW_WIDTH_PX", "DRAWN_VIEW_WIDTH_PX"):
+        monkeypatch.setattr(demo, name, WIDTH)
     monkeypatch.setattr(demo, "VIEW_SAMPLES", 4)
 
 
@@ -84,7 +84,7 @@ def test_every_result_is_there(scenes, tmp_path, capfd):
 def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monkeypatch, planted):
     """The twin draws one pixel of a frame otherwise; or a pixel came too late. Exit code 1; the results are kept."""
     monkeypatch.setattr(demo, "_views", lambda *_: ([], []))  # of the frame that was streamed, before
-    monkeypatch.delitem(demo_drawn.FILMS, "chart")  # drawn after it
+    monkeypatch.delitem(demo.FILMS, "chart")  # drawn after it
     if planted == "a drawn pixel":
         draw, calls = virtual_loop.draw, []
 

@@ -20,7 +20,7 @@ from lippmann.base.files import new_file, no_space, on_full_disk, own_text, refu
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DISPLAY, FRACTION_BITS, Slot
 from lippmann.cli.output import emit, log
-from lippmann.display.description import load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation import virtual_board
@@ -34,6 +34,29 @@ CAPTURE_SECONDS = 10.0
 #: Errors by their exit code.
 ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
 PATH = click.Path(path_type=Path, readable=False)
+
+
+def _drawing(
+    *,
+    layers: int | None = option("Build a board that draws scenes of so many layers.", None, click.IntRange(1, 8)),
+    slots: int | None = option("Its slots for textures.  [default: layers + 1]", None, click.IntRange(1, 15)),
+    slot: tuple[int, int] | None = option("Texels of a slot.  [default: 256x192]", None, Slot()),
+    bilinear: bool = option("Interpolate its texels.", False),
+    samples: int | None = option("Rays for each pixel: 1, 2 or 4.  [default: 1]", None, click.Choice([1, 2, 4])),
+) -> SceneBuild | None:
+    """Return the build of a board that draws; None without --layers, which the other options need."""
+    if layers is not None:
+        width, height = slot or (SceneBuild.width, SceneBuild.height)
+        return SceneBuild(layers, slots, width, height, bilinear, samples or 1)
+    values = {"--slots": slots, "--slot": slot, "--bilinear": bilinear or None, "--samples": samples}
+    names = [name for name, value in values.items() if value is not None]
+    if names:
+        raise input_error(", ".join(names), "only a board that draws has this", "add --layers N")
+    return None
+
+
+#: The build of a board that draws, from its own options.
+DRAWING: Any = _drawing
 
 
 @make_command("start")
@@ -54,11 +77,7 @@ def start_command(
         "Write the board's URL to this JSON file, while the board runs.", None, PATH, metavar="FILE"
     ),
     trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
-    layers: int | None = option("Build a board that draws scenes of so many layers.", None, click.IntRange(1, 8)),
-    slots: int | None = option("Its slots for textures.  [default: layers + 1]", None, click.IntRange(1, 15)),
-    slot: tuple[int, int] | None = option("Texels of a slot.  [default: 256x192]", None, Slot()),
-    bilinear: bool = option("Interpolate its texels.", False),
-    samples: int | None = option("Rays for each pixel: 1, 2 or 4.  [default: 1]", None, click.Choice([1, 2, 4])),
+    scene: SceneBuild | None = DRAWING,
     memory: virtual_board.Memory = option(
         "Where its frames are: block RAM, or a chip of SDRAM with the controller of a real board.", "block"
     ),
@@ -73,21 +92,9 @@ def start_command(
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
     """
-    if line in ("pty", "unix") and tcp_port is not None:
-        kind = "a pty" if line == "pty" else "a Unix socket"
-        raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
-    if trace_clocks[0] >= trace_clocks[1]:
-        raise input_error(
-            "--trace-clocks", f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range", "give the first clock first"
-        )
+    _check_ports(line, tcp_port, trace_clocks)
     display = load_display(display_path)
     virtual_board.check_panel(display)
-    drawing = SceneBuild(layers or 1, slots, *(slot or (SceneBuild.width, SceneBuild.height)), bilinear, samples or 1)
-    of_scenes = {"--slots": slots, "--slot": slot, "--bilinear": bilinear or None, "--samples": samples}
-    given = [name for name, value in of_scenes.items() if value is not None]
-    if given and layers is None:
-        raise input_error(", ".join(given), "only a board that draws has this", "add --layers N")
-    scene = None if layers is None else drawing
     _check_places(capture, ready, trace)
     if background and not ready:
         raise InputError("--background needs --ready FILE, from which `lippmann board stop` reads the process")
@@ -102,11 +109,18 @@ def start_command(
         trace=trace, trace_clocks=trace_clocks, scene=scene,
         memory=memory,
     )  # fmt: skip
+    _serve(board, display, "bits" if baud else "bytes", capture, ready)
+
+
+def _serve(
+    board: virtual_board.RunningBoard, display: Display, line: str, capture: Path | None, ready: Path | None
+) -> None:
+    """Run a board until it ends or Ctrl-C: write the ready file, print where it is, and keep its frames as PNG."""
     result = {
         "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,
-        "width": display.panel.width_px, "height": display.panel.height_px, "line": "bits" if baud else "bytes",
+        "width": display.panel.width_px, "height": display.panel.height_px, "line": line,
     }  # fmt: skip
-    done: dict[str, Any] = {}
+    counts: dict[str, Any] = {}
     with contextlib.ExitStack() as end:
         if ready:
             end.callback(_remove_ready, ready)
@@ -114,7 +128,7 @@ def start_command(
             virtual_board.remove_parts(capture)
             after = virtual_board.last_frame(capture)
             end.callback(virtual_board.keep_as_png, capture, display, after)
-        end.callback(lambda: done.update(board.stop()))
+        end.callback(lambda: counts.update(board.stop()))
         try:
             if ready:
                 _write_ready(ready, result)
@@ -128,39 +142,44 @@ def start_command(
         except KeyboardInterrupt:
             interrupts.received.clear()  # the usual end of this command
     log(
-        f"{done['clocks'] / done['seconds'] / 1e6:.2f} M clocks/s, {done['frames']} frames, "
-        f"{done['bytes_in']} bytes in, {done['bytes_out']} out"
+        f"{counts['clocks'] / counts['seconds'] / 1e6:.2f} M clocks/s, {counts['frames']} frames, "
+        f"{counts['bytes_in']} bytes in, {counts['bytes_out']} out"
     )
+
+
+def _check_ports(line: str | None, tcp_port: int | None, trace_clocks: tuple[int, int]) -> None:
+    """Refuse a TCP port of another kind of line, and an empty range of clocks."""
+    if line in ("pty", "unix") and tcp_port is not None:
+        kind = "a pty" if line == "pty" else "a Unix socket"
+        raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
+    if trace_clocks[0] >= trace_clocks[1]:
+        what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
+        raise input_error("--trace-clocks", what, "give the first clock first")
 
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:
     """Make the folder of --capture; refuse missing or read-only folders, and the ready file of a running board."""
+    change = "choose another folder or change permissions"
     if capture:
         try:
             capture.mkdir(parents=True, exist_ok=True)
         except PermissionError:
-            raise input_error(
-                "--capture", f"{capture} cannot be made", "choose another folder or change permissions"
-            ) from None
+            raise input_error("--capture", f"{capture} cannot be made", change) from None
         except OSError:  # told below
             pass
-    for name, place in (
-        ("--capture", capture),
-        ("--ready", ready and ready.parent),
-        ("--trace", trace and trace.parent),
-    ):
+    folders = {"--capture": capture, "--ready": ready and ready.parent, "--trace": trace and trace.parent}
+    for name, place in folders.items():
         if place and place.exists() and not place.is_dir():
             raise input_error(name, f"{place} is a file", "name a folder")
         if place and not place.exists():
             raise input_error(name, f"no folder {place}", "make it first")
         if place and not os.access(place, os.W_OK):
-            raise input_error(name, f"{place} cannot be written to", "choose another folder or change permissions")
+            raise input_error(name, f"{place} cannot be written to", change)
     if ready and ready.is_dir():
         raise input_error("--ready", f"{ready} is a folder", "name a file")
     if ready and (other := _running(ready)):
-        raise input_error(
-            "--ready", f"{ready} belongs to a board that runs ({other['url']})", "end it, or name a new file"
-        )
+        what = f"{ready} belongs to a board that runs ({other['url']})"
+        raise input_error("--ready", what, "end it, or name a new file")
 
 
 def _in_background(ready: Path) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,16 +18,18 @@ from lippmann.base.images import Radiance
 from lippmann.base.progress import report_each
 from lippmann.base.tones import decode, psnr_db
 from lippmann.board.panel_frames import panel_values
-from lippmann.board.virtual_loop import run_on_virtual_board
-from lippmann.cli.demo_drawn import EYE_DISTANCE_MM, REACH_MM, draw_films
+from lippmann.board.tiles import Pixels
+from lippmann.board.virtual_loop import Loop, draw_on_virtual_board, run_on_virtual_board
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
-from lippmann.cli.output import emit
+from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import load_display
+from lippmann.display.description import Panel, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window
 from lippmann.eye.viewer_page import Direct, page_html
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.motion.layer_film import load_layer_film
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.sources import Window
@@ -32,8 +37,17 @@ from lippmann.scenes.scene import Scene
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
+#: Display of the board that draws.
+DRAWN_DISPLAY = "displays/vga-square.toml"
+#: What is drawn, by the name of its results: a film of layers, and a folder of layers, which stands still.
+FILMS = {"fish": "films/swim-layers.toml", "chart": "layers/chart"}
+EYE_DISTANCE_MM = 600.0
+#: Travel of the eye to each side, mm.
+REACH_MM = 30.0
 FRAMES = 15
-VIEW_WIDTH_PX = 500
+#: Views of a film that stands still; of another one each frame is seen once.
+STILL_VIEWS = 16
+VIEW_WIDTH_PX, DRAWN_VIEW_WIDTH_PX = 500, 400
 VIEW_SAMPLES = 64
 #: Side of the region in the panel's centre whose rays are compared, pixels.
 REGION_PX = 512
@@ -67,56 +81,59 @@ def command(
     columns, rows = _middle(panel.width_px), _middle(panel.height_px)
     with progress_bar("stream") as progress:
         loop = run_on_virtual_board(display, frame, columns, rows, progress)
-    differ = int((loop.panel_frame != frame).sum())
     # From here on only the frame that was scanned out counts.
     scanned = replace(image, radiance=decode(loop.panel_frame / np.float32(255.0), panel.transfer))
     scanned.save(out / "panel.png")
-
     directs, decibels = _views(scene, scanned, out, device)
-    drawn = draw_films(folder, out, device)
+    drawn = _draw_films(folder, out, device)
     page = page_html(display, scanned.radiance, "The fish, as the virtual board's panel shows it", directs)
     with replacing(out / "index.html") as partial:
         partial.write_text(page, encoding="utf-8")
     result = {
         "display": display.name,
         "render_seconds": image.measured["seconds"],
+        **_compare(loop, frame),
+        "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
+        "drawn": drawn,
+    }
+    with replacing(out / "demo.json") as partial:
+        partial.write_text(json.dumps(result, indent=2) + "\n")
+    if not (result["rays_equal"] and result["bytes_differ"] == 0 and result["crc_equal"]):
+        raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
+    if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
+        raise DeviceError(f"{out / 'demo.json'}: the board did not draw what the twin draws; please report this")
+    emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in _steps(result, panel)))
+
+
+def _compare(loop: Loop, frame: Pixels) -> dict[str, Any]:
+    """Return the figures of the board that showed a frame (height, width, 3)."""
+    return {
         "rays_compared": loop.check.rays,
         "rays_equal": loop.check.equal,
         "stream_seconds": loop.sent.seconds,
         "bytes_per_second": loop.sent.rate,
         "resends": loop.sent.resends,
         "bytes": frame.size,
-        "bytes_differ": differ,
+        "bytes_differ": int((loop.panel_frame != frame).sum()),
         "crc_equal": loop.panel_crc == loop.sent.crc,
         "clocks": loop.clocks,
-        "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
-        "drawn": drawn,
     }
-    with replacing(out / "demo.json") as partial:
-        partial.write_text(json.dumps(result, indent=2) + "\n")
-    if not (loop.check.equal and differ == 0 and loop.panel_crc == loop.sent.crc):
-        raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
-    if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
-        raise DeviceError(f"{out / 'demo.json'}: the board did not draw what the twin draws; please report this")
 
-    shares = ", ".join(f"{psnr:.1f}" for psnr in decibels)
-    steps = (
-        (f"rendered {panel.width_px} x {panel.height_px} pixels in {image.measured['seconds']:.1f} s", "fish.exr"),
-        (f"the board traced {loop.check.rays} rays: every word equals the integer twin's", ""),
-        (f"streamed {frame.size / 1e6:.1f} MB in {loop.sent.seconds:.1f} s, {loop.sent.resends} tiles twice", ""),
-        ("the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"),
-        (f"three eyes see it through the lenslets, {shares} dB from the scene itself", "views.png"),
-        ("the eye moves", "views.gif"),
-        *(
-            (
-                f"a board drew the {name} by itself: 0 of {film['pixels'] / 1e6:.1f} M pixels differ from the twin's",
-                f"drawn-{name}.gif",
-            )
-            for name, film in drawn.items()
-        ),
-        ("open it in a browser and move the eye with the mouse", "index.html"),
-    )
-    emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in steps))
+
+def _steps(result: Mapping[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
+    """Yield what the demo did, a sentence a step, and the file that shows it."""
+    yield f"rendered {panel.width_px} x {panel.height_px} pixels in {result['render_seconds']:.1f} s", "fish.exr"
+    yield f"the board traced {result['rays_compared']} rays: every word equals the integer twin's", ""
+    rate = f"{result['bytes'] / 1e6:.1f} MB in {result['stream_seconds']:.1f} s"
+    yield f"streamed {rate}, {result['resends']} tiles twice", ""
+    yield "the panel shows it: 0 bytes differ, CRC-32 equal", "panel.png"
+    decibels = ", ".join(f"{view['psnr_db']:.1f}" for view in result["views"])
+    yield f"three eyes see it through the lenslets, {decibels} dB from the scene itself", "views.png"
+    yield "the eye moves", "views.gif"
+    for name, film in result["drawn"].items():
+        pixels = f"0 of {film['pixels'] / 1e6:.1f} M pixels differ from the twin's"
+        yield f"a board drew the {name} by itself: {pixels}", f"drawn-{name}.gif"
+    yield "open it in a browser and move the eye with the mouse", "index.html"
 
 
 def _middle(size: int) -> tuple[int, int]:
@@ -151,3 +168,40 @@ def _views(scene: Scene, image: IntegralImage, out: Path, device: str) -> tuple[
     # The view's resolution is one pixel for each lenslet.
     decibels = [psnr_db(seen(eyes[k], coarse, VIEW_SAMPLES), direct(eyes[k], coarse, VIEW_SAMPLES)) for k in chosen]
     return directs, decibels
+
+
+def _draw_films(scenes: Path, out: Path, device: str) -> dict[str, dict[str, Any]]:
+    """Have a virtual board draw the films, and write an animation of each, `drawn-NAME.gif`; return their figures.
+
+    `scenes` is the folder of the scenes that ship, `out` that of the results.
+    """
+    display, build = load_display(scenes / DRAWN_DISPLAY), SceneBuild()
+    window = whole_window(display, DRAWN_VIEW_WIDTH_PX)
+    log("starting a virtual board that draws (compiled once, half a minute) ...")
+    results = {}
+    for name, path in FILMS.items():
+        film = load_layer_film(scenes / path)
+        with progress_bar(f"draw the {name}") as progress:
+            loop = draw_on_virtual_board(display, film, build, progress)
+        panels = [
+            IntegralImage(decode(frame / np.float32(255.0), display.panel.transfer), display) for frame in loop.frames
+        ]
+        count = len(panels) if film.frames > 1 else STILL_VIEWS
+        # The eye goes from the left to the right and back.
+        eyes = [(-REACH_MM * math.cos(2.0 * math.pi * k / count), 0.0, EYE_DISTANCE_MM) for k in range(count)]
+        with progress_bar("observe") as progress:
+            views = [
+                api.observe(panels[k % len(panels)], eye, window=window, device=device).radiance
+                for k, eye in enumerate(report_each(eyes, progress))
+            ]
+        write_animation(out / f"drawn-{name}.gif", views, there_and_back=False)
+        results[name] = {
+            "frames": loop.played.frames,
+            "pixels": len(panels) * display.panel.width_px * display.panel.height_px,
+            "pixels_differ": loop.pixels_differ,
+            "underflows": loop.played.underflows,
+            "load_bytes": loop.loaded.wire_bytes,
+            "bytes": loop.played.bytes,
+            "most_bytes": loop.played.most_bytes,
+        }
+    return results
