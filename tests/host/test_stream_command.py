@@ -112,7 +112,7 @@ def test_a_frame_behind_a_scene_is_stored_and_said_so(picture, capsys, shown):
         assert ("stored already" if shown else "already on the panel") in capsys.readouterr().out
 
 
-def test_images_are_decoded_one_by_one_after_all_headers_are_checked(picture, monkeypatch, tmp_path):
+def test_images_are_decoded_one_by_one_after_all_files_are_checked(picture, monkeypatch, tmp_path):
     """A long animation needs the memory of one frame; a file that does not belong is refused before the first frame."""
     with ModelBoard() as model:
         path, image = picture(model)
@@ -125,7 +125,11 @@ def test_images_are_decoded_one_by_one_after_all_headers_are_checked(picture, mo
         monkeypatch.setattr(
             panel_frames, "read_picture", lambda *words: (shown_before.append(len(model.shown)), read(*words))[1]
         )
-        assert run(["stream", path, other, foreign, "--port", model.url]) == 2
+        cut = tmp_path / "cut.exr"
+        write_picture(cut, decode(image / 255.0, "srgb"), {"identity": f"{model.identity:016x}"})
+        cut.write_bytes(cut.read_bytes()[:-3000])
+        for bad in (foreign, str(cut)):
+            assert run(["stream", path, other, bad, "--port", model.url]) == 2
         assert (shown_before, model.shown) == ([], [])
         assert run(["stream", path, other, "--port", model.url]) == 0
         assert shown_before == [0, 1]

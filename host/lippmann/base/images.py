@@ -268,10 +268,16 @@ def read_picture(
 
 
 def check_header(path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None]) -> None:
-    """Check an image file as far as `read_picture` does before it reads pixels; raise as it does."""
+    """Check an image file as far as `read_picture` does before it reads pixels, and its last row; raise as it does.
+
+    A file that was cut is refused for its last row.
+    """
     path = check_input(path)
-    with _quiet(path), _opened(path, limit, accept):
-        pass
+    with _quiet(path), _opened(path, limit, accept) as (source, _):
+        spec = source.spec()
+        last = source.read_scanlines(0, 0, spec.height - 1, spec.height, 0, 0, spec.nchannels, openimageio().FLOAT)
+        if last is None:
+            raise _broken(path, source)
 
 
 @contextlib.contextmanager

@@ -102,13 +102,13 @@ def check_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> FrameFile:
-    """Read the header of an image file that is to become a frame for a panel.
+    """Read the header of an image file that is to become a frame for a panel, and see whether its last row is there.
 
     The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
     bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
     A PNG without metadata holds sRGB values.
 
-    Raises InputError when the file is missing, not an image, or made for another size, transfer curve or number of
+    Raises InputError when the file is missing, cut, not an image, or made for another size, transfer curve or number of
     bits; without `force` also when it was made for another display, or names none.
     """
     path = Path(path)

@@ -69,7 +69,7 @@ def command(
             raise device_error(url, what, f"{END_SCENE}; or stream without --verify")
         stream.board.check_panel()
         panel = None if display is None else display.panel
-        # All headers are checked before the first frame is sent: when one is refused, nothing changes on the panel.
+        # All files are checked before the first frame is sent: when one is refused, nothing changes on the panel.
         files = [check_frame(image, hello, transfer, panel, force) for image in images]
         assumptions = [file.assumption for file in files if file.assumption]
         if assumptions:
