@@ -174,7 +174,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
                 **dict(zip(KEYS, keys, strict=True)),
                 **{key: None if size is None else Measured(size[key]) for key in PLACED},
                 "simulated_rays_per_second": None if run is None else Measured.of(rates[named.name]),
-                "words_differ": None if run is None else Measured(run.words_differ()),
+                "words_differ": None if run is None else Measured(run.count_different_words()),
                 **{key: Measured(value) for key, value in found.items()},
                 "image_db": Measured.finite(own),
                 "exact_image_db": Measured.finite(whole),

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.conformance.engine_errors import Row, measure_fixed
-from lippmann.conformance.engine_errors import measure as measure_engines
 from lippmann.conformance.fifty_digits import FiftyDigits, exact_array, mp
 from lippmann.conformance.figures import Rows, values, where
 from lippmann.conformance.hard_cases import CASES, changed, hard_sets
@@ -26,6 +24,8 @@ from lippmann.optics.panel_frame import exact_rotation
 from lippmann.simulation.harness import rtl_pipeline
 
 from tools.bench import MeasurementRun, measurement
+from tools.engine_errors import Row, measure_fixed
+from tools.engine_errors import measure as measure_engines
 from tools.report_plots import draw_bar_charts, make_page
 
 logger = logging.getLogger("lippmann.report")

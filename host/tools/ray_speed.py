@@ -80,7 +80,7 @@ def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
                 "build": f"F {bits}, cross terms in {'cells' if cells else 'logic'}",
                 "rtl_rays_per_second": max(run.rtl_rate() for _ in range(RUNS)),
                 "twin_rays_per_second": run.twin_rate(),
-                "words_differ": run.words_differ(),
+                "words_differ": run.count_different_words(),
                 "rays": RAYS,
             }
     yield from measure_drawing(scenes)

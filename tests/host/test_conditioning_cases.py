@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 import truth
-from lippmann.conformance.engine_errors import measure
 from lippmann.conformance.fifty_digits import exact_array, size, true_hits, true_rays
 from lippmann.conformance.hard_cases import CASES, changed, hard_sets
 from lippmann.conformance.ray_sets import PanelRays, WorldRays
@@ -16,6 +15,7 @@ from lippmann.errors import InputError
 from lippmann.optics.trace import trace_to_panel
 from lippmann.simulation.toolchain import repository
 from optics_cases import GRIDS, SIDES, optics_of
+from tools.engine_errors import measure
 
 SEED = 6
 

@@ -9,7 +9,6 @@ import sys
 import lippmann.fixed
 import numpy as np
 import pytest
-from lippmann.conformance.engine_errors import measure_fixed
 from lippmann.conformance.hard_cases import changed, hard_sets
 from lippmann.conformance.ray_sets import PanelRays
 from lippmann.conformance.ray_words import fixed_words
@@ -23,6 +22,7 @@ from lippmann.fixed.words import fits, wrapped
 from lippmann.optics.rays import gets_through
 from optics_cases import GRIDS, SIDES
 from test_conditioning_cases import SEED, base
+from tools.engine_errors import measure_fixed
 
 MODULES = [
     importlib.import_module(f"lippmann.fixed.{module.name}") for module in pkgutil.iter_modules(lippmann.fixed.__path__)

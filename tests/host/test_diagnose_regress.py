@@ -635,7 +635,7 @@ def test_tie_rule_of_words(tmp_path, capsys):
     case, why = fixed_words(rays, 16)
     assert case is not None, why
     out = case.trace()
-    tie = (rays.pixels[case.kept, 0] - 200.0) / 16.0 % 1.0 == 0.5
+    tie = (rays.pixels[case.mask, 0] - 200.0) / 16.0 % 1.0 == 0.5
     assert 10 < tie.sum() < len(tie)
     (tmp_path / "display.toml").write_text(display_text(rays.display))
     write_words(tmp_path / "rays.csv", case, out._replace(i=out.i - tie))

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from lippmann.cli import run
+from lippmann.conformance.comparison import Bounds
 from lippmann.conformance.judge import judge
 from lippmann.conformance.ray_sets import PanelRays
 from lippmann.conformance.ray_words import ForeignRays, foreign_from_words
@@ -36,7 +37,7 @@ def test_maps_and_bins_by_hand():
     maps = ErrorMaps()
     for part in (slice(0, 2), slice(2, 5)):
         given = PanelRays("hand", DISPLAY, pixels[part], aims[part])
-        maps.add(given, {"direction": far[part]}, {"direction": np.full(5, 1e-6)[part]}, judged[part])
+        maps.count(given, {"direction": far[part]}, {"direction": np.full(5, 1e-6)[part]}, judged[part])
     found = maps.maps["direction"]
     assert (found.unit, found.rays) == ("microradian", 3)
     assert (found.worst, found.worst_units) == (pytest.approx(3.0), pytest.approx(3.0))
@@ -52,7 +53,7 @@ def test_maps_and_bins_by_hand():
 def test_tiny_and_huge_errors_are_counted_at_the_ends():
     given = PanelRays("hand", DISPLAY, np.full((2, 2), 3.0), None)
     maps = ErrorMaps()
-    maps.add(given, {"origin_mm": np.array([1e-30, 1e30])}, {"origin_mm": np.ones(2)}, np.ones(2, bool))
+    maps.count(given, {"origin_mm": np.array([1e-30, 1e30])}, {"origin_mm": np.ones(2)}, np.ones(2, bool))
     assert maps.maps["origin_mm"].unit == "nm"
     assert np.flatnonzero(maps.maps["origin_mm"].counts).tolist() == [1, len(edges())]
 
@@ -68,8 +69,9 @@ def test_a_planted_error_of_numbers_is_at_its_pixel():
     direction = given.trace().direction.copy()
     ray = int(np.argmax(np.abs(direction[:, 2]) > 0.75))
     direction[ray, 0] += 1e-5
-    maps = ErrorMaps()
-    assert judge(ForeignRays(given, {"direction": direction}), maps=maps).wrong == 1
+    maps, foreign = ErrorMaps(), ForeignRays(given, {"direction": direction})
+    maps.add(foreign, Bounds())
+    assert judge(foreign).wrong == 1
     found = maps.maps["direction"]
     column, row = (np.floor(given.pixels[ray] / (2.0, 1.0))).astype(int)
     assert found.panel[row, column] == found.panel.max() == pytest.approx(10.0, rel=1e-9)
@@ -85,8 +87,9 @@ def test_a_word_that_is_one_off_is_one_unit_off():
     columns = {**words, **{name: getattr(twin, name).copy() for name in FixedRays._fields}}
     columns["dx"][7] += 1
     columns["y"][9] -= 2
-    maps = ErrorMaps()
-    assert judge(foreign_from_words(columns, DISPLAY, "exact", bits), maps=maps).wrong == 2
+    maps, foreign = ErrorMaps(), foreign_from_words(columns, DISPLAY, "exact", bits)
+    maps.add(foreign, Bounds())
+    assert judge(foreign).wrong == 2
     assert maps.maps["direction"].worst_units == pytest.approx(1.0)
     assert maps.maps["direction"].worst == pytest.approx(1e6 * 2.0**-17)
     assert maps.maps["local_mm"].worst_units == pytest.approx(2.0)

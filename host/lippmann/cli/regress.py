@@ -23,6 +23,7 @@ from lippmann.conformance.coverage_points import summary
 from lippmann.conformance.judge import Verdict, judge
 from lippmann.conformance.junit import write_junit
 from lippmann.conformance.ray_stream import StreamReader, bounded_lines
+from lippmann.conformance.ray_words import ForeignRays
 from lippmann.conformance.vector_files import read_foreign
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error, printable
@@ -107,6 +108,11 @@ class _Output:
             make_folder(self.report)
             self.maps = ErrorMaps()
 
+    def count_errors(self, foreign: ForeignRays, bounds: Bounds) -> None:
+        """Count the errors of a set for the page."""
+        if self.maps is not None:
+            self.maps.add(foreign, bounds)
+
     def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: dict[str, Any]) -> None:
         """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
         about = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
@@ -131,7 +137,8 @@ def _judge_file(
     """Judge a file of rays."""
     display = load_display(display_path)
     foreign = read_foreign(rays, display, model, fraction_bits, None if inputs is None else Path(inputs))
-    verdict = judge(foreign, bounds, maps=output.maps)
+    verdict = judge(foreign, bounds)
+    output.count_errors(foreign, bounds)
     if verdict.right:
         lines = [f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)"]
     else:
@@ -139,8 +146,8 @@ def _judge_file(
     lines = [*verdict.lines, *lines, summary([verdict.covered], foreign.words is not None)[1]]
     about = {"rays": str(rays), "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
     output.write([(rays.stem, verdict)], foreign.words is not None, None, about)
-    shown = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
-    emit({**dataclasses.asdict(verdict), **shown, "bounds": about["bounds"]}, lines)
+    about_display = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
+    emit({**dataclasses.asdict(verdict), **about_display, "bounds": about["bounds"]}, lines)
     return 0 if verdict.right else FOUND_WRONG
 
 
@@ -154,8 +161,9 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     try:
         for name, foreign in reader.sets():
             # The search for a pair takes some ten seconds: again only for a set of more rays, which says more.
-            search = not any(one.searched and one.rays >= len(foreign.given.pixels) for _, one in verdicts)
-            verdict = judge(foreign, bounds, two_faults=search, maps=output.maps)
+            search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
+            verdict = judge(foreign, bounds, two_faults=search)
+            output.count_errors(foreign, bounds)
             verdicts.append((name, verdict))
             words = foreign.words is not None
             if not verdict.right and not as_json():

@@ -70,17 +70,17 @@ class Bounds:
     step: Annotated[tuple[StepBound, ...], key("")] = ()
     case: Annotated[tuple[CaseBound, ...], key("")] = ()
 
-    def limits(self, given: PanelRays, rays: Arrays) -> Arrays:
+    def limits(self, inputs: PanelRays, rays: Arrays) -> Arrays:
         """Return how far each array of rays may be off, (N,), radians and mm; `rays` are golden's."""
         steps = {one.array: one.point_nm for one in self.step}
         limits: Arrays = {}
         for name in (*get_args(Step), "direction"):
             usual = self.direction_urad if name == "direction" else steps.get(name, self.point_nm)
-            largest = np.zeros(len(given.pixels))
+            largest = np.zeros(len(inputs.pixels))
             for case in self.case:
                 bound = case.direction_urad if name == "direction" else case.point_nm
                 if bound is not None:
-                    largest = np.where(POINTS[case.point](given, rays), np.maximum(largest, bound), largest)
+                    largest = np.where(POINTS[case.point](inputs, rays), np.maximum(largest, bound), largest)
             limits[name] = 1e-6 * np.where(largest > 0.0, largest, usual)
         return limits
 
@@ -126,7 +126,7 @@ class Comparison:
     `wrong_on_edge` are the rays on an edge, by array, that are golden's on no side of it.
     """
 
-    given: PanelRays
+    inputs: PanelRays
     fields: Arrays
     golden: Arrays
     limits: Arrays
@@ -153,7 +153,7 @@ class Comparison:
     @property
     def ties(self) -> Bools:
         """The panel points exactly on an edge that two cells share, which only one of them owns."""
-        return tied(self.given)
+        return tied(self.inputs)
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
         """Return how far values of an array are from another's, as `distance`; 0 where they are not given."""
@@ -173,7 +173,7 @@ class Comparison:
 
         fields, golden, limits = part(self.fields), part(self.golden), part(self.limits)
         edge, alone, wrong_on_edge = self.edge[rays], self.alone[rays], part(self.wrong_on_edge)
-        return Comparison(self.given.select(rays), fields, golden, limits, edge, alone, wrong_on_edge)
+        return Comparison(self.inputs.select(rays), fields, golden, limits, edge, alone, wrong_on_edge)
 
     def later(self, lag: int) -> Comparison:
         """Return the comparison of each ray with the values that stand `lag` rays after it."""
@@ -192,6 +192,7 @@ class Comparison:
         return FieldSummary(name, FIELDS[name][0], len(plain), wrong, float(far.max(initial=0.0)), limits, unit)
 
 
+@np.errstate(all="ignore")  # values of any size are compared
 def compare(
     foreign: ForeignRays, bounds: Bounds, moves_mm: tuple[Floats, Floats] | None = None, every: bool = True
 ) -> Comparison:
@@ -201,20 +202,20 @@ def compare(
     out, the `roundings` of the rays. Not `every`: these are traced only for rays beyond the bounds. The others are
     right whatever they tell, so the same rays are wrong.
     """
-    given = foreign.given
-    rays, n = golden(given), len(given.pixels)
-    panel_mm, aim_mm = moves_mm or roundings(given)
-    limits = dict.fromkeys(INTEGERS, np.zeros(n)) | bounds.limits(given, rays)
+    inputs = foreign.inputs
+    rays, n = golden(inputs), len(inputs.pixels)
+    panel_mm, aim_mm = moves_mm or roundings(inputs)
+    limits = dict.fromkeys(INTEGERS, np.zeros(n)) | bounds.limits(inputs, rays)
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
-    compared = Comparison(given, foreign.fields, rays, limits, np.zeros(n, bool), alone)
-    chosen = np.arange(n) if every else np.flatnonzero(compared.wrong)
-    if not len(chosen):
+    compared = Comparison(inputs, foreign.fields, rays, limits, np.zeros(n, bool), alone)
+    indices = np.arange(n) if every else np.flatnonzero(compared.wrong)
+    if not len(indices):
         return compared
-    more, across = _effect_of_moves(compared.select(chosen), panel_mm[chosen], aim_mm[chosen])
+    more, across = _effect_of_moves(compared.select(indices), panel_mm[indices], aim_mm[indices])
     for name, extra in more.items():
-        limits[name][chosen] += extra
+        limits[name][indices] += extra
     edge = np.zeros(n, bool)
-    edge[chosen] = across
+    edge[indices] = across
     compared = replace(compared, edge=edge)
     on_edge = np.flatnonzero(edge)
     wrong = {name: np.zeros(n, bool) for name in foreign.fields}
@@ -230,7 +231,7 @@ def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> 
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
-    for moved in _displaced(compared.given, panel_mm, aim_mm):
+    for moved in _displaced(compared.inputs, panel_mm, aim_mm):
         other = golden(moved)
         across = np.any([(other[name] != compared.golden[name]).any(axis=1) for name in INTEGERS], axis=0)
         edge |= across
@@ -241,12 +242,12 @@ def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> 
     return {name: largest.get(name, moves) for name in compared.limits if name not in INTEGERS}, edge
 
 
-def _displaced(given: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
+def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
     """Yield rays whose panel points, and then aims, are displaced by some (N, 2) mm, in some ways (M, 2)."""
-    aimed = replace(given, aperture=given.aims)
+    aimed = replace(inputs, aperture=inputs.aims)
     for step in ways:
-        yield replace(aimed, pixels=given.pixels + step * panel_mm / given.display.panel.pitches_mm)
-        yield replace(aimed, aperture=given.aims + step * aim_mm)
+        yield replace(aimed, pixels=inputs.pixels + step * panel_mm / inputs.display.panel.pitches_mm)
+        yield replace(aimed, aperture=inputs.aims + step * aim_mm)
 
 
 def _wrong_on_edge(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
@@ -257,7 +258,7 @@ def _wrong_on_edge(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> di
     """
     sides = [compared.golden]
     for share in SHARES:
-        sides += map(golden, _displaced(compared.given, share * panel_mm, share * aim_mm, AROUND))
+        sides += map(golden, _displaced(compared.inputs, share * panel_mm, share * aim_mm, AROUND))
     fields, alone = compared.fields, compared.alone
     integers = {
         name: np.array([(fields[name] == side[name]).all(axis=1) | (alone & (name != "status")) for side in sides])
@@ -279,25 +280,24 @@ def _wrong_on_edge(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> di
     return wrong
 
 
-def roundings(given: PanelRays) -> tuple[Floats, Floats]:
+def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
     """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
 
     One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
     the trace through the lenslet.
     """
-    pitch, pixel = given.display.array.coarsest_mm, np.array(given.display.panel.pitches_mm)
+    pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
         return 0.5 * np.spacing(np.abs(values).astype(np.float32)).astype(np.float64)
 
     least = 4.0 * rounding(np.array(0.5 * pitch))
-    return np.maximum(pixel * rounding(given.pixels), least), np.maximum(rounding(given.aims), least)
+    return np.maximum(pixel * rounding(inputs.pixels), least), np.maximum(rounding(inputs.aims), least)
 
 
 def distance(name: str, values: Floats, expected: Floats) -> Floats:
     """Return how far values are from the expected ones, (N,): a length, or 0 and 1 for integers; never NaN."""
     if name in INTEGERS:
         return np.asarray((values != expected).any(axis=1), np.float64)
-    with np.errstate(invalid="ignore", over="ignore"):
-        far = np.linalg.norm(values - expected, axis=1)
+    far = np.linalg.norm(values - expected, axis=1)
     return np.where(np.isfinite(far), far, np.inf)

@@ -41,9 +41,9 @@ class Point:
     meaning: str
     predicate: Callable[[PanelRays, Arrays], npt.ArrayLike]
 
-    def __call__(self, given: PanelRays, rays: Arrays) -> Bools:
+    def __call__(self, inputs: PanelRays, rays: Arrays) -> Bools:
         """Tell which rays meet the point, (N,)."""
-        return np.broadcast_to(np.asarray(self.predicate(given, rays), bool), len(rays["status"]))
+        return np.broadcast_to(np.asarray(self.predicate(inputs, rays), bool), len(rays["status"]))
 
 
 #: The points by name, in the order of the ray.
@@ -51,105 +51,105 @@ POINTS = {
     # Panel and lattice.
     "pixel-on-an-edge": Point(
         "A pixel's point on the edge of a cell, within roundings.",
-        lambda given, rays: _border(given, _in_cells(given))[0],
+        lambda inputs, rays: _border(inputs, _in_cells(inputs))[0],
     ),
     "pixel-on-a-corner": Point(
         "A pixel's point where three or four cells meet, within roundings.",
-        lambda given, rays: _border(given, _in_cells(given))[1],
+        lambda inputs, rays: _border(inputs, _in_cells(inputs))[1],
     ),
     "tie": Point(
         "A pixel's point exactly on an edge, so that the tie rule decides.",
-        lambda given, rays: tied(given),
+        lambda inputs, rays: tied(inputs),
     ),
     "aperture-point-on-a-seam": Point(
         "An aperture point on the edge of its cell, within roundings.",
-        lambda given, rays: _border(given, given.aims)[0] & given.aims.any(axis=1),
+        lambda inputs, rays: _border(inputs, inputs.aims)[0] & inputs.aims.any(axis=1),
     ),
-    "chief-ray": Point("A ray to the lenslet's centre.", lambda given, rays: ~given.aims.any(axis=1)),
+    "chief-ray": Point("A ray to the lenslet's centre.", lambda inputs, rays: ~inputs.aims.any(axis=1)),
     "tiny-coordinate": Point(
         "A coordinate, not 0, whose square underflows.",
-        lambda given, rays: _tiny(given.pixels) | _tiny(given.aims),
+        lambda inputs, rays: _tiny(inputs.pixels) | _tiny(inputs.aims),
     ),
     "turned-array": Point(
         "Rows that are along neither the panel's rows nor its columns.",
-        lambda given, rays: given.display.array.rotation_deg % 90.0 != 0.0,
+        lambda inputs, rays: inputs.display.array.rotation_deg % 90.0 != 0.0,
     ),
     "two-pitches": Point(
         "Two pitches that differ.",
-        lambda given, rays: len(set(given.display.array.pitches_mm)) == 2,
+        lambda inputs, rays: len(set(inputs.display.array.pitches_mm)) == 2,
     ),
-    "shear": Point("A shear.", lambda given, rays: given.display.array.shear != 0.0),
+    "shear": Point("A shear.", lambda inputs, rays: inputs.display.array.shear != 0.0),
     "far-offset": Point(
         "An array whose origin is a hundred pitches and more from the panel's centre.",
-        lambda given, rays: math.hypot(*given.display.array.offset_mm) >= 100.0 * given.display.array.finest_mm,
+        lambda inputs, rays: math.hypot(*inputs.display.array.offset_mm) >= 100.0 * inputs.display.array.finest_mm,
     ),
     "wide-panel": Point(
         "A panel of the most pixels that a file may have.",
-        lambda given, rays: given.display.panel.width_px == MAX_SIDE_PX,
+        lambda inputs, rays: inputs.display.panel.width_px == MAX_SIDE_PX,
     ),
     "converged-eye": Point(
         "Elemental images that converge on an eye.",
-        lambda given, rays: given.display.viewing_distance_mm is not None,
+        lambda inputs, rays: inputs.display.viewing_distance_mm is not None,
     ),
     "eye-aside": Point(
         "An eye that is in front of no point of the panel.",
-        lambda given, rays: _eye_aside(given.display),
+        lambda inputs, rays: _eye_aside(inputs.display),
     ),
     "missing-lenslet": Point(
         "A ray whose lenslet lies beyond the array's end.",
-        lambda given, rays: _beyond_end(given.display, rays) & _has(rays, Status.BLOCKED),
+        lambda inputs, rays: _beyond_end(inputs.display, rays) & _has(rays, Status.BLOCKED),
     ),
     # Lens.
-    "contact": Point("No gap between panel and array.", lambda given, rays: given.display.gap_mm == 0.0),
+    "contact": Point("No gap between panel and array.", lambda inputs, rays: inputs.display.gap_mm == 0.0),
     "gap-of-the-focal-length": Point(
         "A panel in the focal plane, within 10^-5 of the focal length.",
-        lambda given, rays: _in_focus(given.display),
+        lambda inputs, rays: _in_focus(inputs.display),
     ),
     "steep-dome": Point(
         "A nearly hemispherical dome.",
-        lambda given, rays: given.display.array.radius_mm < STEEP * given.display.array.half_diagonal_mm,
+        lambda inputs, rays: inputs.display.array.radius_mm < STEEP * inputs.display.array.half_diagonal_mm,
     ),
     "flat-dome": Point(
         "A nearly flat dome.",
-        lambda given, rays: given.display.array.radius_mm > NEARLY_FLAT * given.display.array.half_diagonal_mm,
+        lambda inputs, rays: inputs.display.array.radius_mm > NEARLY_FLAT * inputs.display.array.half_diagonal_mm,
     ),
     "low-index": Point(
         "Glass that hardly refracts: an index below 1.01.",
-        lambda given, rays: given.display.array.index < 1.01,
+        lambda inputs, rays: inputs.display.array.index < 1.01,
     ),
-    "high-index": Point("Glass of an index above 2.", lambda given, rays: given.display.array.index > 2.0),
+    "high-index": Point("Glass of an index above 2.", lambda inputs, rays: inputs.display.array.index > 2.0),
     "grazing-launch": Point(
         "A ray that leaves the panel within 3 degrees of it.",
-        lambda given, rays: given.display.aperture_distance_mm < GRAZING * np.hypot(*(given.aims - rays["start_mm"]).T),
+        lambda inputs, rays: GRAZING * _aside_mm(inputs, rays) > inputs.display.aperture_distance_mm,
     ),
     "grazing-exit": Point(
         "A ray that leaves the last face within 3 degrees of it.",
-        lambda given, rays: _exit_cosine(given, rays) < GRAZING,
+        lambda inputs, rays: _exit_cosine(inputs, rays) < GRAZING,
     ),
     "onset-of-total-reflection": Point(
         "A ray that leaves the last face within 0.06 degrees of it.",
-        lambda given, rays: _exit_cosine(given, rays) < FLAT,
+        lambda inputs, rays: _exit_cosine(inputs, rays) < FLAT,
     ),
     "far-cell": Point(
         "A ray that leaves through a lenslet two steps and more from the pixel's.",
-        lambda given, rays: (
-            (cell_steps(given.display, rays["lenslet"] - rays["home"]) >= 2.0) & _has(rays, Status.CROSSTALK)
+        lambda inputs, rays: (
+            (cell_steps(inputs.display, rays["lenslet"] - rays["home"]) >= 2.0) & _has(rays, Status.CROSSTALK)
         ),
     ),
     # Fate.
-    "ok": Point("A ray that leaves through its own lenslet.", lambda given, rays: _has(rays, Status.OK)),
-    "missed": Point("A ray that meets no dome.", lambda given, rays: _has(rays, Status.MISSED)),
+    "ok": Point("A ray that leaves through its own lenslet.", lambda inputs, rays: _has(rays, Status.OK)),
+    "missed": Point("A ray that meets no dome.", lambda inputs, rays: _has(rays, Status.MISSED)),
     "internal-reflection": Point(
         "A ray that is totally reflected.",
-        lambda given, rays: _has(rays, Status.INTERNAL_REFLECTION),
+        lambda inputs, rays: _has(rays, Status.INTERNAL_REFLECTION),
     ),
     "blocked": Point(
         "A ray that a dome, a wall or the array's end stops.",
-        lambda given, rays: _has(rays, Status.BLOCKED),
+        lambda inputs, rays: _has(rays, Status.BLOCKED),
     ),
     "crosstalk": Point(
         "A ray that leaves through another lenslet.",
-        lambda given, rays: _has(rays, Status.CROSSTALK),
+        lambda inputs, rays: _has(rays, Status.CROSSTALK),
     ),
 }
 #: Points that no ray in the RTL's words can meet, and why.
@@ -161,9 +161,9 @@ BEYOND_WORDS = {
 }
 
 
-def covered(given: PanelRays, rays: Arrays) -> dict[str, int]:
+def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
     """Return how many rays meet each point; `rays` are golden's, by the names of a file's arrays."""
-    return {name: int(np.count_nonzero(point(given, rays))) for name, point in POINTS.items()}
+    return {name: int(np.count_nonzero(point(inputs, rays))) for name, point in POINTS.items()}
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
@@ -180,30 +180,31 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
     return counts, line + (f"; not {', '.join(missing)}" if missing else "")
 
 
-def tied_sides(given: PanelRays) -> tuple[Bools, ...]:
+def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
     """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners, left and lower one."""
-    array = given.display.array
-    x, y = _in_cells(given).T
-    left = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
-    return (left, np.asarray(y == -0.5 * array.pitches_mm[1])) if array.grid == "square" else (left,)
+    array = inputs.display.array
+    x, y = _in_cells(inputs).T
+    left_side = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
+    lower_side = np.asarray(y == -0.5 * array.pitches_mm[1])
+    return (left_side, lower_side) if array.grid == "square" else (left_side,)
 
 
-def tied(given: PanelRays) -> Bools:
+def tied(inputs: PanelRays) -> Bools:
     """Return which pixels' points (N,) lie exactly on a side of a cell that has two owners."""
-    return np.asarray(np.any(tied_sides(given), axis=0))
+    return np.asarray(np.any(tied_sides(inputs), axis=0))
 
 
-def _in_cells(given: PanelRays) -> Floats:
+def _in_cells(inputs: PanelRays) -> Floats:
     """Return the points (N, 2) that decide the pixels' lenslets, mm from their centres, as the eye sees them."""
-    return in_cells_mm(given.display, given.pixels)
+    return in_cells_mm(inputs.display, inputs.pixels)
 
 
-def _border(given: PanelRays, points: Floats) -> tuple[Bools, Bools]:
+def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
     """Tell which points, (N, 2) mm from a cell's centre, are on an edge of it within roundings, and on two."""
-    array = given.display.array
+    array = inputs.display.array
     lattice = Lattice.of(array)
     x, y = points.T
-    step = ULPS * np.spacing(np.abs(given.pixels).max() * max(given.display.panel.pitches_mm) + array.coarsest_mm)
+    step = ULPS * np.spacing(np.abs(inputs.pixels).max() * max(inputs.display.panel.pitches_mm) + array.coarsest_mm)
 
     def cells_at(some: npt.NDArray[np.intp], sides: Iterable[tuple[int, int]]) -> npt.NDArray[np.complex128]:
         cells = [lattice.locate(NumpyBackend(), x[some] + dx * step, y[some] + dy * step)[:2] for dx, dy in sides]
@@ -244,9 +245,14 @@ def _beyond_end(display: Display, rays: Arrays) -> Bools:
     return np.asarray((np.abs(x - array.shear * y) > 0.5 * width) | (np.abs(y) > 0.5 * height))
 
 
-def _exit_cosine(given: PanelRays, rays: Arrays) -> Floats:
+def _aside_mm(inputs: PanelRays, rays: Arrays) -> Floats:
+    """Return how far aside of their starts rays aim, (N,)."""
+    return np.hypot(*(inputs.aims - rays["start_mm"]).T)
+
+
+def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:
     """Return the cosine of the exit ray to the normal of the last face, 1 for rays that are lost."""
-    array = given.display.array
+    array = inputs.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":
         normal = (rays["local_mm"] + (0.0, 0.0, array.radius_mm)) / array.radius_mm

@@ -16,10 +16,10 @@ import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.conformance.engine_errors import words_differ
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
 from lippmann.conformance.figures import Figures, Measured
 from lippmann.conformance.ray_sets import PanelRays, random_aims
+from lippmann.conformance.ray_words import count_different_words
 from lippmann.display.description import Display, load_display
 from lippmann.errors import input_error
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -192,9 +192,9 @@ class Simulation:
         ray_pipeline(*self.inputs, self.build)
         return self.rays / (time.perf_counter() - started)
 
-    def words_differ(self) -> int:
+    def count_different_words(self) -> int:
         """Count the words in which RTL and twin differ."""
-        return words_differ(self.engine.trace(*self.inputs), ray_pipeline(*self.inputs, self.build))
+        return count_different_words(self.engine.trace(*self.inputs), ray_pipeline(*self.inputs, self.build))
 
 
 def rates_of(

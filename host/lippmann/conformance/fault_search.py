@@ -72,12 +72,12 @@ COARSEST, FINEST = 4, 22
 NEAREST = 12
 
 
-def fitted(given: PanelRays, values: Arrays) -> Iterator[Variant]:
+def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
     """Yield variants with a number that is fitted to foreign rays: a constant, a word length, a number of the display.
 
     For each number of the display, the value that explains the directions best.
     """
-    rays = golden(given)
+    rays = golden(inputs)
     for name, what, unit, arrays in (
         ("direction", "direction", "", ("direction",)),
         ("local_mm", "exit point", " mm", ("local_mm", "origin_mm")),
@@ -89,12 +89,12 @@ def fitted(given: PanelRays, values: Arrays) -> Iterator[Variant]:
             yield add_constant(FIELDS[name][0], f"a constant added to the {what}: {', '.join(parts)}", arrays, constant)
     yield from _word_lengths(values["direction"])
     for name in (*FITTED, GLASS):
-        value = _number_of(name, given.display)
+        value = _number_of(name, inputs.display)
         if value is not None:
-            yield from _fit_number(name, value, given, values["direction"])
+            yield from _fit_number(name, value, inputs, values["direction"])
 
 
-def fitted_together(given: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
+def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
     """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own.
 
     One of which the other leaves nothing to explain is left out.
@@ -105,14 +105,14 @@ def fitted_together(given: PanelRays, values: Arrays) -> Iterator[tuple[Variant,
         logger.warning("scipy is missing: no two wrong numbers were looked for; %s", to_install("calibrate"))
         return
     for names in combinations(FITTED, 2):
-        old = [value for name in names if (value := _number_of(name, given.display)) is not None]
+        old = [value for name in names if (value := _number_of(name, inputs.display)) is not None]
         if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
             continue
-        unit = np.array([abs(value) or given.display.array.coarsest_mm for value in old])
+        unit = np.array([abs(value) or inputs.display.array.coarsest_mm for value in old])
 
-        def residuals(tried: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
-            rays = given
-            for name, value in zip(names, tried * unit, strict=True):
+        def residuals(candidates: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
+            rays = inputs
+            for name, value in zip(names, candidates * unit, strict=True):
                 rays = with_number(name, float(value), rays)
             return np.asarray((rays.trace().direction - values["direction"]).ravel())
 
@@ -157,29 +157,29 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
             return
 
 
-def _fit_number(name: str, value: float, given: PanelRays, direction: Floats) -> Iterator[Variant]:
+def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
     """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
     # Offsets repeat after a pitch: their size says nothing about their error.
-    unit = value if value and "offset" not in name else given.display.array.coarsest_mm
+    unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
-    def loss(tried: float) -> float:
+    def loss(candidates: float) -> float:
         """Return the median error: rays that change lenslet or status on the way must not weigh."""
         try:
-            rays = with_number(name, tried, given).trace()
+            rays = with_number(name, candidates, inputs).trace()
         except NO_RAYS:
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    tried, near = [value + share * unit for share in LOOKED], _shares_near(given.display)
+    candidates, near = [value + share * unit for share in LOOKED], _shares_near(inputs.display)
     if name == "array.rotation_deg":
-        tried += [float(turn) for turn in ROTATIONS]
-        tried += [value + math.degrees(turn) for turn in near]
+        candidates += [float(turn) for turn in ROTATIONS]
+        candidates += [value + math.degrees(turn) for turn in near]
     elif name == "array.shear":
-        tried += [value + turn for turn in near]
+        candidates += [value + turn for turn in near]
     elif "pitch_mm" in name:
-        tried += [value + share * unit for share in near]
-    best, width = min(sorted(tried), key=loss), 0.02 * abs(unit)
+        candidates += [value + share * unit for share in near]
+    best, width = min(sorted(candidates), key=loss), 0.02 * abs(unit)
     for _ in range(REFINEMENTS):
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
@@ -196,33 +196,33 @@ def _shares_near(display: Display) -> Floats:
     return step * np.arange(-last, last + 1, dtype=np.float64)
 
 
-def pairs(given: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
+def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
     """Yield pairs of variants, the likeliest first; `apart` tells how far a variant alone is from the rays `fields`.
 
-    Numbers are fitted to `fields`, those of the rays `given`.
+    Numbers are fitted to `fields`, those of the rays `inputs`.
     """
-    ranked = sorted(variants(given.display), key=apart)
-    numbers = list(fitted(given, fields))
+    ranked = sorted(variants(inputs.display), key=apart)
+    numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
     yield from (both(one, number) for one in ranked for number in numbers)
     length = np.linalg.norm(fields["direction"], axis=1, keepdims=True)
-    units = list(fitted(given, fields | {"direction": fields["direction"] / np.where(length > 0.0, length, 1.0)}))
+    units = list(fitted(inputs, fields | {"direction": fields["direction"] / np.where(length > 0.0, length, 1.0)}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
-    yield from (both(*numbers) for numbers in fitted_together(given, fields))
+    yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
     for one in (*ranked[:NEAREST], *numbers):
         if one.change is not None:
-            yield from _fit_beside(one, given, fields)
+            yield from _fit_beside(one, inputs, fields)
     for one in ranked:
         if one.bend is not None:
-            yield from _fit_beside(one, given, fields)
+            yield from _fit_beside(one, inputs, fields)
 
 
-def _fit_beside(one: Variant, given: PanelRays, fields: Arrays) -> Iterator[Variant]:
+def _fit_beside(one: Variant, inputs: PanelRays, fields: Arrays) -> Iterator[Variant]:
     """Yield a variant with each number that is fitted beside it, if it leaves a display and its arrays are there."""
     try:
-        given = given if one.change is None else one.change(given)
+        inputs = inputs if one.change is None else one.change(inputs)
         fields = fields if one.bend is None else fields | one.bend(fields)
-        yield from (both(one, number) for number in fitted(given, fields))
+        yield from (both(one, number) for number in fitted(inputs, fields))
     except (*NO_RAYS, KeyError):
         return
 
@@ -230,10 +230,10 @@ def _fit_beside(one: Variant, given: PanelRays, fields: Arrays) -> Iterator[Vari
 def both(*faults: Variant) -> Variant:
     """Return the variant with all of some faults: first the changed inputs, then the changed results."""
 
-    def change(given: PanelRays) -> PanelRays:
+    def change(inputs: PanelRays) -> PanelRays:
         for one in faults:
-            given = given if one.change is None else one.change(given)
-        return given
+            inputs = inputs if one.change is None else one.change(inputs)
+        return inputs
 
     def bend(rays: Arrays) -> Arrays:
         for one in faults:

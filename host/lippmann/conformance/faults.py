@@ -62,19 +62,19 @@ class Variant(NamedTuple):
     trace: Callable[[PanelRays, Arrays], Arrays] | None = None
     silent: tuple[str, ...] = ()
 
-    def predict(self, given: PanelRays, rays: Arrays) -> Arrays:
+    def predict(self, inputs: PanelRays, rays: Arrays) -> Arrays:
         """Return the rays of a design with this fault; `rays` are golden's."""
         if self.change is not None:
-            changed = self.change(given)
-            rays = rays if changed is given else golden(changed)
+            changed = self.change(inputs)
+            rays = rays if changed is inputs else golden(changed)
         if self.trace is not None:
-            rays = self.trace(given, rays)
+            rays = self.trace(inputs, rays)
         return rays if self.bend is None else rays | self.bend(rays)
 
 
-def golden(given: PanelRays) -> Arrays:
+def golden(inputs: PanelRays) -> Arrays:
     """Return golden's rays and steps, by the names of a file's arrays."""
-    rays = given.trace()
+    rays = inputs.trace()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
         "centre_mm": rays.centre_mm,
@@ -82,7 +82,7 @@ def golden(given: PanelRays) -> Arrays:
         "origin_mm": rays.origin_mm,
         "direction": rays.direction,
         "status": rays.status.astype(np.float64)[:, None],
-        **given.steps(),
+        **inputs.steps(),
     }
 
 
@@ -91,15 +91,15 @@ def _with(stage: str, name: str, number: str, value: Any) -> Variant:
     return Variant(stage, name, partial(with_number, number, value))
 
 
-def with_number(name: str, value: Any, given: PanelRays) -> PanelRays:
+def with_number(name: str, value: Any, inputs: PanelRays) -> PanelRays:
     """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index.
 
     `GLASS` is another index with the radius that keeps the focal length, radius / (index - 1).
     """
-    display = given.display
+    display = inputs.display
     if name == GLASS:
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
-        return with_number("array.index", value, with_number("array.radius_mm", radius, given))
+        return with_number("array.index", value, with_number("array.radius_mm", radius, inputs))
     path, _, entry = name.partition("[")
     part, _, key = path.rpartition(".")
     if entry:
@@ -113,7 +113,7 @@ def with_number(name: str, value: Any, given: PanelRays) -> PanelRays:
         key, value = part, array
     elif part == "panel":
         key, value = part, replace(display.panel, **{key: value})
-    return replace(given, display=replace(display, **{key: value}))
+    return replace(inputs, display=replace(display, **{key: value}))
 
 
 def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
@@ -123,8 +123,8 @@ def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
 
 def variants(display: Display) -> Iterator[Variant]:
     """Yield the variants that make a difference on a display, in the order of the ray."""
-    for made in (_panel_variants, _lattice_variants, _aim_variants, _dome_variants, _exit_variants):
-        yield from made(display)
+    for yield_variants in (_panel_variants, _lattice_variants, _aim_variants, _dome_variants, _exit_variants):
+        yield from yield_variants(display)
 
 
 def _panel_variants(display: Display) -> Iterator[Variant]:
@@ -158,9 +158,9 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         yield _with("panel", "rotation_deg made radians twice", "array.rotation_deg", math.radians(turn))
 
 
-def _moved(move: Callable[[Floats], Floats], given: PanelRays) -> PanelRays:
+def _moved(move: Callable[[Floats], Floats], inputs: PanelRays) -> PanelRays:
     """Return rays from moved pixels."""
-    return replace(given, pixels=move(given.pixels))
+    return replace(inputs, pixels=move(inputs.pixels))
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
@@ -238,15 +238,15 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
     return {"centre_mm": centre_mm, "origin_mm": local_mm + np.column_stack([centre_mm, np.zeros(len(lenslet))])}
 
 
-def _through_neighbour(step: Floats, given: PanelRays, rays: Arrays) -> Arrays:
+def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
     """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
-    system = System.of(given.display)
+    system = System.of(inputs.display)
     frame, b = system.frame, NumpyBackend()
     cx, cy = system.lattice.centre(*step.T)
     wide = replace(system.lattice, pitch_mm=tuple(8.0 * pitch for pitch in system.lattice.pitches_mm))
     alone = replace(system, lattice=wide, dome=replace(system.dome, lattice=wide))
-    x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (given.aims[:, 0], given.aims[:, 1])
-    ray = models.leave_panel(b, alone, x, y, aim, given.model).ray
+    x, y, aim = rays["start_mm"][:, 0] - cx, rays["start_mm"][:, 1] - cy, (inputs.aims[:, 0], inputs.aims[:, 1])
+    ray = models.leave_panel(b, alone, x, y, aim, inputs.model).ray
     lenslet = rays["home"] + step
     local = np.stack([*frame.turn(ray.x, ray.y), ray.z], axis=1)
     return {
@@ -259,21 +259,21 @@ def _through_neighbour(step: Floats, given: PanelRays, rays: Arrays) -> Arrays:
     }
 
 
-def _rounded_down(given: PanelRays, rays: Arrays) -> Arrays:
+def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
     """Trace each ray through the lenslet whose number is rounded down: of the four around the point the lower left."""
     x, y = rays["start_mm"].T
-    sides = np.stack([x - given.display.array.shear * y, y], axis=1)
-    return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), given, rays)
+    sides = np.stack([x - inputs.display.array.shear * y, y], axis=1)
+    return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), inputs, rays)
 
 
-def _other_ties(given: PanelRays) -> Floats:
+def _other_ties(inputs: PanelRays) -> Floats:
     """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
-    array = given.display.array
-    x, y = given.steps()["start_mm"].T
+    array = inputs.display.array
+    x, y = inputs.steps()["start_mm"].T
     sides = np.stack([x - array.shear * y, y], axis=1)
     tie = np.isclose(sides, -0.5 * np.array(array.pitches_mm), rtol=1e-12, atol=0.0)
-    nudge = 1e-9 * array.finest_mm / np.array(given.display.panel.pitches_mm) * (-1.0, 1.0)
-    return np.asarray(given.pixels + np.where(tie, nudge, 0.0))
+    nudge = 1e-9 * array.finest_mm / np.array(inputs.display.panel.pitches_mm) * (-1.0, 1.0)
+    return np.asarray(inputs.pixels + np.where(tie, nudge, 0.0))
 
 
 def _aim_variants(display: Display) -> Iterator[Variant]:

@@ -188,12 +188,12 @@ def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
     return _length(rays.direction - true.direction), _length(rays.local_mm - true.local_mm)
 
 
-def _other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
+def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
     """Tell which rays have another status or lenslet."""
     return np.asarray((rays.status != true.status) | (rays.lenslet != true.lenslet).any(axis=1))
 
 
-def _movable(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
+def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
     """Return name, value and float64 of the inputs of rays, without the display's numbers that are 0."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
@@ -206,10 +206,10 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
     """
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
-    other, slopes = _other_fate(ahead, true), apart(ahead, true)
+    other, slopes = has_other_fate(ahead, true), apart(ahead, true)
     if other.any():
         back = truth(rays, **{name: value - step})
-        lost = other & _other_fate(back, true)
+        lost = other & has_other_fate(back, true)
         behind = apart(back, true)
         slopes = tuple(np.where(lost, mp.mpf(0), np.where(other, b, a)) for a, b in zip(slopes, behind, strict=True))
     return [np.asarray(slope / step, np.float64) for slope in slopes]
@@ -235,21 +235,10 @@ def condition(rays: PanelRays | WorldRays, true: Rays | Hits) -> Condition:
     if isinstance(true, Hits):
         shift = pixel_mm * np.spacing(np.asarray(np.abs(true.pixel), np.float64)).sum(axis=1)
         unit_mm = pixel_mm
-    for name, value, rounded in _movable(rays):
+    for name, value, rounded in movable_inputs(rays):
         unit = np.where(rounded == 0.0, 0.0, np.spacing(np.abs(rounded)))
         turned, shifted = _slopes(rays, true, name, value)
         turn += turned * unit
         shift += shifted * unit_mm * unit
         start += turned * {"u": 1.0 / pixel_mm, "v": 1.0 / pixel_mm, "a": 1.0, "b": 1.0}.get(name, 0.0)
     return Condition(shift / array.finest_mm if isinstance(true, Hits) else turn, shift, start)
-
-
-def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
-    """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
-    true = truth(rays)
-    edge = np.zeros(len(true.status), bool)
-    for name, value, rounded in _movable(rays):
-        step = exact_array(np.spacing(np.abs(rounded))) * ulps
-        for moved in (value + step, value - step):
-            edge |= _other_fate(truth(rays, **{name: moved}), true)
-    return edge

@@ -62,9 +62,9 @@ def _of_displays(displays: Displays) -> Generator:
 
     @wraps(displays)
     def make(display: Display, random: np.random.Generator, count: int) -> Sets:
-        made, case = displays(display), displays.__name__.replace("_", "-")
-        each = count if len(made) <= MANY_DISPLAYS else max(4, count // 3)
-        for variant, other in made.items():
+        variants, case = displays(display), displays.__name__.replace("_", "-")
+        each = count if len(variants) <= MANY_DISPLAYS else max(4, count // 3)
+        for variant, other in variants.items():
             pixels = random_pixels(other, random, each)
             yield PanelRays(f"{case}/{variant}", other, pixels, random_aims(other, random, each))
 
@@ -89,9 +89,9 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
     The substrate becomes at least as thick as the dome's sag, and the eye stays outside the lenslets' focal zone.
     """
     thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
-    made = replace(display.array, **{"glass": None, **array})
-    made = replace(made, thickness_mm=max(thickness_mm, made.sag_mm))
-    display = replace(display, array=made, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
+    domes = replace(display.array, **{"glass": None, **array})
+    domes = replace(domes, thickness_mm=max(thickness_mm, domes.sag_mm))
+    display = replace(display, array=domes, gap_mm=display.gap_mm if gap_mm is None else gap_mm)
     eye_mm = display.viewing_distance_mm
     return display if eye_mm is None else replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm))
 
@@ -193,10 +193,9 @@ def _flips(
     if centres:
         pixels = np.floor(pixels) + 0.5
     inner, outer = random_aims(display, random, many), random_aims(display, random, many, reach)
-    mixed = ~has(inner) & has(outer)
-    chosen = np.flatnonzero(mixed)[:count]
-    pixels, inner = pixels[chosen], inner[chosen]
-    return pixels, onset(inner, outer[chosen], has), inner
+    mixed = np.flatnonzero(~has(inner) & has(outer))[:count]
+    pixels, inner = pixels[mixed], inner[mixed]
+    return pixels, onset(inner, outer[mixed], has), inner
 
 
 @_case
@@ -247,14 +246,14 @@ def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
     rho = array.half_diagonal_mm
     thin = changed(display, radius_mm=1.02 * rho, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
-    for status, made, reach in (
+    for status, extreme, reach in (
         (Status.CROSSTALK, steep(display), 1.5),
         (Status.BLOCKED, thin, 6.0),
         (Status.MISSED, canyon, 200.0),
     ):
-        pixels, aims, _ = _flips(made, random, max(2, count // 8), status, reach)
+        pixels, aims, _ = _flips(extreme, random, max(2, count // 8), status, reach)
         if len(aims):
-            yield _near_onset(f"fates/{status.name.lower()}", made, pixels, aims)
+            yield _near_onset(f"fates/{status.name.lower()}", extreme, pixels, aims)
 
 
 @_case
@@ -271,12 +270,12 @@ def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
     )
     ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=(2.0 * end[0], 2.0 * end[1]))
     many = 400 * count
-    for name, made, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
-        pixels, aims = random_pixels(made, random, many), random_aims(made, random, many, reach)
-        rays = PanelRays(f"losses/{name}", made, pixels, aims)
+    for name, extreme, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
+        pixels, aims = random_pixels(extreme, random, many), random_aims(extreme, random, many, reach)
+        rays = PanelRays(f"losses/{name}", extreme, pixels, aims)
         status = rays.trace().status
         if name == "ends":  # from lenslets that are there
-            x, y = Lattice.of(made.array).centre(*rays.steps()["home"].T)
+            x, y = Lattice.of(extreme.array).centre(*rays.steps()["home"].T)
             status = np.where((np.abs(x) < end[0]) & (np.abs(y) < end[1]), status, len(Status))
         yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
 
@@ -351,9 +350,9 @@ def f_numbers(display: Display) -> dict[str, Display]:
     for number in (0.6, 0.8, 1.0, 2.0, 10.0, 50.0):
         focal = number * array.coarsest_mm
         index = max(array.index, 1.0 + 1.01 * array.half_diagonal_mm / focal)
-        made = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
-        to_panel = focal - made.array.thickness_mm / index if array.plano_side == "panel" else focal
-        displays[f"{number:g}"] = changed(made, gap_mm=max(0.0, to_panel))
+        faster = changed(display, index=index, radius_mm=focal * (index - 1.0), thickness_mm=0.0)
+        to_panel = focal - faster.array.thickness_mm / index if array.plano_side == "panel" else focal
+        displays[f"{number:g}"] = changed(faster, gap_mm=max(0.0, to_panel))
     return displays
 
 
@@ -363,7 +362,7 @@ def gaps(display: Display) -> dict[str, Display]:
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
     focus = focus if focus > 0.0 else array.focal_length_mm
-    made = {
+    distances = {
         "0": 0.0,
         "smallest": 5e-324,
         "1e-12-mm": 1e-12,
@@ -371,7 +370,7 @@ def gaps(display: Display) -> dict[str, Display]:
         "f-less-1-ulp": math.nextafter(focus, 0.0),
         "f": focus,
     }
-    return {name: changed(display, gap_mm=gap) for name, gap in made.items()}
+    return {name: changed(display, gap_mm=gap) for name, gap in distances.items()}
 
 
 @_of_displays
@@ -407,10 +406,10 @@ def huge_panels(display: Display, random: np.random.Generator, count: int) -> Se
     """
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     pitch = min(panel.coarsest_mm, 0.4)
-    made = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
+    wide = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
     corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
     pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))
-    yield PanelRays("huge-panels", made, pixels, random_aims(made, random, count))
+    yield PanelRays("huge-panels", wide, pixels, random_aims(wide, random, count))
 
 
 @_case
@@ -467,16 +466,16 @@ def converged(display: Display) -> dict[str, Display]:
     """Elemental images that converge on an eye: near, aside, behind steep lenslets, far away, beside the panel."""
     panel = display.panel
 
-    def seen(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
+    def converge(display: Display, eye_mm: float, axis_mm: tuple[float, float] = (0.0, 0.0)) -> Display:
         return replace(display, viewing_distance_mm=max(eye_mm, display.nearest_eye_mm), viewing_axis_mm=axis_mm)
 
     return {
-        "near": seen(display, 0.0),
-        "near-corner": seen(display, 0.0, (0.5 * panel.width_mm, -0.5 * panel.height_mm)),
-        "metre-aside": seen(display, 600.0, (-1e3, 1e3)),
-        "steep": seen(steep(display), 0.5 * panel.width_mm),
-        "far": seen(display, 1e12),
-        "beside": seen(display, 2.0 * panel.width_mm, (0.6 * panel.width_mm, 0.0)),
+        "near": converge(display, 0.0),
+        "near-corner": converge(display, 0.0, (0.5 * panel.width_mm, -0.5 * panel.height_mm)),
+        "metre-aside": converge(display, 600.0, (-1e3, 1e3)),
+        "steep": converge(steep(display), 0.5 * panel.width_mm),
+        "far": converge(display, 1e12),
+        "beside": converge(display, 2.0 * panel.width_mm, (0.6 * panel.width_mm, 0.0)),
     }
 
 
@@ -486,7 +485,7 @@ def skewed(display: Display) -> dict[str, Display]:
     array, panel = display.array, display.panel
     px, py = array.pitches_mm
 
-    def made(pitch_mm: tuple[float, float], shear: float, **other: Any) -> Display:
+    def skew(pitch_mm: tuple[float, float], shear: float, **other: Any) -> Display:
         domes = replace(array, pitch_mm=pitch_mm, shear=shear)
         return changed(
             display,
@@ -498,11 +497,11 @@ def skewed(display: Display) -> dict[str, Display]:
 
     edges = (0.4 * panel.width_mm, 2.0 * (round(0.2 * panel.height_mm / array.row_pitch_mm) * array.row_pitch_mm))
     return {
-        "measured": made((1.0004 * px, 0.9991 * py), 0.0012),
-        "shear-1e-12": made((px, py), 1e-12),
-        "shear-1": made((px, py), 1.0),
-        "shear--1": made((px, py), -1.0),
-        "narrow": made((px, 4.0 * px), 0.3),
-        "wide": made((px, 0.25 * px), -0.3),
-        "extent": made((px, py), 0.0, extent_mm=edges),
+        "measured": skew((1.0004 * px, 0.9991 * py), 0.0012),
+        "shear-1e-12": skew((px, py), 1e-12),
+        "shear-1": skew((px, py), 1.0),
+        "shear--1": skew((px, py), -1.0),
+        "narrow": skew((px, 4.0 * px), 0.3),
+        "wide": skew((px, 0.25 * px), -0.3),
+        "extent": skew((px, py), 0.0, extent_mm=edges),
     }

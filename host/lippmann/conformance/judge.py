@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,16 +53,6 @@ ROUNDING_WORDS = 8
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
 #: Sides of a cell of two owners, as `coverage_points.tied_sides`.
 SIDES = ("left", "lower")
-
-
-class ErrorCounts(Protocol):
-    """Counts the errors of judged rays, as `regress_page.ErrorMaps`, which needs more libraries than a verdict."""
-
-    def add_numbers(self, compared: Comparison) -> None:
-        """Count rays in numbers."""
-
-    def add_words(self, foreign: ForeignRays, case: FixedCase) -> None:
-        """Count rays in words."""
 
 
 class Finding(NamedTuple):
@@ -118,8 +108,8 @@ class Verdict:
         """A line for each array that was compared."""
         lines = []
         for entry in self.compared:
-            least, most = entry.limits
-            allowed = f" (allowed: {least:.3g} to {most:.3g})" if most else ""
+            least, largest = entry.limits
+            allowed = f" (allowed: {least:.3g} to {largest:.3g})" if largest else ""
             lines.append(
                 f"{entry.stage:<11}{entry.field:<10} {entry.wrong} of {entry.compared} wrong, "
                 f"largest difference {entry.worst:.3g} {entry.unit}{allowed}"
@@ -127,33 +117,28 @@ class Verdict:
         return lines
 
 
+@np.errstate(all="ignore")  # values of any size are compared
 def judge(
     foreign: ForeignRays,
     bounds: Bounds = Bounds(),  # noqa: B008 (frozen)
     two_faults: bool = True,
-    maps: ErrorCounts | None = None,
 ) -> Verdict:
     """Judge foreign rays.
 
     `bounds` are how far directions and points may be off, beside the effect of rounding the inputs. Words must be
     equal. With `two_faults` a pair of faults is looked for when no single one explains the rays, which takes some ten
-    seconds. The errors of the rays are added to `maps`.
+    seconds.
     """
-    with np.errstate(all="ignore"):  # values of any size are compared
-        if foreign.words is None:
-            comparison = compare(foreign, bounds, every=False)
-            rays, edge = comparison.golden, comparison.edge
-            summaries = tuple(comparison.summary(name) for name in foreign.fields)
-            wrong, finding = _judge_numbers(foreign, bounds, comparison, two_faults)
-            if maps is not None:
-                maps.add_numbers(comparison)
-        else:
-            rays, edge = golden(foreign.given), np.zeros(len(foreign.given.pixels), bool)
-            wrong, finding, summaries = _judge_words(foreign, *foreign.words, two_faults)
-            if maps is not None:
-                maps.add_words(foreign, foreign.words[0])
-        points = covered(foreign.given, rays)
+    if foreign.words is None:
+        comparison = compare(foreign, bounds, every=False)
+        rays, edge = comparison.golden, comparison.edge
+        summaries = tuple(comparison.summary(name) for name in foreign.fields)
+        wrong, finding = _judge_numbers(foreign, bounds, comparison, two_faults)
+    else:
+        rays, edge = golden(foreign.inputs), np.zeros(len(foreign.inputs.pixels), bool)
+        wrong, finding, summaries = _judge_words(foreign, *foreign.words, two_faults)
     first = int(np.argmax(wrong)) if wrong.any() else None
+    points = covered(foreign.inputs, rays)
     return Verdict(len(wrong), int(edge.sum()), int(wrong.sum()), first, *finding, summaries, points)
 
 
@@ -165,7 +150,7 @@ def _judge_numbers(
         return compared.wrong, _diagnose(compare(foreign, bounds), two_faults)
     if "lenslet" in foreign.fields:
         other = (foreign.fields["lenslet"] != compared.golden["lenslet"]).any(axis=1)
-        sides = tied_sides(foreign.given)
+        sides = tied_sides(foreign.inputs)
         # A corner is on two sides, and says nothing of one.
         alone = [side & (np.sum(sides, axis=0) == 1) for side in sides]
         turned = [side.sum() > 2 and other[side].all() for side in alone]
@@ -179,56 +164,56 @@ def _judge_numbers(
 # --- diagnosis --------------------------------------------------------------------------------------------------
 
 
-def _diagnose(seen: Comparison, two_faults: bool) -> Finding:
+def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     """Return stage, fault and share explained of rays that are wrong."""
-    bad = seen.wrong_arrays
+    bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     if first == "status":
-        return _best(seen) or Finding(first, _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0)
-    if _wrapped(seen):
+        return _best(compared) or _wrong_codes(compared)
+    if _wrapped(compared):
         return Finding("exit", "a component of the direction wrapped where it should saturate at 1", 1.0)
     if first == "exit":
-        length = np.linalg.norm(seen.fields["direction"], axis=1)
-        unit = seen.fields["direction"] / np.where(length > 0.0, length, 1.0)[:, None]
-        if not seen.wrong_in("direction", unit).any():
+        length = np.linalg.norm(compared.fields["direction"], axis=1)
+        unit = compared.fields["direction"] / np.where(length > 0.0, length, 1.0)[:, None]
+        if not compared.wrong_in("direction", unit).any():
             return Finding("exit", "direction not normalised: it is right but for its length", 1.0)
 
-    def equal(here: slice, there: slice) -> Bools:
-        far = {name: distance(name, seen.fields[name][here], seen.golden[name][there]) for name in bad}
-        far |= {name: np.where(seen.alone[here], 0.0, far[name]) for name in bad if name != "status"}
-        return np.asarray(np.all([far[name] <= seen.limits[name][there] for name in bad], axis=0))
+    def equal(rays: slice, expected: slice) -> Bools:
+        far = {name: distance(name, compared.fields[name][rays], compared.golden[name][expected]) for name in bad}
+        far |= {name: np.where(compared.alone[rays], 0.0, far[name]) for name in bad if name != "status"}
+        return np.asarray(np.all([far[name] <= compared.limits[name][expected] for name in bad], axis=0))
 
     late = _late(equal)
     if late:
         return Finding("exit", late, 1.0)
     return (
-        _best(seen)
-        or _one_late(seen)
-        or _stuck(seen)
-        or _stale(seen)
-        or _only_status(seen)
-        or (_two(seen) if two_faults else None)
+        _best(compared)
+        or _one_late(compared)
+        or _stuck(compared)
+        or _stale(compared)
+        or _only_status(compared)
+        or (_two(compared) if two_faults else None)
         or Finding(first)
     )
 
 
-def _axes(seen: Comparison) -> tuple[Floats, Floats]:
+def _axes(compared: Comparison) -> tuple[Floats, Floats]:
     """Return directions, foreign and golden's, along the array's axes."""
-    frame = System.of(seen.given.display).frame
-    return turn_back(frame, seen.fields["direction"]), turn_back(frame, seen.golden["direction"])
+    frame = System.of(compared.inputs.display).frame
+    return turn_back(frame, compared.fields["direction"]), turn_back(frame, compared.golden["direction"])
 
 
-def _one_late(seen: Comparison) -> Finding | None:
+def _one_late(compared: Comparison) -> Finding | None:
     """Say which component of the direction alone came too late, or too early."""
-    if seen.wrong_arrays != ["direction"] or len(seen.edge) < 2 * MANY:
+    if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
         return None
-    directions, expected = _axes(seen)
-    right = float((~seen.wrong).mean())
+    directions, expected = _axes(compared)
+    right = float((~compared.wrong).mean())
     for lag in LAGS:
         for axes, which in (((0,), "x"), ((1,), "y"), ((2,), "z"), ((0, 1), "x and y")):
             moved = expected.copy()
             moved[:, axes] = np.roll(expected, lag, axis=0)[:, axes]
-            share = float((np.linalg.norm(directions - moved, axis=1) <= seen.limits["direction"]).mean())
+            share = float((np.linalg.norm(directions - moved, axis=1) <= compared.limits["direction"]).mean())
             if share >= EXPLAINED and share > right:
                 fault = f"direction's {which} {_delay(lag)}: ray k has that of ray k {-lag:+d}"
                 return Finding("exit", fault, share)
@@ -239,12 +224,12 @@ def _delay(lag: int) -> str:
     return f"{'late' if lag > 0 else 'early'} by {abs(lag)}"
 
 
-def _stuck(seen: Comparison) -> Finding | None:
+def _stuck(compared: Comparison) -> Finding | None:
     """Say which bit of the direction is stuck."""
-    wrong = seen.wrong_by["direction"]
-    if seen.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
+    wrong = compared.wrong_by["direction"]
+    if compared.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
         return None
-    directions, expected = _axes(seen)
+    directions, expected = _axes(compared)
     off = (directions - expected)[wrong]
     for axis, name in enumerate("xyz"):
         step = float(np.median(off[:, axis]))
@@ -253,27 +238,27 @@ def _stuck(seen: Comparison) -> Finding | None:
             continue
         other = off.copy()
         other[:, axis] -= math.copysign(2.0 ** round(place), step)
-        share = float((np.linalg.norm(other, axis=1) <= seen.limits["direction"][wrong]).mean())
+        share = float((np.linalg.norm(other, axis=1) <= compared.limits["direction"][wrong]).mean())
         if share >= EXPLAINED:
             fault = f"a bit of the direction's {name} is stuck at {int(step > 0)}: 2^{round(place)}"
             return Finding("exit", fault, share)
     return None
 
 
-def _only_status(seen: Comparison) -> Finding | None:
+def _only_status(compared: Comparison) -> Finding | None:
     """Explain rays that are wrong where their status is: the other values of a ray that should be lost say nothing."""
-    if "status" not in seen.fields or (seen.wrong & ~seen.wrong_by["status"]).any():
+    if "status" not in compared.fields or (compared.wrong & ~compared.wrong_by["status"]).any():
         return None
-    return Finding("status", _codes(seen.fields["status"], seen.golden["status"], seen.wrong), 1.0)
+    return _wrong_codes(compared)
 
 
-def _stale(seen: Comparison) -> Finding | None:
+def _stale(compared: Comparison) -> Finding | None:
     """Explain a stretch of wrong rays, with right ones before or after, by a register that took effect late."""
-    run = np.flatnonzero(seen.wrong)
+    run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
-    if len(run) < MANY or last + 1 - first >= len(seen.edge) or len(run) < 0.5 * (last + 1 - first):
+    if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
         return None
-    best = _best(seen.select(np.arange(first, last + 1)))
+    best = _best(compared.select(np.arange(first, last + 1)))
     if best is None:
         return None
     return best._replace(fault=f"stale register: rays {first} to {last} are of an earlier configuration ({best.fault})")
@@ -282,16 +267,20 @@ def _stale(seen: Comparison) -> Finding | None:
 def _late(equal: Callable[[slice, slice], Bools]) -> str | None:
     """Say by how many rays outputs came too late, or too early.
 
-    `equal(here, there)` tells which of the rays `here` have the values that the rays `there` should have. Where more
-    have their own, as among rays that are nearly alike, none came late.
+    `equal(rays, expected)` tells which of the rays have the values that those of the other slice should have. Where
+    more have their own, as among rays that are nearly alike, none came late.
     """
     own = equal(slice(None), slice(None)).mean()
     for lag in LAGS:
-        here, there = (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
-        same = equal(here, there)
+        rays, expected = (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
+        same = equal(rays, expected)
         if len(same) >= MANY and same.mean() >= EXPLAINED and same.mean() > own:
             return f"outputs {_delay(lag)}: ray k has the values of ray k {-lag:+d}"
     return None
+
+
+def _wrong_codes(compared: Comparison) -> Finding:
+    return Finding("status", _codes(compared.fields["status"], compared.golden["status"], compared.wrong), 1.0)
 
 
 def _codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> str:
@@ -301,33 +290,33 @@ def _codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> str:
     return f"wrong status code: {codes}"
 
 
-def _wrapped(seen: Comparison) -> bool:
+def _wrapped(compared: Comparison) -> bool:
     """Tell whether every wrong direction is right but for one component that is off by 2."""
-    wrong, right = seen.wrong_by["direction"], seen.golden["direction"]
-    apart = (seen.fields["direction"] - right)[wrong]
+    wrong, right = compared.wrong_by["direction"], compared.golden["direction"]
+    apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
-    rest = np.linalg.norm(apart - 2.0 * turns, axis=1)
+    residual = np.linalg.norm(apart - 2.0 * turns, axis=1)
     # A component of size 1 with the wrong sign is off by 2 as well: no wrap if rays far from 1 are wrong too.
     return bool(
         wrong.any()
         and (np.abs(turns).sum(axis=1) == 1.0).all()
-        and (rest < 1e-3).all()
+        and (residual < 1e-3).all()
         and not wrong[np.abs(right).max(axis=1) < 1.0 - 1e-3].any()
         and (~wrong).any()
     )
 
 
-def _best(seen: Comparison) -> Finding | None:
+def _best(compared: Comparison) -> Finding | None:
     """Return stage, name and share of the variant that comes nearest to the rays, if it gives nearly all of them."""
     random = np.random.default_rng(0)
     # Of a ray on an edge a variant may give the other side.
-    bad = np.flatnonzero(seen.wrong & ~seen.edge)
-    bad = bad if len(bad) else np.flatnonzero(seen.wrong)
+    bad = np.flatnonzero(compared.wrong & ~compared.edge)
+    bad = bad if len(bad) else np.flatnonzero(compared.wrong)
     if not len(bad):
         return None
     some = np.sort(random.permutation(bad)[:SAMPLE])
-    good = random.permutation(np.flatnonzero(~seen.wrong & ~seen.edge))[: SAMPLE // 3]
-    sample = seen.select(np.concatenate([some, good]))
+    good = random.permutation(np.flatnonzero(~compared.wrong & ~compared.edge))[: SAMPLE // 3]
+    sample = compared.select(np.concatenate([some, good]))
 
     def nearest(faults: Iterable[Variant]) -> Finding | None:
         best, least = None, np.inf
@@ -337,31 +326,32 @@ def _best(seen: Comparison) -> Finding | None:
                 best, least = Finding(variant.stage, variant.name, share), far
         return best
 
-    best = nearest(variants(seen.given.display))
+    best = nearest(variants(compared.inputs.display))
     if best is None:
-        few = seen.select(random.permutation(bad)[:FIT_SAMPLE])
-        best = nearest(fitted(few.given, few.fields))
+        small_sample = compared.select(random.permutation(bad)[:FIT_SAMPLE])
+        best = nearest(fitted(small_sample.inputs, small_sample.fields))
     return best
 
 
-def _two(seen: Comparison) -> Finding | None:
+def _two(compared: Comparison) -> Finding | None:
     """Return stage, names and share of the first two faults that together give nearly all rays.
 
     None for a few wrong rays, in which two fitted numbers could be read whatever their cause.
     """
     for lag in (1, -1):
-        best = _best(seen.later(lag))
+        best = _best(compared.later(lag))
         if best is not None:
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
     random = np.random.default_rng(0)
-    bad, good = np.flatnonzero(seen.wrong & ~seen.edge), np.flatnonzero(~seen.wrong & ~seen.edge)
+    bad, good = np.flatnonzero(compared.wrong & ~compared.edge), np.flatnonzero(~compared.wrong & ~compared.edge)
     if len(bad) < MANY:
         return None
-    few = seen.select(np.sort(np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])))
-    fit = seen.select(random.permutation(bad)[:FIT_SAMPLE])
-    for variant in pairs(fit.given, fit.fields, partial(_apart, few)):
-        if _match(variant, few)[0] >= EXPLAINED:
-            share, _ = _match(variant, seen)
+    some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
+    small_sample = compared.select(np.sort(some))
+    fit = compared.select(random.permutation(bad)[:FIT_SAMPLE])
+    for variant in pairs(fit.inputs, fit.fields, partial(_apart, small_sample)):
+        if _match(variant, small_sample)[0] >= EXPLAINED:
+            share, _ = _match(variant, compared)
             if share >= EXPLAINED:
                 return Finding(variant.stage, variant.name, share)
     return None
@@ -370,7 +360,7 @@ def _two(seen: Comparison) -> Finding | None:
 def _predict(variant: Variant, sample: Comparison) -> Arrays | None:
     """Return the rays of a variant; None when it leaves no display."""
     try:
-        return variant.predict(sample.given, sample.golden)
+        return variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
         return None
 
@@ -457,8 +447,8 @@ def _diagnose_words(
     if slip:
         return Finding(*slip, 1.0)
     unit = word_unit(build.fraction_bits)
-    place = WORD_UNITS * unit * foreign.given.display.array.radius_mm
-    moved = np.full_like(foreign.given.pixels, place)
+    place = WORD_UNITS * unit * foreign.inputs.display.array.radius_mm
+    moved = np.full_like(foreign.inputs.pixels, place)
     wide = Bounds(direction_urad=1e6 * WORD_UNITS * unit, point_nm=1e6 * place)
     compared = compare(foreign, wide, (moved, moved))
     ties = lenslets & (compared.edge | compared.ties)
@@ -472,8 +462,8 @@ def _diagnose_words(
 def _slip(words: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
     """Return stage and name of a fault that turns the twin's words into these, to the bit: a delay, a sign, a swap."""
 
-    def equal(here: slice, there: slice, expected: FixedRays = twin) -> Bools:
-        return np.asarray(np.all([a[here] == b[there] for a, b in zip(words, expected, strict=True)], axis=0))
+    def equal(rays: slice, expected: slice, right: FixedRays = twin) -> Bools:
+        return np.asarray(np.all([a[rays] == b[expected] for a, b in zip(words, right, strict=True)], axis=0))
 
     def gives(**changed: Ints) -> bool:
         same = equal(slice(None), slice(None), twin._replace(**changed))
@@ -500,18 +490,18 @@ def _rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 
-    def named(rows: Bools) -> str:
+    def names(rows: Bools) -> str:
         return ", ".join(name for name, row in zip(REALS, rows, strict=True) if row.any())
 
     span = np.array([1 << bits for bits in widths(REALS, build.fraction_bits)])[:, None]
     wraps = np.abs(np.abs(apart) - span) <= ROUNDING_WORDS
     if wraps.any() and (np.abs(np.where(wraps, 0, apart)) <= ROUNDING_WORDS).all():
-        return f"a word wrapped where it should saturate: {named(wraps)}"
+        return f"a word wrapped where it should saturate: {names(wraps)}"
     if (np.abs(apart) > ROUNDING_WORDS).any():
         return None
     off = apart != 0
     if float(apart[off].mean()) < -0.9:
-        return f"truncation for rounding (downward): {named(off)}"
+        return f"truncation for rounding (downward): {names(off)}"
     if float((apart * -np.sign(expected))[off].mean()) > 0.9:
-        return f"truncation for rounding (towards zero): {named(off)}"
-    return f"another rounding, at most {int(np.abs(apart).max())} units of the last place: {named(off)}"
+        return f"truncation for rounding (towards zero): {names(off)}"
+    return f"another rounding, at most {int(np.abs(apart).max())} units of the last place: {names(off)}"

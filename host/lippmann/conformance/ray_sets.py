@@ -47,10 +47,10 @@ class PanelRays:
         """Trace the rays with an engine."""
         return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
 
-    def select(self, chosen: Any) -> PanelRays:
+    def select(self, rays: Any) -> PanelRays:
         """Return the rays of these indices, or of this mask."""
-        aperture = None if self.aperture is None else self.aperture[chosen]
-        return replace(self, pixels=self.pixels[chosen], aperture=aperture)
+        aperture = None if self.aperture is None else self.aperture[rays]
+        return replace(self, pixels=self.pixels[rays], aperture=aperture)
 
     def steps(self) -> dict[str, Floats]:
         """Return golden's intermediate values, by which a design is compared step by step.
@@ -74,9 +74,9 @@ class WorldRays:
     origin_mm: Floats
     direction: Floats
 
-    def select(self, chosen: Any) -> WorldRays:
+    def select(self, rays: Any) -> WorldRays:
         """Return the rays of these indices, or of this mask."""
-        return replace(self, origin_mm=self.origin_mm[chosen], direction=self.direction[chosen])
+        return replace(self, origin_mm=self.origin_mm[rays], direction=self.direction[rays])
 
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
@@ -148,6 +148,6 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
     low, high = np.zeros(len(inner)), np.ones(len(inner))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        found = has(inner + middle[:, None] * (outer - inner))
-        low, high = np.where(found, low, middle), np.where(found, middle, high)
+        has_it = has(inner + middle[:, None] * (outer - inner))
+        low, high = np.where(has_it, low, middle), np.where(has_it, middle, high)
     return np.asarray(inner + low[:, None] * (outer - inner))

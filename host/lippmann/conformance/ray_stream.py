@@ -109,10 +109,10 @@ class Stream:
         """
         hashes: list[str] = []
         for rays in self.sets():
-            asked = self._questions(rays)
-            if asked is None:
+            set_lines = self._questions(rays)
+            if set_lines is None:
                 continue
-            notes, questions, digest = asked
+            notes, questions, digest = set_lines
             if not hashes:
                 yield f"# {NAME} {VERSION}"
                 yield f"# made {command}"
@@ -163,7 +163,7 @@ def values(display: Display) -> dict[str, str]:
     panel, array = display.panel, display.array
     eye = display.viewing_distance_mm
     wide, high = array.extent_mm or (0.0, 0.0)
-    named: dict[str, float | str] = {
+    numbers: dict[str, float | str] = {
         "width_px": panel.width_px, "height_px": panel.height_px,
         "pixel_x": panel.pitches_mm[0], "pixel_y": panel.pitches_mm[1],
         "grid": array.grid, "pitch_x": array.pitches_mm[0], "pitch_y": array.pitches_mm[1], "shear": array.shear,
@@ -173,7 +173,7 @@ def values(display: Display) -> dict[str, str]:
         "gap": display.gap_mm, "eye_distance": 0.0 if eye is None else eye,
         "eye_x": display.viewing_axis_mm[0], "eye_y": display.viewing_axis_mm[1],
     }  # fmt: skip
-    return {name: value if isinstance(value, str) else repr(value) for name, value in named.items()}
+    return {name: value if isinstance(value, str) else repr(value) for name, value in numbers.items()}
 
 
 # ---- answers ----
@@ -226,20 +226,20 @@ class StreamReader:
             if now is not None and len(now.lines) < now.expected:
                 self._check_numbers(now)
                 self._refuse(f"comes after {len(now.lines)} of the {now.expected} rays of the set {now.name}", AGAIN)
-            kind, _, rest = self._text(raw)[1:].strip().partition(" ")
+            kind, _, text = self._text(raw)[1:].strip().partition(" ")
             if kind in ("set", "end"):
                 if now is not None:
                     yield now.name, self._read_set(now)
                 if kind == "end":
-                    self._end(rest, lines)
+                    self._end(text, lines)
                     return
-                if not SET.fullmatch(rest):
+                if not SET.fullmatch(text):
                     self._refuse("is no name of a set", AGAIN)
-                now = _Set(rest)
+                now = _Set(text)
             elif now is not None:
-                self._read_note(now, kind, rest)
+                self._read_note(now, kind, text)
             elif kind == "made":
-                self.command = rest
+                self.command = text
         where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
         self._refuse(f"is cut{where}", "let the program answer until the line # end")
 
@@ -283,16 +283,16 @@ class StreamReader:
         what = f"none of its {self.number} lines is # {NAME} {VERSION}" if self.number else "is empty"
         raise input_error(self._where, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
-    def _read_note(self, now: _Set, kind: str, rest: str) -> None:
-        text = " ".join(rest.split())
+    def _read_note(self, now: _Set, kind: str, text: str) -> None:
+        words = " ".join(text.split())
         if kind in HASHED:
-            now.notes.append(f"{kind} {text}")
+            now.notes.append(f"{kind} {words}")
             if len(now.notes) > MAX_NOTES:
                 self._refuse(f"the set {now.name} has more than {MAX_NOTES} notes", AGAIN)
         if kind == "display":
-            now.file.append(rest)
+            now.file.append(text)
         elif kind == "numbers":
-            numbers = NUMBERS.fullmatch(text)
+            numbers = NUMBERS.fullmatch(words)
             if numbers is None:
                 self._refuse("is no note of numbers", AGAIN)
             bits = numbers[3]
@@ -300,19 +300,19 @@ class StreamReader:
                 self._refuse(f"has no word length {bits[:9]}", f"give F = {FRACTIONS[0]} to {FRACTIONS[-1]}")
             now.model, now.fraction_bits = cast(Model, numbers[1] or numbers[2]), None if bits is None else int(bits)
         elif kind == "rays":
-            rays = RAYS.fullmatch(text)
+            rays = RAYS.fullmatch(words)
             if rays is None or not 0 < int(rays[1]) <= MAX_RAYS:
                 self._refuse("is no number of rays and hash", AGAIN)
             if now.model is None:
                 self._refuse(f"the set {now.name} has no note of numbers", AGAIN)
             now.expected, now.digest, now.first = int(rays[1]), rays[2], self.number + 1
 
-    def _end(self, rest: str, lines: Iterator[bytes]) -> None:
+    def _end(self, text: str, lines: Iterator[bytes]) -> None:
         """Check the last line; a simulator's last words may follow, another stream may not."""
         if not self._hashes:
             self._refuse("ends a stream without a set", AGAIN)
         self.hash = digest_of_all(self._hashes)
-        if rest.split() != [str(len(self._hashes)), self.hash]:
+        if text.split() != [str(len(self._hashes)), self.hash]:
             self.hash = ""
             self._refuse("sets are missing, or are of another stream", AGAIN)
         for raw in lines:
@@ -336,8 +336,8 @@ class StreamReader:
                 (np.ascontiguousarray(part) for part in np.split(table[:, 4:], [1, 3, 6], 1)),
             )
             fields = {"lenslet": lenslet, "origin_mm": origin, "direction": direction, "status": status}
-            given = PanelRays(now.name, display, table[:, :2], table[:, 2:4], now.model)
-            foreign = ForeignRays(given, fields, alone=np.isnan(direction[:, 0]))
+            inputs = PanelRays(now.name, display, table[:, :2], table[:, 2:4], now.model)
+            foreign = ForeignRays(inputs, fields, alone=np.isnan(direction[:, 0]))
         else:
             columns = self._words(now, now.fraction_bits)
             questions = memory_lines([columns[name] for name in INPUTS], widths(INPUTS, now.fraction_bits))

@@ -79,22 +79,22 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
         if bits >> total:
             raise input_error(where(ray), f"more than the {total} bits of a ray", "see vectors.json")
         rays.append(bits)
-    rest, words = np.array(rays, object), []
+    remaining_bits, words = np.array(rays, object), []
     for width in reversed(widths):
-        word = (rest & ((1 << width) - 1)).astype(np.int64)
+        word = (remaining_bits & ((1 << width) - 1)).astype(np.int64)
         words.append(word - ((word >> (width - 1) << width) if width > STATUS_BITS else 0))
-        rest = rest >> width
+        remaining_bits = remaining_bits >> width
     return words[::-1]
 
 
 @dataclass(frozen=True)
 class FixedCase:
-    """A set in the words of a build: inputs (u, v, a, b) and registers; `kept` tells which rays of the set they are."""
+    """A set in the words of a build: inputs (u, v, a, b) and registers; `mask` tells which rays of the set they are."""
 
     build: Build
     words: tuple[Ints, Ints, Ints, Ints]
     registers: Configuration
-    kept: Bools
+    mask: Bools
 
     def trace(self, pipeline: Pipeline = ray_pipeline) -> FixedRays:
         """Trace the rays with the twin, or with another pipeline."""
@@ -123,30 +123,30 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
     near: Bools = np.all(along <= 1.4 * np.array([array.pitches_mm[0], array.row_pitch_mm]), axis=1)
     inside: Bools = Lattice.of(array).holds(aims[:, 0], aims[:, 1])
     why = "aperture points beyond 1.4 pitches" if not near.all() else ""
-    for kept in (near, near & inside):
-        if not kept.any():
+    for mask in (near, near & inside):
+        if not mask.any():
             continue
-        reach = float(np.hypot(*aims[kept].T).max())
+        reach = float(np.hypot(*aims[mask].T).max())
         try:
             registers = configuration(display, build, rays.model, reach)
-            u, v = words_of_pixels(display, rays.pixels[kept])
+            u, v = words_of_pixels(display, rays.pixels[mask])
         except InputError as error:
             why = str(error)
             continue
-        a, b = words_of_aims(display, aims[kept], fraction_bits)
-        return FixedCase(build, (u, v, a, b), registers, kept), why
+        a, b = words_of_aims(display, aims[mask], fraction_bits)
+        return FixedCase(build, (u, v, a, b), registers, mask), why
     return None, why
 
 
 @dataclass(frozen=True)
 class ForeignRays:
-    """N rays to be judged: `given` holds their inputs, `fields` those arrays of `faults.FIELDS` that are known.
+    """N rays to be judged: `inputs` holds their inputs, `fields` those arrays of `faults.FIELDS` that are known.
 
     `words` are the inputs in the RTL's words and the words of the rays, where the rays are words. `alone` (N,) marks
     rays of which the status alone is given; their other values are not judged.
     """
 
-    given: PanelRays
+    inputs: PanelRays
     fields: dict[str, Floats]
     words: tuple[FixedCase, FixedRays] | None = None
     alone: Bools | None = None
@@ -168,3 +168,8 @@ def foreign_from_words(columns: dict[str, Ints], display: Display, model: Model,
     }
     case = FixedCase(build, (u, v, a, b), registers, np.ones(len(u), bool))
     return ForeignRays(PanelRays("foreign", display, pixels, aims, model), fields, (case, outputs))
+
+
+def count_different_words(one: FixedRays, other: FixedRays) -> int:
+    """Return how many words of two sets of rays differ."""
+    return int(sum((a != b).sum() for a, b in zip(one, other, strict=True)))

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.conformance.comparison import INTEGERS, Comparison, distance
+from lippmann.conformance.comparison import INTEGERS, Bounds, compare, distance
 from lippmann.conformance.coverage_points import summary
 from lippmann.conformance.faults import FIELDS, Arrays
 from lippmann.conformance.judge import Verdict
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.conformance.ray_sets import Bools, PanelRays
-from lippmann.conformance.ray_words import FixedCase, ForeignRays
+from lippmann.conformance.ray_words import ForeignRays
 from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.optics.rays import Floats
 
@@ -74,46 +74,46 @@ class ErrorMaps:
         """Begin without rays."""
         self.maps: dict[str, ErrorMap] = {}
 
-    def add_numbers(self, compared: Comparison) -> None:
-        """Count rays in numbers; their last place is that of a float32 of the vector's largest component."""
-        apart, units = {}, {}
-        for name, values in compared.fields.items():
-            if name not in INTEGERS:
-                apart[name] = compared.far(name, values, compared.golden)
+    def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
+        """Count the errors of a set; rays on an edge, and those whose status alone is given, are left out.
+
+        A unit of the last place is that of a float32 of the vector's largest component, or a word's.
+        """
+        inputs, fields, far, units = foreign.inputs, foreign.fields, dict[str, Floats](), dict[str, Floats]()
+        judged = np.ones(len(inputs.pixels), bool)
+        if foreign.words is None:
+            compared = compare(foreign, bounds, every=False)
+            for name in (name for name in fields if name not in INTEGERS):
+                far[name] = compared.far(name, fields[name], compared.golden)
                 units[name] = np.spacing(np.abs(compared.golden[name]).max(axis=1).astype(np.float32))
-        self.add(compared.given, apart, units, ~compared.edge & ~compared.alone)
+            judged = ~compared.edge & ~compared.alone
+        else:
+            case, _ = foreign.words
+            twin = rays_of_words(inputs.display, inputs.pixels, case.trace(), case.build.fraction_bits)
+            unit = np.full(len(judged), word_unit(case.build.fraction_bits))
+            units = {"local_mm": inputs.display.array.radius_mm * unit, "direction": unit}
+            far = {name: distance(name, fields[name], getattr(twin, name)) for name in units}
+        self.count(inputs, far, units, judged)
 
-    def add_words(self, foreign: ForeignRays, case: FixedCase) -> None:
-        """Count rays in words; a unit of the last place is a word's."""
-        given, bits = foreign.given, case.build.fraction_bits
-        twin = rays_of_words(given.display, given.pixels, case.trace(), bits)
-        unit = np.full(len(given.pixels), word_unit(bits))
-        apart = {
-            "local_mm": distance("local_mm", foreign.fields["local_mm"], twin.local_mm),
-            "direction": distance("direction", foreign.fields["direction"], twin.direction),
-        }
-        units = {"local_mm": given.display.array.radius_mm * unit, "direction": unit}
-        self.add(given, apart, units, np.ones(len(unit), bool))
-
-    def add(self, given: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
+    def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
         """Count the rays that are judged.
 
         `apart` are their errors by array, (N,) radians or mm, and `units` (N,) the sizes of a unit of the last place.
         Errors that are not finite are left out.
         """
-        panel = given.display.panel
-        on_panel = given.pixels / np.array([panel.width_px, panel.height_px])
-        on_lenslet = given.aims / (2.0 * REACH * given.display.array.coarsest_mm) + 0.5
+        panel = inputs.display.panel
+        on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
+        on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
         for name, far in apart.items():
-            made = self.maps.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))
-            kept = judged & np.isfinite(far)
-            error, steps = far[kept] * SCALE, far[kept] / units[name][kept]
-            _largest(made.panel, on_panel[kept], error)
-            _largest(made.lenslet, on_lenslet[kept], error)
+            error_map = self.maps.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))
+            counted = judged & np.isfinite(far)
+            error, steps = far[counted] * SCALE, far[counted] / units[name][counted]
+            _largest(error_map.panel, on_panel[counted], error)
+            _largest(error_map.lenslet, on_lenslet[counted], error)
             bins = np.where(steps > 0.0, np.searchsorted(edges(), steps, side="right").clip(1), 0)
-            made.counts += np.bincount(bins, minlength=len(made.counts))
-            made.worst = max(made.worst, float(error.max(initial=0.0)))
-            made.worst_units = max(made.worst_units, float(steps.max(initial=0.0)))
+            error_map.counts += np.bincount(bins, minlength=len(error_map.counts))
+            error_map.worst = max(error_map.worst, float(error.max(initial=0.0)))
+            error_map.worst_units = max(error_map.worst_units, float(steps.max(initial=0.0)))
 
 
 def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
@@ -128,23 +128,23 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
     from matplotlib.colors import LogNorm
 
     picture, axes = make_axes(len(maps), 2)
-    for row, (name, made) in zip(axes, maps.items(), strict=True):
-        seen = np.concatenate([made.panel.ravel(), made.lenslet.ravel()])
-        low, high = (float(end(seen[seen > 0.0], initial=start)) for end, start in ((np.min, np.inf), (np.max, 0.0)))
+    for row, (name, error_map) in zip(axes, maps.items(), strict=True):
+        errors = np.concatenate([error_map.panel.ravel(), error_map.lenslet.ravel()])
+        low, high = float(errors[errors > 0.0].min(initial=np.inf)), float(errors.max(initial=0.0))
         # Errors far below the largest are as good as none.
         low = max(low, SPAN * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None
-        for axis, cells, where in zip(row, (made.panel, made.lenslet), ("panel", "lenslet"), strict=True):
+        for axis, cells, where in zip(row, (error_map.panel, error_map.lenslet), ("panel", "lenslet"), strict=True):
             edge = 1.0 if where == "panel" else REACH
             # An exact cell has the lowest colour: a logarithm has no place for it.
-            shown = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
+            visible = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
             extent = (0.0, edge, edge, 0.0) if where == "panel" else (-edge, edge, -edge, edge)
             image = axis.imshow(
-                shown, norm=norm, cmap="viridis", extent=extent, origin="upper" if where == "panel" else "lower"
+                visible, norm=norm, cmap="viridis", extent=extent, origin="upper" if where == "panel" else "lower"
             )
             across, up = ("width", "height") if where == "panel" else ("pitch", "pitch")
             axis.set(title=f"{name} over the {where}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
-            picture.colorbar(image, ax=axis, label=f"largest error, {made.unit}")
+            picture.colorbar(image, ax=axis, label=f"largest error, {error_map.unit}")
     return Plot("errors-map", finish_picture(picture))
 
 
@@ -152,11 +152,11 @@ def histogram_plot(maps: Mapping[str, ErrorMap], last_place: str) -> Plot:
     """Draw how many rays have which error."""
     picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
-    used = np.flatnonzero(np.any([made.counts[1:] for made in maps.values()], axis=0))
+    used = np.flatnonzero(np.any([error_map.counts[1:] for error_map in maps.values()], axis=0))
     first, last = (used[0], used[-1]) if len(used) else (0, len(ends) - 2)
-    for colour, (name, made) in zip(COLOURS, maps.items(), strict=False):
-        label = f"{name}: {int(made.counts[0])} exact"
-        axis.stairs(made.counts[first + 1 : last + 2], ends[first : last + 2], color=colour, label=label)
+    for colour, (name, error_map) in zip(COLOURS, maps.items(), strict=False):
+        label = f"{name}: {int(error_map.counts[0])} exact"
+        axis.stairs(error_map.counts[first + 1 : last + 2], ends[first : last + 2], color=colour, label=label)
     axis.set(xscale="log", yscale="symlog", xlabel=f"error, units of the last place of {last_place}", ylabel="rays")
     axis.legend()
     return Plot("errors-histogram", finish_picture(picture))
@@ -173,22 +173,22 @@ def errors_page(
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     arrays = [
-        {"step": FIELDS[name][0], "array": name, "rays": made.rays, "worst": made.worst, "unit": made.unit,
-         "units": made.worst_units}
-        for name, made in maps.items()
+        {"step": FIELDS[name][0], "array": name, "rays": error_map.rays, "worst": error_map.worst,
+         "unit": error_map.unit, "units": error_map.worst_units}
+        for name, error_map in maps.items()
     ]  # fmt: skip
     sets = [
         {"set": name, "rays": one.rays, "wrong": one.wrong, "first_wrong": one.first_wrong, "stage": one.stage,
          "fault": one.fault}
         for name, one in verdicts
     ]  # fmt: skip
-    met, told = summary((one.covered for _, one in verdicts), words)
+    met, coverage = summary((one.covered for _, one in verdicts), words)
     context: dict[str, Any] = {
         "arrays": arrays,
         "wrong": [one for one in sets if one["wrong"]],
         "rays": sum(one.rays for _, one in verdicts),
         "sets": len(sets),
-        "covered": told,
+        "covered": coverage,
         "ended": ended,
         "words": words,
         "last_place": last_place,

@@ -95,13 +95,13 @@ def write_vectors(
         raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
     entries = []
     try:
-        with partial_folder(folder) as made:
+        with partial_folder(folder) as partial:
             for rays in hard_sets(display, case, seed, count):
                 if isinstance(rays, PanelRays) or model == "exact":
                     logger.info(rays.name)
-                    entries.append(_write_set(made, rays, model, fraction_bits))
-            _write_header(made, entries, model, fraction_bits, seed, origin)
-            moved(made, folder)
+                    entries.append(_write_set(partial, rays, model, fraction_bits))
+            _write_header(partial, entries, model, fraction_bits, seed, origin)
+            moved(partial, folder)
     except OSError as error:
         raise refused(folder, error) from None
     return entries
@@ -212,10 +212,10 @@ def read_foreign(
         columns = _csv_columns(path)
         _check_widths(path, columns, fraction_bits)
     elif suffix in (".mem", ".hex"):
-        beside = inputs or path.with_name("inputs.mem")
-        if not beside.is_file():
-            raise input_error(str(beside), not_there(beside), "name the file of the inputs with --inputs")
-        files = ((beside, INPUTS), (path, OUTPUTS))
+        inputs_path = inputs or path.with_name("inputs.mem")
+        if not inputs_path.is_file():
+            raise input_error(str(inputs_path), not_there(inputs_path), "name the file of the inputs with --inputs")
+        files = ((inputs_path, INPUTS), (path, OUTPUTS))
         words = [word for file, names in files for word in words_of_memory(file, widths(names, fraction_bits))]
         columns = dict(zip((*INPUTS, *OUTPUTS), words, strict=True))
     else:
@@ -277,8 +277,8 @@ def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
         if name in INPUT_ARRAYS and not np.isfinite(array).all():
             raise input_error(str(path), f"{name} holds values that are not finite", "remove them")
         arrays[name] = array.reshape(shape)
-    given = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
-    return ForeignRays(given, arrays)
+    inputs = PanelRays("foreign", display, arrays.pop("pixel"), arrays.pop("aperture_mm", None), model)
+    return ForeignRays(inputs, arrays)
 
 
 def text_of(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""The error of each engine on hard rays, against rays in 50 digits."""
+"""The error of each engine on hard rays, against rays in 50 digits (`tools.bench hard`)."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-
 from lippmann.conformance import fifty_digits
-from lippmann.conformance.fifty_digits import Condition
-from lippmann.conformance.ray_sets import PanelRays, WorldRays
-from lippmann.conformance.ray_words import fixed_words
+from lippmann.conformance.fifty_digits import Condition, exact_array, has_other_fate, movable_inputs, truth
+from lippmann.conformance.ray_sets import Bools, PanelRays, WorldRays
+from lippmann.conformance.ray_words import count_different_words, fixed_words
 from lippmann.engines import Pipeline, trace
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
-from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.optics.rays import Engine, Hits, Rays, gets_through
 from lippmann.optics.trace import trace_to_panel
 
@@ -44,7 +42,7 @@ def measure(rays: PanelRays | WorldRays, engines: Sequence[Engine], device: str 
     `condition` is the largest turn for one unit in the last place of every input, divided by that unit near 1. `kept`
     tells whether the bound holds.
     """
-    true = fifty_digits.truth(rays)
+    true = truth(rays)
     unit = fifty_digits.condition(rays, true)
     return [_measured(rays, true, unit, engine, device) for engine in engines]
 
@@ -78,7 +76,7 @@ def _measured(rays: PanelRays | WorldRays, true: Rays | Hits, unit: Condition, e
         error, conditioned, name, bound = fast
         counted, ulps = through & conditioned, EDGE_ULPS * FLOAT32_ULP
     worst = float(error[counted].max(initial=0.0))
-    outside = 0 if same.all() else int((~fifty_digits.on_edge(rays.select(~same), ulps)).sum())
+    outside = 0 if same.all() else int((~on_edge(rays.select(~same), ulps)).sum())
     lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
     return _names(rays) | {
         "engine": engine,
@@ -110,7 +108,7 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
     """
     display, count = rays.display, len(rays.pixels)
     case, why = fixed_words(rays, fraction_bits)
-    refused = count if case is None else int((~case.kept).sum())
+    refused = count if case is None else int((~case.mask).sum())
     row = _names(rays) | {"fraction_bits": fraction_bits, "rays": count, "refused": refused, "flagged": 0, "through": 0}
     row |= {"worst_urad": 0.0, "worst_nm": 0.0, "overflowed": 0, "words_differ": None, "why": why}
     if case is None:
@@ -132,10 +130,16 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
         "worst_urad": float(turn[same].max(initial=0.0) * 1e6),
         "worst_nm": float(shift[same].max(initial=0.0) * 1e6),
         "overflowed": int(overflowed.sum()),
-        "words_differ": None if rtl is None else words_differ(case.trace(rtl), out),
+        "words_differ": None if rtl is None else count_different_words(case.trace(rtl), out),
     }
 
 
-def words_differ(one: FixedRays, other: FixedRays) -> int:
-    """Return how many words of two sets of rays differ."""
-    return int(sum((a != b).sum() for a, b in zip(one, other, strict=True)))
+def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
+    """Tell which rays get another status or lenslet when an input moves by `ulps` units of a float64's last place."""
+    true = truth(rays)
+    edge = np.zeros(len(true.status), bool)
+    for name, value, rounded in movable_inputs(rays):
+        step = exact_array(np.spacing(np.abs(rounded))) * ulps
+        for moved in (value + step, value - step):
+            edge |= has_other_fate(truth(rays, **{name: moved}), true)
+    return edge
