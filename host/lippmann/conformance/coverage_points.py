@@ -247,7 +247,7 @@ def _beyond_end(display: Display, rays: Arrays) -> Bools:
 
 def _aside_mm(inputs: PanelRays, rays: Arrays) -> Floats:
     """Return how far aside of their starts rays aim, (N,)."""
-    return np.hypot(*(inputs.aims - rays["start_mm"]).T)
+    return np.asarray(np.hypot(*(inputs.aims - rays["start_mm"]).T))
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:

@@ -6,7 +6,6 @@ beside the variants that alone come nearest.
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -30,10 +29,7 @@ from lippmann.conformance.faults import (
 )
 from lippmann.conformance.ray_sets import PanelRays
 from lippmann.display.description import Display
-from lippmann.errors import to_install
 from lippmann.optics.rays import Floats
-
-logger = logging.getLogger(__name__)
 
 #: What stands between the names of two faults.
 PAIR = "; and "
@@ -99,11 +95,8 @@ def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant
 
     One of which the other leaves nothing to explain is left out.
     """
-    try:
-        from scipy.optimize import least_squares  # at its first use: right rays need no fit
-    except ModuleNotFoundError:
-        logger.warning("scipy is missing: no two wrong numbers were looked for; %s", to_install("calibrate"))
-        return
+    from scipy.optimize import least_squares  # at its first use: right rays need no fit
+
     for names in combinations(FITTED, 2):
         old = [value for name in names if (value := _number_of(name, inputs.display)) is not None]
         if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
