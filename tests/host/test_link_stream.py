@@ -12,7 +12,7 @@ from lippmann.board import retries
 from lippmann.board.board import Board
 from lippmann.board.packets import BACK, FRONT, Kind, packed
 from lippmann.board.retries import RoundTrip
-from lippmann.board.streaming import Sent, send_frame
+from lippmann.board.streaming import BoardRows, Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
 from model_board import ModelBoard
 from scene_cases import generator
@@ -46,6 +46,26 @@ def test_a_frame_is_shown_as_it_was_sent():
     assert sent.image_bytes == 100 * 70 * 3
     assert seen == [(k, 12) for k in range(1, 13)]
     assert set(model.tile_writes.values()) == {1}
+
+
+@pytest.mark.parametrize("reset", [False, True])
+def test_rows_are_sent_as_they_come(reset):
+    """Each tile once, when its last row has come; a board that is reset in between gets them again."""
+    with joined(width=100, height=70) as (model, board):
+        image = noise(model)
+        rows = BoardRows(board)
+        for first, tiles in ((50, 0), (0, 0), (64, 4), (16, 8), (32, 8)):
+            last = {50: 64, 64: 70}.get(first, first + 16)
+            rows.put(first, image[first:last])
+            assert len(model.tile_writes) == tiles
+        rows.put(48, image[48:50])
+        assert (len(model.tile_writes), model.shown) == (12, [])
+        if reset:
+            model.power_cycle()
+        sent = rows.finish()
+    np.testing.assert_array_equal(model.shown, [image])
+    assert (sent.tiles, sent.skipped, sent.sends) == (12, 0, 24 if reset else 12)
+    assert set(model.tile_writes.values()) == {1 + reset}
 
 
 def test_what_the_board_holds_is_not_sent():

@@ -97,15 +97,15 @@ def read_bitfile(path: Path) -> BitFile:
         raise input_error(str(path), "is not an ECP5 bitstream", REMEDY)
     if not data.rstrip(b"\xff").endswith(PROGRAM_DONE):
         raise input_error(str(path), "is a bitstream without its end", "copy it again, or run make bitstream")
-    texts = data[:start]
-    told = TEXT.search(texts)
+    header = data[:start]
+    text = TEXT.search(header)
     idcode = int.from_bytes(data[at + 4 : at + 8], "big")
-    if told is None and not any(word in texts for word in WORDS):
+    if text is None and not any(word in header for word in WORDS):
         return BitFile(idcode, "", "", "", "")
-    if told is None or told[5] != _digest(data[: told.start(5)] + NO_DIGEST + data[told.end(5) :]):
-        why = "its text cannot be read" if told is None else "its digest is another one"
+    if text is None or text[5] != _digest(data[: text.start(5)] + NO_DIGEST + data[text.end(5) :]):
+        why = "its text cannot be read" if text is None else "its digest is another one"
         raise input_error(str(path), f"is damaged: {why}", "copy it again, or run make bitstream")
-    return BitFile(idcode, *(text.decode(errors="replace") for text in told.groups()[:4]))
+    return BitFile(idcode, *(word.decode(errors="replace") for word in text.groups()[:4]))
 
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
@@ -150,18 +150,16 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
     """
     if not USB_DEVICES.is_dir():
         return None
-    found = []
+    adapters = []
     for device in sorted(USB_DEVICES.iterdir()):
-        told = {}
-        for name in ("idVendor", "idProduct", "product", "serial"):
-            path = device / name
-            told[name] = path.read_text(errors="replace").strip() if path.is_file() else ""
-        if (told["idVendor"], told["idProduct"]) == (f"{usb.vendor:04x}", f"{usb.product:04x}"):
-            found.append(Adapter(told["product"], told["serial"]))
-    return found
+        files = [device / name for name in ("idVendor", "idProduct", "product", "serial")]
+        texts = [path.read_text(errors="replace").strip() if path.is_file() else "" for path in files]
+        if texts[:2] == [f"{usb.vendor:04x}", f"{usb.product:04x}"]:
+            adapters.append(Adapter(*texts[2:]))
+    return adapters
 
 
-def chosen(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
+def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
     """Return the serial number of the adapter to use; None: the only one there is, or where they are not listed.
 
     `serial` names one also when its text is not the board's: that of a new chip is the maker's. Raises DeviceError
@@ -217,28 +215,22 @@ def program(
 ) -> FpgaBoard:
     """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
 
-    Parameters
-    ----------
-    name
-        The board, for a bitstream that names none.
-    serial
-        The serial number of the board's USB adapter; None: the only board on USB.
-
-    Raises InputError for a wrong file, MissingLibraryError without an openFPGALoader that runs, and DeviceError when
-    there is no board or more than one, or the loader fails.
+    `name` is the board, for a bitstream that names none; `serial` the serial number of its USB adapter, None for the
+    only board on USB. Raises InputError for a wrong file, MissingLibraryError without an openFPGALoader that runs, and
+    DeviceError when there is no board or more than one, or the loader fails.
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)
     if serial == "":
         raise input_error("--serial", "is empty", "give the number that lippmann doctor or lsusb -v tells")
     loader = LOADER.path()
-    serial = chosen(board, on_usb(board.usb), serial)
+    serial = choose_adapter(board, on_usb(board.usb), serial)
     logger.info(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")
     again = "write it again before you switch it off: its flash memory holds a part" if flash else REPLUG
     command = [str(loader), "--board", board.usb.loader, *(["--ftdi-serial", serial] if serial else [])]
     command += ["--write-flash" if flash else "--write-sram", str(path)]
     try:
-        done = run_program(command, timeout_s=LOAD_SECONDS)
+        result = run_program(command, timeout_s=LOAD_SECONDS)
     except subprocess.TimeoutExpired:
         late = f"openFPGALoader did not end within {LOAD_SECONDS:.0f} s"
         raise device_error(board.name, late, again) from None
@@ -248,14 +240,14 @@ def program(
         raise
     except OSError as error:
         raise MissingLibraryError.at(str(loader), f"cannot be run ({error.strerror})", LOADER.remedy) from None
-    if done.returncode:
-        raise _failure(board, f"{done.stdout}\n{done.stderr}", done.returncode, again)
+    if result.returncode:
+        raise _failure(board, f"{result.stdout}\n{result.stderr}", result.returncode, again)
     return board
 
 
-def _failure(board: FpgaBoard, said: str, code: int, again: str) -> DeviceError:
+def _failure(board: FpgaBoard, output: str, code: int, again: str) -> DeviceError:
     """Return the error of a loader that failed, with its own words."""
-    lines = [" ".join(line.split()) for line in said.replace("\r", "\n").splitlines() if line.strip()]
+    lines = [" ".join(line.split()) for line in output.replace("\r", "\n").splitlines() if line.strip()]
     for words, what, remedy in CAUSES:
         for line in lines:
             if re.search(words, line.lower()):
@@ -263,6 +255,6 @@ def _failure(board: FpgaBoard, said: str, code: int, again: str) -> DeviceError:
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
     telling = [line for line in wrong if EMPTY not in line]
     why = (telling or wrong or lines or [f"exit code {code}"])[-1]
-    if any(word in said.lower() for word in NOT_FOUND):
+    if any(word in output.lower() for word in NOT_FOUND):
         return no_board_error(board.name, f"openFPGALoader finds no board ({why})", CONNECT)
     return device_error(board.name, f"openFPGALoader failed ({why})", again)

@@ -122,23 +122,12 @@ class SceneBoard:
     ) -> Loaded:
         """Load slots; blocks that the board holds are not sent, so that a load that was cut goes on where it was.
 
-        Parameters
-        ----------
-        contents
-            By slot its bytes: texels row by row, then the palette (`slot_bytes`); of slot 15 the panel's curve.
-        progress
-            Called with (blocks done, blocks of the contents).
-        window_bytes
-            Most bytes that are sent and not yet acknowledged.
-        loaded
-            The counts of the same load before a lost connection, to which this call adds.
+        `contents` holds the bytes of each slot: texels row by row, then the palette (`slot_bytes`); for slot 15 the
+        table of the panel's curve. At most `window_bytes` are sent and not yet acknowledged. `progress` counts blocks.
+        `loaded` holds the counts of the same load before a lost connection; this call adds to them.
 
-        Raises
-        ------
-        InputError
-            For contents that do not fit the board's slots.
-        DeviceError
-            When a slot is shown, or the board does not answer.
+        Raises InputError for contents that do not fit the board's slots, and DeviceError when a slot is shown, or the
+        board does not answer.
         """
         blocks = {
             slot << 8 | number: block

@@ -73,24 +73,12 @@ def play_film(
 ) -> Played:
     """Play a film whose textures are loaded; its last frame stays on the panel.
 
-    Parameters
-    ----------
-    slots
-        Slot of each of the film's layers, from `load_textures`.
-    repeat
-        How often the film is played; 0: without end.
-    every_frame
-        Wait until the panel shows a frame before the next is written, however long that takes; without, frames are
-        written at the film's speed.
-    progress
-        Called with (frames done, frames), unless the film has no end.
-    played
-        The counts that are kept, also when Ctrl-C ends the film; None: new ones.
+    `slots` holds the slot of each of the film's layers, from `load_textures`. It is played `repeat` times; 0 plays
+    it without end. With `every_frame`, the next frame is written when the panel shows the one before, however long that
+    takes; without, frames are written at the film's speed. `progress` counts frames, unless the film has no end.
+    `played` receives the counts, also when Ctrl-C ends the film.
 
-    Raises
-    ------
-    DeviceError
-        When the board refuses a write, its panel does not change, or it shows no scene at the end.
+    Raises DeviceError when the board refuses a write, its panel does not change, or it shows no scene at the end.
     """
     played = Played() if played is None else played
     line = scene.board.line

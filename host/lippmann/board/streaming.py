@@ -16,7 +16,7 @@ from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.retries import Window
 from lippmann.board.session import Session
-from lippmann.board.tiles import Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
+from lippmann.board.tiles import TILE, Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError
 
 #: Maximum of bytes that are sent and not yet acknowledged: about 16 raw tiles.
@@ -191,6 +191,45 @@ class _TileWindow(Window):
         elif status != ReplyStatus.STALE_EPOCH:
             raise self.requests.refusal(Kind.TILE, status)
         return False
+
+
+class BoardRows:
+    """A frame that is sent to a board while its rows are rendered; the panel shows it when `finish` returns.
+
+    Rows may come in any order, of any number, each once. A tile is sent when its last row has come.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._grid = session.info.grid
+        self._frame = np.zeros((self._grid.height, self._grid.width, 3), np.uint8)
+        self._missing = np.ones(self._grid.height, np.bool_)
+        self._sent = Sent()
+
+    def put(self, first: int, rows: Pixels) -> None:
+        """Take panel values (rows, width, 3) uint8 from row `first` on, and send the tiles that are complete."""
+        last = first + len(rows)
+        self._frame[first:last] = rows
+        self._missing[first:last] = False
+        complete = [
+            tile
+            for row in range(first // TILE, -(-last // TILE))
+            if not self._missing[row * TILE : (row + 1) * TILE].any()
+            for tile in range(row * self._grid.columns, (row + 1) * self._grid.columns)
+        ]
+        begun, written = time.monotonic(), self._session.line.written
+        back = self._session.tiles(BACK)
+        to_send = [tile for tile in complete if back.crcs[tile] != frame_crc(self._grid.cut(self._frame, tile))]
+        in_front = np.zeros(self._grid.count, np.bool_)
+        tiles = _TileWindow(self._session, self._frame, back.epoch, in_front, self._sent, WINDOW_BYTES)
+        # Where the board's buffers were swapped meanwhile, `finish` begins again.
+        tiles.run(to_send, self._grid.count, ends=ReplyStatus.STALE_EPOCH)
+        self._sent.wire_bytes += self._session.line.written - written
+        self._sent.seconds += time.monotonic() - begun
+
+    def finish(self, progress: Progress | None = None) -> Sent:
+        """Send the tiles that the board lacks, show the frame, and return the counts; raises as `send_frame`."""
+        return send_frame(self._session, self._frame, progress, sent=self._sent)
 
 
 class Sender:

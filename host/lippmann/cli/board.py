@@ -30,11 +30,19 @@ from lippmann.fixed.registers import (
     write,
 )
 
-#: A whole register.
+#: A register's 32 bits.
 WORD = Field(0, 32)
+#: Each block's registers and the address of its first one, by the prefix of their names.
+BLOCKS = {"": (BOARD_REGISTERS, 0), "optics.": (OPTICS_REGISTERS, OPTICS_BASE), "scene.": (SCENE_REGISTERS, SCENE_BASE)}
+#: Registers by name, with their addresses on the board.
+REGISTERS = {
+    prefix + name: replace(register, address=base + register.address)
+    for prefix, (registers, base) in BLOCKS.items()
+    for name, register in registers.items()
+}
 #: Bytes of the scene's addresses; addresses of the layers' looks, and the field with a layer's slot.
 SCENE_BYTES = 0x400
-LOOKS = {SCENE_BASE + one.address for name, one in SCENE_REGISTERS.items() if name.endswith("_look")}
+LOOKS = {register.address for name, register in REGISTERS.items() if name.endswith("_look")}
 LOOK_SLOT = SCENE_REGISTERS["layer_0_look"].fields["slot"]
 
 
@@ -115,8 +123,8 @@ def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
     with open_board() as board:
         ran = board.frame_runs()  # a moment before: it may still end by itself
         board.abort()
-        said = "the frame was ended" if ran else "no frame ran"
-        emit({"port": board.line.url, "aborted": ran}, f"{board.line.url}: {said}")
+        text = "the frame was ended" if ran else "no frame ran"
+        emit({"port": board.line.url, "aborted": ran}, f"{board.line.url}: {text}")
 
 
 @make_command("reset", command)
@@ -188,29 +196,24 @@ def read_command(
 
     Example: lippmann board read display --port socket://127.0.0.1:4000
     """
-    known = _register(register)
+    target = _register(register)
     with open_board() as board:
-        _check_scene(board, register, known.address, count)
-        words = board.read(known.address, count)
-    fields = {} if count > 1 else {name: field.value(words[0]) for name, field in known.fields.items()}
-    result = {"address": known.address, "words": words, "fields": fields}
-    emit(result, (line for k, word in enumerate(words) for line in _lines(known.address + 4 * k, word)))
+        _check_scene(board, register, target.address, count)
+        words = board.read(target.address, count)
+    fields = {} if count > 1 else {name: field.value(words[0]) for name, field in target.fields.items()}
+    result = {"address": target.address, "words": words, "fields": fields}
+    emit(result, (line for k, word in enumerate(words) for line in _lines(target.address + 4 * k, word)))
 
 
 def _lines(address: int, word: int) -> Iterator[str]:
     """Yield a register's address, word and name, and each field with its value and the value's meaning."""
-    name = next((name for name in _names() if _register(name).address == address), "")
+    at_address = (name for name, register in REGISTERS.items() if register.address == address)
+    name = next(at_address, "")
     yield f"0x{address:03X}  0x{word:08X}  {name}".rstrip()
-    for field_name, field in _register(name or "0").fields.items():
+    for field_name, field in (REGISTERS[name].fields if name else {}).items():
         value = field.value(word)
         meaning = dict(field.names).get(value)
         yield f"       {field_name} = {value}" + (f" ({meaning})" if meaning else "")
-
-
-def _names() -> list[str]:
-    """Return the names of all registers."""
-    blocks = {"optics": OPTICS_REGISTERS, "scene": SCENE_REGISTERS}
-    return [*BOARD_REGISTERS, *(f"{block}.{name}" for block, registers in blocks.items() for name in registers)]
 
 
 @make_command("write", command)
@@ -225,12 +228,12 @@ def write_command(
 
     Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
     """
-    known = _register(register)
-    fields = known.fields
+    target = _register(register)
+    fields = target.fields
     by_field = ["=" in value for value in values]
     if any(by_field) and not (all(by_field) and fields):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
-    if "write" not in known.access:
+    if "write" not in target.access:
         raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
     if fields and len(numbers) == 1:  # a memory has no fields
@@ -239,16 +242,16 @@ def write_command(
         for name, field in fields.items():
             _check_named(values[0], name, field, numbers[0])
     with open_board() as board:
-        slots = _check_scene(board, register, known.address, len(values))
+        slots = _check_scene(board, register, target.address, len(values))
         if any(by_field):
-            numbers = [_changed(register, fields, values, board.read(known.address)[0])]
-        for address, word in enumerate(numbers, known.address // 4):
+            numbers = [_changed(register, fields, values, board.read(target.address)[0])]
+        for address, word in enumerate(numbers, target.address // 4):
             if 4 * address in LOOKS and (slot := LOOK_SLOT.value(word)) >= slots:
-                said = " ".join(values)
-                raise input_error(said, f"the board has no slot {slot}", f"it has {slots}: give 0 to {slots - 1}")
-        board.write(known.address, numbers)
-    result = {"address": known.address, "words": numbers}
-    emit(result, f"0x{known.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
+                text = " ".join(values)
+                raise input_error(text, f"the board has no slot {slot}", f"it has {slots}: give 0 to {slots - 1}")
+        board.write(target.address, numbers)
+    result = {"address": target.address, "words": numbers}
+    emit(result, f"0x{target.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
 
 
 def _check_scene(board: Board, name: str, address: int, count: int) -> int:
@@ -267,36 +270,32 @@ def _check_scene(board: Board, name: str, address: int, count: int) -> int:
 
 def _register(name: str) -> Register:
     """Return a register by its name, or one without fields by its address."""
-    if name in BOARD_REGISTERS:
-        return BOARD_REGISTERS[name]
-    for block, registers, base in (("optics", OPTICS_REGISTERS, OPTICS_BASE), ("scene", SCENE_REGISTERS, SCENE_BASE)):
-        found = registers.get(name.removeprefix(f"{block}."))
-        if found is not None and name.startswith(f"{block}."):
-            return replace(found, address=base + found.address)
+    if name in REGISTERS:
+        return REGISTERS[name]
     try:
         return Register(int(name, 0))
     except ValueError:
-        remedy = did_you_mean(name, _names()) or "see docs/reference/board-registers.md"
+        remedy = did_you_mean(name, REGISTERS) or "see docs/reference/board-registers.md"
         raise input_error(name, "no such register", remedy) from None
 
 
-def _check_named(said: str, name: str, field: Field, word: int) -> None:
-    """Refuse a word with an undefined value in a field; `said` is the user's text."""
+def _check_named(argument_text: str, name: str, field: Field, word: int) -> None:
+    """Refuse a word with an undefined value in a field; `argument_text` is what the user wrote."""
     value = (word & field.mask) >> field.low
     if field.names and value not in dict(field.names):
         listed = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
-        raise input_error(said, f"{name} {value} is not defined", f"choose from {listed}")
+        raise input_error(argument_text, f"{name} {value} is not defined", f"choose from {listed}")
 
 
-def _number(said: str, text: str, field: Field) -> int:
-    """Return the register word of a number in a field; `said` is the user's text."""
+def _number(argument_text: str, text: str, field: Field) -> int:
+    """Return the register word of a number in a field; `argument_text` is what the user wrote."""
     try:
         number = int(text, 0)
     except ValueError:
-        raise input_error(said, "is not an integer", "give one such as 12 or 0x1F") from None
+        raise input_error(argument_text, "is not an integer", "give one such as 12 or 0x1F") from None
     low, high = field.limits
     if not low <= number <= high:
-        raise input_error(said, "is out of range", f"give {low} to {high}")
+        raise input_error(argument_text, "is out of range", f"give {low} to {high}")
     return field.bits(number)
 
 

@@ -6,7 +6,7 @@ import statistics
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Protocol
 
 from lippmann.base import interrupts
 from lippmann.base.fullscreen import Pixels
@@ -20,9 +20,6 @@ from lippmann.motion.reel import Reel
 from lippmann.motion.screens import Screens
 from lippmann.rendering.sources import Window
 
-if TYPE_CHECKING:
-    from lippmann.board.streaming import Sender
-
 #: Samples at which a resting picture is done.
 MOST_SAMPLES = 64
 #: A film's frame, and what the hand has done.
@@ -35,6 +32,13 @@ PANEL, VIEW = "panel", "eye's view"
 LOOK_S = 0.01
 #: Rays for each pixel of the eye's view, while the scene moves and while it rests.
 VIEW_SAMPLES = (1, 8)
+
+
+class FrameSender(Protocol):
+    """Whoever shows the panel's pictures elsewhere, such as on a board."""
+
+    def send(self, pixels: Pixels) -> None:
+        """Show a picture (height, width, 3) uint8."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def run_live(
     display: Display,
     *,
     view: EyeView | None = None,
-    sender: Sender | None = None,
+    sender: FrameSender | None = None,
     reel: Reel | None = None,
     turn_deg: float = 0.0,
     moving_s: float | None = None,
@@ -157,7 +161,7 @@ class _Shower:
     """Puts pictures on screens and board, and counts them."""
 
     def __init__(
-        self, picture: LivePicture, screens: Screens, display: Display, view: EyeView | None, sender: Sender | None
+        self, picture: LivePicture, screens: Screens, display: Display, view: EyeView | None, sender: FrameSender | None
     ) -> None:
         self._picture, self._screens, self._display = picture, screens, display
         self._view, self._sender = view, sender
