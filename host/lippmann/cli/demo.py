@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ from lippmann.cli.frame import make_command, option
 from lippmann.cli.options.common import DEVICE, SCENES, Point
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import Panel, load_display
+from lippmann.display.description import Display, Panel, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window
 from lippmann.eye.viewer_page import Direct, page_html
@@ -34,6 +36,7 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.renderer import Settings, render_view
 from lippmann.rendering.sources import Window
 from lippmann.scenes.scene import Scene
+from lippmann.simulation.virtual_board import compile_board
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
@@ -73,19 +76,17 @@ def command(
     display = load_display(folder / DISPLAY)
     panel = display.panel
     scene = api.load_scene(folder / SCENE, device=device)
-    with progress_bar("render") as progress:
-        image = api.render(scene, display, model="exact", device=device, progress=progress)
-    image.save(out / "fish.exr")
-
-    frame = panel_values(image.radiance, panel.transfer, panel.bits)
-    columns, rows = _middle(panel.width_px), _middle(panel.height_px)
-    with progress_bar("stream") as progress:
-        loop = run_on_virtual_board(display, frame, columns, rows, progress)
-    # From here on only the frame that was scanned out counts.
-    scanned = replace(image, radiance=decode(loop.panel_frame / np.float32(255.0), panel.transfer))
-    scanned.save(out / "panel.png")
-    directs, decibels = _views(scene, scanned, out, device)
-    drawn = _draw_films(folder, out, device)
+    with _boards_compile_meanwhile(display, load_display(folder / DRAWN_DISPLAY)):
+        image = _render(scene, display, out, device)
+        frame = panel_values(image.radiance, panel.transfer, panel.bits)
+        columns, rows = _middle(panel.width_px), _middle(panel.height_px)
+        with progress_bar("stream") as progress:
+            loop = run_on_virtual_board(display, frame, columns, rows, progress)
+        # From here on only the frame that was scanned out counts.
+        scanned = replace(image, radiance=decode(loop.panel_frame / np.float32(255.0), panel.transfer))
+        scanned.save(out / "panel.png")
+        directs, decibels = _views(scene, scanned, out, device)
+        drawn = _draw_films(folder, out, device)
     page = page_html(display, scanned.radiance, "The fish, as the virtual board's panel shows it", directs)
     with replacing(out / "index.html") as partial:
         partial.write_text(page, encoding="utf-8")
@@ -105,6 +106,31 @@ def command(
     emit(result, (f"{what:<85}{out / where if where else ''}".rstrip() for what, where in _steps(result, panel)))
 
 
+def _render(scene: Scene, display: Display, out: Path, device: str) -> IntegralImage:
+    """Render the scene, and write the first pictures that a user can look at."""
+    with progress_bar("render") as progress:
+        image = api.render(scene, display, model="exact", device=device, progress=progress)
+    image.save(out / "fish.exr")
+    image.save(out / "fish.png")
+    log(f"the first picture is there: {out / 'fish.png'} (zoom in to find the lenslets)")
+    return image
+
+
+@contextlib.contextmanager
+def _boards_compile_meanwhile(streamed: Display, drawn: Display) -> Iterator[None]:
+    """Compile both virtual boards, one after the other, beside the work of the block.
+
+    A board that is started meanwhile waits for its program, and raises the error of a compilation that failed.
+    """
+    with ThreadPoolExecutor(1) as background:
+        boards = [background.submit(compile_board, streamed), background.submit(compile_board, drawn, SceneBuild())]
+        try:
+            yield
+        finally:
+            for board in boards:
+                board.cancel()
+
+
 def _compare(loop: Loop, frame: Pixels) -> dict[str, Any]:
     """Return the figures of the board that showed a frame (height, width, 3)."""
     return {
@@ -122,7 +148,8 @@ def _compare(loop: Loop, frame: Pixels) -> dict[str, Any]:
 
 def _steps(result: Mapping[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:
     """Yield what the demo did, a sentence a step, and the file that shows it."""
-    yield f"rendered {panel.width_px} x {panel.height_px} pixels in {result['render_seconds']:.1f} s", "fish.exr"
+    yield f"rendered {panel.width_px} x {panel.height_px} pixels in {result['render_seconds']:.1f} s", "fish.png"
+    yield "the same in linear radiance", "fish.exr"
     yield f"the board traced {result['rays_compared']} rays: every word equals the integer twin's", ""
     rate = f"{result['bytes'] / 1e6:.1f} MB in {result['stream_seconds']:.1f} s"
     yield f"streamed {rate}, {result['resends']} tiles twice", ""

@@ -173,6 +173,15 @@ def check_panel(display: Display) -> None:
         raise input_error(f"display '{display.name}'", what, f"give a board at most {MAX_SIDE_PX} in each direction")
 
 
+def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
+    """Compile the program of the board that `start` runs for a display, and with `scene` draws; return its path.
+
+    For a thread beside other work: `start` then waits for it. Raises as `verilated`.
+    """
+    clock_hz = usual_clock(display, scene, "block")
+    return compiled(display, board_build(display, scene), True, clock_hz, scene=scene)
+
+
 def start(
     display: Display,
     *,
