@@ -26,7 +26,7 @@ from lippmann.base.tones import encode
 from lippmann.base.variant import mitsuba
 from lippmann.capturing.capture import capture_source, rays_from_picture
 from lippmann.capturing.capture_setup import Setup, load_setup
-from lippmann.capturing.povray_export import POVRAY, Exported, Run, write_folder
+from lippmann.capturing.povray_export import POVRAY, Exported, write_folder
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.conformance.engine_speeds import in_turn
 from lippmann.conformance.pages import Page
@@ -41,6 +41,7 @@ from PIL import Image as PngImage
 from scipy import ndimage
 
 from tools.bench import MeasurementRun, measurement
+from tools.povray_runs import Run, render_folder, render_folder_once
 from tools.report_plots import make_page, row_of
 from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
 from tools.shading_speed import every_strip, rows_of_strips
@@ -214,7 +215,7 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
         setup = load_setup(scenes / f"setups/{name}.toml")
         setup = with_window(setup, PICTURE_PX, setup.array.pitches_mm[0])
         scene = load_for(scenes / "seed/diffuse.xml", setup)
-        theirs, _ = write_folder(scene, setup_view(setup), work / f"picture-{grid}").render_once()
+        theirs, _ = render_folder_once(write_folder(scene, setup_view(setup), work / f"picture-{grid}"))
         source = capture_source(setup)
         ours = render_rays(scene, source, Settings(shading="each")).radiance
         difference, where = compare(theirs, ours, around(scene, source), setup)
@@ -249,7 +250,7 @@ def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
     setup = with_window(setup, TIME_PX, 1.0)
     scene = load_for(scenes / "seed/full.xml", setup)
     exported = write_folder(scene, setup_view(setup), work / "time")
-    theirs, run = exported.render_once(*ANTIALIAS)
+    theirs, run = render_folder_once(exported, *ANTIALIAS)
     samples, allowed, noise = samples_for(scene, setup, theirs)
     ours = fastest(scene, capture_source(setup), samples)
     times = in_turn(_processes(scenes, exported, samples), WHOLE_ROUNDS)
@@ -272,7 +273,7 @@ def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Call
             return time.perf_counter() - started
 
     ways = {shading: partial(captured, shading) for shading in ("each", "auto")}
-    return {"POV-Ray": lambda: exported.render(*ANTIALIAS)[1].seconds, **ways}
+    return {"POV-Ray": lambda: render_folder(exported, *ANTIALIAS)[1].seconds, **ways}
 
 
 def shown(pair: Pair) -> Plot:

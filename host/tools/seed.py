@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from lippmann.capturing.capture import capture_source
 from lippmann.capturing.capture_setup import Setup, load_setup
-from lippmann.capturing.povray_export import POVRAY, Run, export_view, write_folder
+from lippmann.capturing.povray_export import POVRAY, write_folder
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli.frame import option
 from lippmann.conformance.pages import Page
@@ -32,6 +32,7 @@ from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
 
 from tools.bench import MeasurementRun, measurement
+from tools.povray_runs import Run, export_view, render_folder
 from tools.renderer_speed import with_pitch
 from tools.report_plots import make_page, row_of
 
@@ -126,7 +127,7 @@ def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
         if window <= sweep.povray_px:
             exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
             for antialias in looks:
-                _, run = exported.render(*(ANTIALIAS if antialias else ()))
+                _, run = render_folder(exported, *(ANTIALIAS if antialias else ()))
                 yield _row("POV-Ray", setup, antialias, run, theirs)
 
 
@@ -137,7 +138,7 @@ def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
     window = Window(side, side, base_px, base_px)
     rendered = fastest(scene, eye_source(EYE_MM, window), SAMPLES)
     ours = Timed("lippmann", "none", base_px, None, 0, True, rendered.seconds, rendered.cpu_seconds, 1.0)
-    _, run = export_view(scene, EYE_MM, window, work / "base").render(*ANTIALIAS)
+    _, run = render_folder(export_view(scene, EYE_MM, window, work / "base"), *ANTIALIAS)
     return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)
 
 

@@ -20,12 +20,13 @@ import OpenImageIO as oiio
 from lippmann.base import interrupts
 from lippmann.calibration.simulated_camera import Camera
 from lippmann.calibration.simulated_photographs import Bench, Projection, collect_projection
-from lippmann.capturing.povray_export import run_povray
 from lippmann.capturing.povray_optics import ARRAY_FACES, array_solids
 from lippmann.capturing.povray_text import block, vector
 from lippmann.display.description import Display, Panel
 from lippmann.errors import InputError
 from lippmann.optics.rays import Floats
+
+from tools.povray_runs import run_povray
 
 Words = npt.NDArray[np.uint16]
 #: Largest value of a 16-bit picture.

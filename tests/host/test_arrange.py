@@ -373,7 +373,7 @@ def test_depths_of_a_file_move_with_its_scene():
     ],
 )
 def test_a_placement_is_checked_when_it_is_made(key, value):
-    with pytest.raises(InputError, match=f"^placement: {key}"):
+    with pytest.raises(InputError, match=f"(?i)^placement: {key}"):
         Placement(**{key: value})
 
 

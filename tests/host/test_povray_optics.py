@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lippmann.capturing.capture import capture_source
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.capturing.povray_export import Run, write_folder
+from lippmann.capturing.povray_export import write_folder
 from lippmann.capturing.povray_optics import lattice_rows, setup_view
 from lippmann.cli import run
 from lippmann.display.description import load_display
@@ -24,6 +24,7 @@ from test_povray_scene import ball, card, diffuse, light
 from tools import bench
 from tools.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams
 from tools.peers import page as peers_page
+from tools.povray_runs import Run, render_folder
 from tools.seed import Timed, findings, lenslets_in, with_window
 from tools.shading_speed import every_strip
 
@@ -112,7 +113,7 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     ]
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 60\nfar_mm = -300")
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
-    theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
+    theirs, _ = render_folder(write_folder(scene, setup_view(setup), tmp_path / "pov"))
     source = capture_source(setup)
     ours = render_rays(scene, source, Settings()).radiance
     assert (ours > 0.0).any(axis=-1).mean() > 0.5
@@ -140,7 +141,7 @@ def test_a_mirror_does_not_show_the_stops(mi, tmp_path, repository):
     ]
     path = write_scene(tmp_path / "scene.xml", *parts, placement="near_mm = 10\nfar_mm = -150")
     scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
-    theirs, _ = write_folder(scene, setup_view(setup), tmp_path / "pov").render()
+    theirs, _ = render_folder(write_folder(scene, setup_view(setup), tmp_path / "pov"))
     ours = render_rays(scene, capture_source(setup), Settings()).radiance
     print(theirs.sum() / ours.sum())
     assert (ours > 0.0).mean() > 0.05

@@ -8,8 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 from lippmann.base.tones import encode
-from lippmann.capturing import povray_export
-from lippmann.capturing.povray_export import MAX_RAYS, export_display, export_view
+from lippmann.capturing.povray_export import MAX_RAYS, export_display
 from lippmann.cli import run
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.rendering.renderer import Settings, render_integral, render_view
@@ -17,6 +16,7 @@ from lippmann.rendering.sources import Window
 from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS
 from scene_cases import centres, display_toml, focused_display, generator, rgb, write_scene
+from tools.povray_runs import export_view, render_folder, run_povray
 
 EYE = (0.0, 0.0, 400.0)
 WINDOW = Window(80.0, 60.0, 40, 30)
@@ -73,7 +73,7 @@ def seen(mi, tmp_path):
 
     def look(*parts, placement="near_mm = 390.0\nfar_mm = -300.0", settings=None):
         scene = load_scene(write_scene(tmp_path / "scene.xml", *parts, placement=placement))
-        theirs, _ = export_view(scene, EYE, WINDOW, tmp_path / "pov").render()
+        theirs, _ = render_folder(export_view(scene, EYE, WINDOW, tmp_path / "pov"))
         ours = render_view(scene, EYE, WINDOW, settings or Settings()).radiance
         return theirs, ours
 
@@ -432,7 +432,7 @@ def test_a_display_s_lines_of_sight(mi, tmp_path, flag, grid, eye):
         placement="near_mm = 20\nfar_mm = -30",
     )
     scene = load_scene(path)
-    theirs, _ = export_display(scene, display, "exact", tmp_path / "pov").render()
+    theirs, _ = render_folder(export_display(scene, display, "exact", tmp_path / "pov"))
     ours = render_integral(scene, display, "exact", Settings()).radiance
     assert theirs.shape == ours.shape
     difference = np.abs(encode(theirs, "srgb") - encode(ours, "srgb")).max(axis=-1) * 255.0
@@ -510,7 +510,7 @@ def test_the_command(mi, tmp_path, capfd):
     assert result["ini"] == str(folder / "s.ini")
     assert sorted(result["files"]) == sorted(file.name for file in folder.iterdir())
     assert [path.name for path in tmp_path.iterdir() if "partial" in path.name] == []
-    done = povray_export.run_povray(folder / "s.ini")
+    done = run_povray(folder / "s.ini")
     assert done.command == "povray s.ini"
     assert done.seconds > 0.0
     assert (folder / "s.exr").is_file()
@@ -521,7 +521,7 @@ def test_the_command(mi, tmp_path, capfd):
 def test_without_povray_it_says_how_to_install_it(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(MissingLibraryError, match="apt-get install -y povray") as caught:
-        povray_export.run_povray(tmp_path / "s.ini")
+        run_povray(tmp_path / "s.ini")
     assert caught.value.exit_code == 3
 
 
@@ -529,4 +529,4 @@ def test_files_that_povray_refuses(tmp_path):
     (tmp_path / "s.ini").write_text("Input_File_Name=s.pov\nDisplay=off\n")
     (tmp_path / "s.pov").write_text("#version 3.7;\nsphere { 0, one }\n")
     with pytest.raises(InputError, match="line 2: Parse Error"):
-        povray_export.run_povray(tmp_path / "s.ini")
+        run_povray(tmp_path / "s.ini")

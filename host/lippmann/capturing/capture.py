@@ -30,7 +30,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -227,7 +227,7 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
     """
     panel, array = setup.display.panel, setup.array
 
-    def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
+    def lines(b: DrJitBackend, u: Arr, v: Arr, square: tuple[Arr, Arr]) -> Lines:
         mi = mitsuba()
         aims = None
         if aperture == "full" and isinstance(setup.pickup, Pickup):
@@ -240,7 +240,7 @@ def capture_source(setup: Setup, aperture: Aperture = "chief") -> RaySource:
             point, direction, through_array & through_lens, (through_array & ~through_lens, mi.Bool(~through_array))
         )
 
-    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
+    def owner(b: DrJitBackend, u: Arr, v: Arr) -> Arr:
         return owner_number(*system_of(setup).locate(b, u, v)[:2])
 
     return RaySource(panel.width_px, panel.height_px, lines, detail_mm=array.finest_mm, owner=owner)

@@ -8,20 +8,23 @@ Parameters: docs/reference/mitsuba-sensor.md.
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.variant import VARIANTS, current_device
-from lippmann.display.description import load_display
+from lippmann.base.variant import VARIANTS, current_device, drjit, mitsuba
+from lippmann.display.description import Display, load_display
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError
-from lippmann.optics.backend import DrJitBackend
+from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Model
 from lippmann.optics.sampling import square_to_cell
 from lippmann.rendering.sources import APERTURES, lines_from_pixels
+
+if TYPE_CHECKING:
+    from mitsuba import Properties
 
 #: Relative difference of singular values of `to_world` that counts as none: chains of float32 transforms.
 SAME_SCALE = 1e-4
@@ -42,11 +45,12 @@ def register() -> None:
             f"sensor 'integral': variant {mi.variant()} is not a vectorised RGB variant; "
             "call mitsuba.set_variant('llvm_ad_rgb') or 'cuda_ad_rgb' first"
         )
-    mi.register_sensor("integral", _sensor_class(mi))
+    mi.register_sensor("integral", _sensor_class())
 
 
-def _sensor_class(mi: Any) -> Any:
-    import drjit as dr
+def _sensor_class() -> type:
+    mi: Any = mitsuba()
+    dr = drjit()
 
     class IntegralSensor(mi.Sensor):  # type: ignore[misc]
         """See docs/reference/mitsuba-sensor.md."""
@@ -73,21 +77,12 @@ def _sensor_class(mi: Any) -> Any:
             self.m_needs_sample_3 = self.full
 
         def sample_ray(
-            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
-        ) -> tuple[Any, Any]:
+            self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
+        ) -> tuple[Arr, Arr]:
             """Return rays through points of the film (sample2, 0 to 1 from the top left) and their weights."""
             b = DrJitBackend(current_device())
             panel = self.display.panel
             u, v = b.double(sample2.x) * panel.width_px, b.double(sample2.y) * panel.height_px
-            weight = mi.Color3f(1.0)
-            layout = layout_of(panel.subpixels)
-            if layout is not None:
-                # A point of a pixel lies in one sub-pixel and has its one colour, so much brighter.
-                weights = [mi.Float(0.0)] * 3
-                for k, gain, inside in layout.emitters(b, u, v):
-                    if k < 3:
-                        weights[k] = weights[k] + dr.select(inside, mi.Float(gain), 0.0)
-                weight = mi.Color3f(weights)
             aperture = square_to_cell(b, sample3.x, sample3.y, Lattice.of(self.display.array)) if self.full else None
             point, direction, through, _ = lines_from_pixels(b, self.display, u, v, aperture, self.model)
             # Towards the display, from in front of the scene, as the viewer looks.
@@ -95,16 +90,17 @@ def _sensor_class(mi: Any) -> Any:
             start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], mi.Float(self.near_mm))
             to_scene = self.world_transform()
             ray = mi.Ray3f(to_scene @ start, dr.normalize(to_scene @ mi.Vector3f(*(-c for c in direction))), time, [])
+            weight = _subpixel_weight(b, self.display, u, v)
             return ray, mi.Spectrum(dr.select(through & active, weight, 0.0))
 
         def sample_ray_differential(
-            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
-        ) -> tuple[Any, Any]:
+            self, time: Arr, sample1: Arr, sample2: Arr, sample3: Arr, active: Arr = True
+        ) -> tuple[Arr, Arr]:
             """Return the rays of `sample_ray`, without differentials: neighbours may leave through other lenslets."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
-        def bbox(self) -> Any:
+        def bbox(self) -> Arr:
             """Return an empty box."""
             return mi.ScalarBoundingBox3f()
 
@@ -113,6 +109,19 @@ def _sensor_class(mi: Any) -> Any:
             return f"IntegralSensor[display={self.display.name}, model={self.model}]"
 
     return IntegralSensor
+
+
+def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
+    """Return the weight of each colour at points of pixels: a sub-pixel has its one colour, so much brighter."""
+    mi, dr = mitsuba(), drjit()
+    layout = layout_of(display.panel.subpixels)
+    if layout is None:
+        return mi.Color3f(1.0)
+    weights = [mi.Float(0.0)] * 3
+    for k, gain, inside in layout.emitters(b, u, v):
+        if k < 3:
+            weights[k] = weights[k] + dr.select(inside, mi.Float(gain), 0.0)
+    return mi.Color3f(weights)
 
 
 def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
@@ -131,7 +140,7 @@ def _check_pose(to_world: npt.NDArray[np.float64]) -> None:
         raise InputError("sensor 'integral': to_world mirrors the display; rotate it instead")
 
 
-def _choice(props: Any, name: str, default: str, options: tuple[str, ...]) -> str:
+def _choice(props: Properties, name: str, default: str, options: tuple[str, ...]) -> str:
     value = str(props.get(name, default))
     if value not in options:
         raise InputError(f"sensor 'integral': {name} '{value}' is not known; choose from {', '.join(options)}")

@@ -5,32 +5,24 @@ The images are linear (`assumed_gamma 1.0`, OpenEXR), as Lippmann's.
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
-import json
 import os
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.files import moved, partial_folder, refused, replacing
-from lippmann.base.images import read_picture
-from lippmann.base.programs import run_program
+from lippmann.base.files import moved, partial_folder, refused
 from lippmann.capturing.povray_scene import write_scene
-from lippmann.capturing.povray_text import SPARE_ROWS, pinhole, plain, write_rays
+from lippmann.capturing.povray_text import SPARE_ROWS, plain, write_rays
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
 from lippmann.optics.rays import Floats, Model, gets_through
-from lippmann.rendering.sources import Window
-from lippmann.scenes.placement import Triple
 from lippmann.scenes.scene import Scene
 from lippmann.simulation.toolchain import Tool
 
+POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
 #: Most pixels that a camera of single rays may have: each is a triangle in a text file.
 MAX_RAYS = 1 << 20
 #: Surfaces that a ray may meet in the scene, as `lippmann render` counts them by default.
@@ -52,25 +44,6 @@ class Exported:
     ini: Path
     files: tuple[str, ...]
     spare_rows: int = 0
-
-    def render(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-        """Render the folder; return linear radiance (height, width, 3) and the run's cost (see `run_povray`)."""
-        run = run_povray(self.ini, *options)
-        return read_picture(self.ini.with_suffix(".exr")).radiance[self.spare_rows :], run
-
-    def render_once(self, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-        """Render the folder, or return the result that it keeps for the same files and options."""
-        content = hashlib.sha256(" ".join(options).encode())
-        for name in self.files:
-            content.update((self.ini.parent / name).read_bytes())
-        kept = self.ini.parent / f"kept-{content.hexdigest()[:16]}"
-        if not kept.with_suffix(".json").is_file():
-            _, run = self.render(*options)
-            os.replace(self.ini.with_suffix(".exr"), kept.with_suffix(".exr"))
-            with replacing(kept.with_suffix(".json")) as partial:
-                partial.write_text(json.dumps(dataclasses.asdict(run)))
-        run = Run(**json.loads(kept.with_suffix(".json").read_text()))
-        return read_picture(kept.with_suffix(".exr")).radiance[self.spare_rows :], run
 
 
 @dataclass(frozen=True)
@@ -138,13 +111,6 @@ def check_folder(folder: Path) -> Path:
     return folder
 
 
-def export_view(scene: Scene, eye_mm: Triple, window: Window, folder: Path) -> Exported:
-    """Write the scene as an eye sees it through a window in z = 0, without a display."""
-    x, y, z = eye_mm
-    camera = pinhole(eye_mm, (-x, -y, -z), window.width_mm, window.height_mm)
-    return write_folder(scene, View(camera, window.width_px, window.height_px), folder)
-
-
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:
     """Write the scene with a display's lines of sight, as `lippmann render` traces them with one sample.
 
@@ -176,42 +142,3 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
     origin[~active] = (0.0, 0.0, near)
     view = View('#include "rays.inc"', panel.width_px, panel.height_px, rays=(origin, direction))
     return write_folder(scene, view, folder)
-
-
-POVRAY = Tool("povray", "renders what `export povray` writes", "run sudo apt-get install -y povray, or see povray.org")
-
-
-@dataclass(frozen=True)
-class Run:
-    """Cost of a run of POV-Ray, parsing included; the command line is that in the exported folder.
-
-    `seconds` are wall clock, `cpu_seconds` the processor time of all threads.
-    """
-
-    command: str
-    seconds: float
-    cpu_seconds: float
-
-
-def run_povray(ini: Path, *options: str) -> Run:
-    """Render an exported folder's .ini file; options of POV-Ray override the file's.
-
-    Raises InputError when POV-Ray refuses the files, with its first error; MissingLibraryError when POV-Ray is not
-    installed.
-    """
-    import resource  # only Unix has it
-
-    program = POVRAY.path()
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    started = time.perf_counter()
-    command = [str(program), ini.name, *options]
-    done = run_program(command, folder=ini.parent)
-    seconds = time.perf_counter() - started
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode != 0:
-        complaints = [line for line in done.stderr.splitlines() if "error" in line.lower()] or [
-            "it ended without a message"
-        ]
-        raise input_error(str(ini), f"POV-Ray refuses it ({complaints[0].strip()})", "export it again")
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return Run(" ".join(["povray", ini.name, *options]), seconds, cpu)

@@ -20,7 +20,7 @@ from lippmann.base.toml import documented, key
 from lippmann.errors import input_error, not_there
 from lippmann.scenes.meshes import write_surface
 from lippmann.scenes.mitsuba_xml import add_light_field, new_scene, plugin, to_world, value, write
-from lippmann.scenes.window_views import Views, picture
+from lippmann.scenes.window_views import Views, read_light
 
 #: Most pixels of the depths, and largest file.
 MOST_PIXELS, MOST_BYTES = 1 << 23, 1 << 28
@@ -63,7 +63,7 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
         file = path.parent / getattr(form, name)
         if not file.is_file():
             raise input_error(f"{path}: {name}: {getattr(form, name)}", not_there(file), "correct the name")
-    colours = picture(path.parent / form.colour)[0]
+    colours = read_light(path.parent / form.colour)[0].astype(np.float16)
     depth = _depths(path.parent / form.depth) * form.unit_mm
     if depth.shape != colours.shape[:2]:
         sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, colours.shape)]
@@ -74,7 +74,10 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     if not known.all():
         holes = depth.size - int(known.sum())
         notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
-        depth = _filled(depth, known)
+        from scipy import ndimage
+
+        nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+        depth = depth[tuple(nearest)]
     focal = 0.5 * depth.shape[1] / math.tan(math.radians(0.5 * form.fov_deg))
     _write_points(folder / "surface.ply", depth, focal)
     Views(colours[None, None], [0.0], [0.0], 1.0, (1.0, 1.0)).write(folder / "views.npz")
@@ -92,19 +95,11 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
 def _depths(path: Path) -> npt.NDArray[np.float64]:
     """Return the numbers of a picture of depths (height, width), as they are in the file."""
     if path.suffix.lower() == ".exr":
-        return np.asarray(picture(path, np.float32)[0][..., 0], np.float64)
-    found = read_numbers(path, MOST_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
-    if found.ndim == 3 and (found[..., :3] != found[..., :1]).any():
+        return np.asarray(read_light(path)[0][..., 0], np.float64)
+    numbers = read_numbers(path, MOST_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
+    if numbers.ndim == 3 and (numbers[..., :3] != numbers[..., :1]).any():
         raise input_error(str(path), "has colours, not depths", "give a picture of one channel, 16 bits or float")
-    return np.asarray(found[..., 0] if found.ndim == 3 else found, np.float64)
-
-
-def _filled(depth: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
-    """Return depths where each unknown one is that of the nearest known pixel."""
-    from scipy import ndimage
-
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(depth[tuple(nearest)])
+    return np.asarray(numbers[..., 0] if numbers.ndim == 3 else numbers, np.float64)
 
 
 def _write_points(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:

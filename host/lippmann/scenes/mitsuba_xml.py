@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.optics.rays import Floats
 
@@ -17,17 +19,16 @@ def plugin(parent: Element, tag: str, kind: str, **attributes: str) -> Element:
     return SubElement(parent, tag, {"type": kind, **attributes})
 
 
-def value(parent: Element, tag: str, name: str, given: Any) -> Element:
+def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
     """Add a parameter: a number, a truth value, a text, or the components of a colour or vector."""
-    if isinstance(given, bool):
-        text = str(given).lower()
-    elif isinstance(given, str):
-        text = given
+    if isinstance(content, str):
+        text = content
+    elif isinstance(content, bool):
+        text = str(content).lower()
     else:
-        text = " ".join(f"{number:.9g}" for number in np.ravel(given).tolist())
-    if tag in ("vector", "point"):
-        return SubElement(parent, tag, {"name": name, **dict(zip("xyz", text.split(), strict=True))})
-    return SubElement(parent, tag, {"name": name, "value": text})
+        text = " ".join(f"{number:.9g}" for number in np.ravel(content).tolist())
+    values = dict(zip("xyz", text.split(), strict=True)) if tag in ("vector", "point") else {"value": text}
+    SubElement(parent, tag, {"name": name, **values})
 
 
 #: Directions towards the lights, in the display's frame, and the share that each gives a surface that faces the viewer:
@@ -76,20 +77,16 @@ def new_scene() -> Element:
 
 def unique(names: Iterable[str]) -> list[str]:
     """Return names without their repetitions, and with plain characters: of two `leaf` the second is `leaf-2`."""
-    found: dict[str, None] = {}
+    taken: dict[str, None] = {}
     for name in names:
-        plain = "".join(c if c.isalnum() or c in "_-." else "_" for c in name) or "shape"
-        number, one = 1, plain
-        while one in found:
-            number += 1
-            one = f"{plain}-{number}"
-        found[one] = None
-    return list(found)
+        plain = re.sub(r"[^\w.-]", "_", name) or "shape"
+        numbered = (f"{plain}-{number}" for number in itertools.count(2))
+        taken[plain if plain not in taken else next(one for one in numbered if one not in taken)] = None
+    return list(taken)
 
 
-def bitmap(parent: Element, name: str, file: str, raw: bool = False) -> Element:
+def bitmap(parent: Element, name: str, file: str, raw: bool) -> None:
     """Add a texture from an image file; `raw`: its numbers are no colours."""
     texture = plugin(parent, "texture", "bitmap", name=name)
     value(texture, "string", "filename", file)
     value(texture, "boolean", "raw", raw)
-    return texture

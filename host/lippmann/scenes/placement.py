@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import toml
-from lippmann.base.toml import documented, key
-from lippmann.errors import InputError, input_error
+from lippmann.base.toml import check_fields, documented, key
+from lippmann.errors import InputError
 from lippmann.optics.panel_frame import exact_rotation
-from lippmann.scenes.formats import kind_of, usual_rotation
+from lippmann.scenes.formats import Kind, kind_of, usual_rotation
 
 Matrix = npt.NDArray[np.float64]
 #: Lengths and angles that float32 scenes and the cubics of paths survive.
@@ -46,22 +46,13 @@ class Placement:
     far_mm: Annotated[Depth, key("depth z of the farthest object of interest")] = None
 
     def __post_init__(self) -> None:
-        """Refuse what is not a similarity, naming the key; keep plain numbers."""
-        for name in ("rotation_deg", "offset_mm"):
-            given = getattr(self, name)
-            triple = tuple(given) if isinstance(given, tuple | list | np.ndarray) else ()
-            if len(triple) != 3:
-                raise input_error(f"placement: {name}", f"{given!r} is not three numbers", "give (x, y, z)")
-            object.__setattr__(self, name, tuple(_finite(name, value) for value in triple))
-        for name in ("scale", "near_mm", "far_mm"):
-            value = getattr(self, name)
-            if name == "scale" or value is not None:
-                object.__setattr__(self, name, _finite(name, value))
-        if not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
+        """Refuse what a file could not give, and a near depth that is not in front of the far one."""
+        if isinstance(self.scale, Real) and not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
             raise InputError(
                 f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "
                 f"{SCALE_RANGE[0]:g} to {SCALE_RANGE[1]:g}"
             )
+        check_fields(self)
         if self.near_mm is not None and self.far_mm is not None and self.near_mm <= self.far_mm:
             raise InputError(
                 f"placement: near_mm {self.near_mm:g} is not in front of far_mm {self.far_mm:g}; +z is towards the eye"
@@ -103,12 +94,11 @@ class Placement:
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
 
-        def depth(own: float | None, moved: float | None) -> float | None:
-            if own is None and moved is not None:
-                return float(step[2, 2] * moved + step[2, 3])
-            return own
-
-        return replace(self, near_mm=depth(self.near_mm, before.near_mm), far_mm=depth(self.far_mm, before.far_mm))
+        near, far = (
+            own if own is not None or depth is None else float(step[2, 2] * depth + step[2, 3])
+            for own, depth in ((self.near_mm, before.near_mm), (self.far_mm, before.far_mm))
+        )
+        return replace(self, near_mm=near, far_mm=far)
 
     def then(self, other: Placement) -> Placement:
         """Return the placement that stands a scene by this one and then moves all of it by another.
@@ -136,13 +126,6 @@ class Placement:
         )
 
 
-def _finite(name: str, value: object) -> float:
-    """Return a number of a placement; refuse what is not finite or not a number."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-        raise input_error(f"placement: {name}", f"{value!r} is not a finite number", "give one")
-    return float(value)
-
-
 @dataclass(frozen=True)
 class PlacementFile:
     """The file beside a scene; other programs may keep tables of their own in it."""
@@ -158,21 +141,16 @@ def load_placement(path: Path) -> Placement:
 
 def placement_beside(path: Path) -> Placement:
     """Return the placement in NAME.toml beside a scene; without that file, scene units are millimetres, and y is up."""
-    beside = path.with_suffix(".toml")
-    if beside.exists() and _is_placed(beside):
-        return load_placement(beside)
-    return Placement(rotation_deg=usual_rotation(path))
+    file = _placement_file(path)
+    return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 
 
 def usual_arrange(path: Path) -> Arrange | None:
-    """Return how a scene is placed of which nothing tells it: another tool's, without a placement beside it."""
-    beside = path.with_suffix(".toml")
-    if beside.exists() and _is_placed(beside):
-        return None
-    kind = kind_of(path)
-    if kind in ("quilt", "views"):
-        return "fill"
-    return {"mesh": "fit", "splats": "fit", "depth picture": "camera"}.get(str(kind))  # type: ignore[return-value]
+    """Return how a display places another tool's scene without a placement beside it; None for all other scenes."""
+    usual: dict[Kind | None, Arrange] = {
+        "quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit", "depth picture": "camera",
+    }  # fmt: skip
+    return usual.get(kind_of(path)) if _placement_file(path) is None else None
 
 
 def unplaced_note(path: Path) -> str | None:
@@ -183,7 +161,8 @@ def unplaced_note(path: Path) -> str | None:
     return f"note: nothing places {path.name}: its units are taken as mm, its origin as the display's; write {beside}"
 
 
-def _is_placed(path: Path) -> bool:
-    """Tell whether a TOML file has a placement, or should: a picture with depths, a film or a display need none."""
-    told = toml.load(path, "placement")
-    return "placement" in told or not {"depth_picture", "frames", "panel"} & told.keys()
+def _placement_file(path: Path) -> Path | None:
+    """Return NAME.toml beside a scene if it places the scene, or should: a film or a display need no placement."""
+    beside = path.with_suffix(".toml")
+    keys = toml.load(beside, "placement").keys() if beside.exists() else {"panel"}
+    return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else beside

@@ -289,22 +289,19 @@ def _file_of(name: str) -> Path:
 
 def _boxes(scene: mi.Scene) -> list[tuple[Matrix, Matrix]]:
     """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
-    boxes, found = [], []
+    boxes = []
     for shape in scene.shapes():
         # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
-        if shape.is_mesh() and not shape.bbox().valid():
+        if isinstance(shape, mitsuba().Mesh) and not shape.bbox().valid():
             shape.recompute_bbox()
-        if shape.is_ellipsoids():
-            found.append(_middle_of_splats(shape))
-            continue
-        boxes.append(shape.bbox())
-    return found + [(np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()) for box in boxes]
+        box = shape.bbox()
+        low, high = (np.array(corner, np.float64).ravel() for corner in (box.min, box.max))
+        boxes.append(_box_of_most_splats(shape, low, high) if shape.is_ellipsoids() else (low, high))
+    return boxes
 
 
-def _middle_of_splats(shape: mi.Shape) -> tuple[Matrix, Matrix]:
+def _box_of_most_splats(shape: mi.Shape, lowest: Matrix, highest: Matrix) -> tuple[Matrix, Matrix]:
     """Return the box of most of the splats: a capture has stray ones, far around what was photographed."""
-    box = shape.bbox()
-    lowest, highest = (np.array(corner, np.float64).ravel() for corner in (box.min, box.max))
     data = np.array(mitsuba().traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
     low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)

@@ -17,7 +17,6 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -86,9 +85,9 @@ def read_folder(folder: Path) -> Views:
     """
     path = folder / EYES
     try:
-        told = json.loads(read_limited(path, MOST_BYTES, "write it again"))
-        size = (float(told["window_mm"][0]), float(told["window_mm"][1]))
-        views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in told["views"]]
+        keys = json.loads(read_limited(path, MOST_BYTES, "write it again"))
+        size = (float(keys["window_mm"][0]), float(keys["window_mm"][1]))
+        views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in keys["views"]]
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)[:100]
         raise input_error(str(path), f"does not tell the views ({reason})", f"write {FORM}") from None
@@ -108,7 +107,7 @@ def read_folder(folder: Path) -> Views:
         raise input_error(str(path), what, "give one view for each place of a row or grid")
     pictures: npt.NDArray[np.float16] | None = None
     for (name, _), row, column in zip(views, rows, columns, strict=True):
-        one, _ = picture(folder / name, count=len(views))
+        one, _ = read_light(folder / name, len(views))
         if pictures is None:
             pictures = np.zeros((len(y), len(x), *one.shape), np.float16)
         if one.shape != pictures.shape[2:]:
@@ -141,20 +140,20 @@ def _check_size(path: Path, pixels: int) -> None:
         raise input_error(str(path), what, "give fewer or smaller views")
 
 
-def picture(path: Path, kind: Any = np.float16, count: int = 1) -> tuple[npt.NDArray[Any], dict[str, str]]:
-    """Return a picture's linear light (height, width, 3), and its metadata; `count` pictures of its size are allowed.
+def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
+    """Return a picture's linear light (height, width, 3) and its metadata; `count` pictures of its size are allowed.
 
     Its size is known, and refused, before memory is taken for its pixels.
     """
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
-        read = read_picture(path, allow=lambda pixels: _check_size(path, count * pixels))
-        radiance, metadata = read.radiance, read.metadata
+        picture = read_picture(path, allow=lambda pixels: _check_size(path, count * pixels))
+        radiance, metadata = picture.radiance, picture.metadata
     else:
-        radiance, metadata = _by_pillow(path, count), {}
-    return np.clip(radiance, 0.0, LARGEST, out=radiance).astype(kind), metadata
+        radiance, metadata = _read_by_pillow(path, count), {}
+    return np.clip(radiance, 0.0, LARGEST, out=radiance), metadata
 
 
-def _by_pillow(path: Path, count: int) -> Any:
+def _read_by_pillow(path: Path, count: int) -> Radiance:
     from PIL import Image
 
     try:
@@ -175,7 +174,7 @@ TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-
 #: window as an eye sees it, degrees.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
 #: The metadata that tell a quilt's eyes.
-NOTE = "eyes"
+EYES_KEY = "eyes"
 #: Digits of the aspect.
 ASPECT_DIGITS = 5
 
@@ -183,10 +182,10 @@ ASPECT_DIGITS = 5
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
     """Return the path of a quilt, with its tiling in the name; InputError when the name tells another one."""
     ending = f"_qs{columns}x{rows}a{f'{aspect:.{ASPECT_DIGITS}f}'.rstrip('0').rstrip('.')}"
-    told = TILING.search(path.stem)
-    if told is None:
+    tiling = TILING.search(path.stem)
+    if tiling is None:
         return path.with_name(f"{path.stem}{ending}{path.suffix}")
-    if (int(told[1]), int(told[2])) != (columns, rows) or abs(float(told[3]) - aspect) > 0.01 * aspect:
+    if (int(tiling[1]), int(tiling[2])) != (columns, rows) or abs(float(tiling[3]) - aspect) > 0.01 * aspect:
         raise input_error(str(path), f"names another tiling than {ending}", "leave the tiling out of the name")
     return path
 
@@ -207,7 +206,7 @@ def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
 
 def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict[str, str]:
     """Return the metadata of a quilt that tell its window's size and its eyes, mm, which its name does not."""
-    return {NOTE: json.dumps({"window_mm": list(size_mm), "first_mm": list(eyes[0]), "last_mm": list(eyes[-1])})}
+    return {EYES_KEY: json.dumps({"window_mm": list(size_mm), "first_mm": list(eyes[0]), "last_mm": list(eyes[-1])})}
 
 
 def is_quilt(path: Path) -> bool:
@@ -220,28 +219,26 @@ def read_quilt(path: Path) -> Views:
 
     Raises InputError for a picture that cannot be read, or whose size has no such tiling.
     """
-    told = TILING.search(path.stem)
-    assert told is not None
-    columns, rows, aspect = int(told[1]), int(told[2]), float(told[3])
-    whole, metadata = picture(path)
-    height, width = whole.shape[0] // rows, whole.shape[1] // columns
+    tiling = TILING.search(path.stem)
+    assert tiling is not None
+    columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
+    quilt, metadata = read_light(path)
+    height, width = quilt.shape[0] // rows, quilt.shape[1] // columns
     if not (height and width and aspect > 0.0):
-        what = f"has {whole.shape[1]} x {whole.shape[0]} pixels, too few for {columns} x {rows} views"
+        what = f"has {quilt.shape[1]} x {quilt.shape[0]} pixels, too few for {columns} x {rows} views"
         raise input_error(str(path), what, "correct the tiling in its name")
-    tiles = whole[: rows * height, : columns * width].reshape(rows, height, columns, width, 3)
+    tiles = quilt[: rows * height, : columns * width].reshape(rows, height, columns, width, 3)
     # The first view is at the bottom left.
     views = tiles[::-1].transpose(0, 2, 1, 3, 4).reshape(1, rows * columns, height, width, 3)
-    size = (aspect, 1.0)
-    distance = 0.5 / math.tan(math.radians(0.5 * FIELD_DEG))
-    reach = math.tan(math.radians(0.5 * CONE_DEG)) * distance
-    x = np.linspace(-reach, reach, rows * columns).tolist() if rows * columns > 1 else [0.0]
-    y = 0.0
-    if NOTE in metadata:
+    size, y, distance = (aspect, 1.0), 0.0, 0.5 / math.tan(math.radians(0.5 * FIELD_DEG))
+    right = math.tan(math.radians(0.5 * CONE_DEG)) * distance if rows * columns > 1 else 0.0
+    left = -right
+    if EYES_KEY in metadata:
         try:
-            eyes = json.loads(metadata[NOTE])
+            eyes = json.loads(metadata[EYES_KEY])
             size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
             (left, y, distance), right = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
-            x = np.linspace(left, right, rows * columns).tolist() if rows * columns > 1 else [left]
         except (ValueError, TypeError, KeyError, IndexError):
             raise input_error(str(path), "its note of the eyes is broken", "export it again") from None
-    return Views(np.ascontiguousarray(views), x, [y], distance, size)
+    x = np.linspace(left, right, rows * columns).tolist()
+    return Views(np.ascontiguousarray(views, np.float16), x, [y], distance, size)
