@@ -23,7 +23,7 @@ from lippmann.base.machine import proc_mb
 from lippmann.base.tones import psnr_db
 from lippmann.calibration.coded_patterns import STEPS, PatternSet, write_patterns
 from lippmann.calibration.result import Calibration
-from lippmann.calibration.simulated_camera import Camera, Point, Sensor, framed
+from lippmann.calibration.simulated_camera import Camera, Point, Sensor
 from lippmann.calibration.simulated_photographs import UNDISTURBED, Bench, photograph_folder
 from lippmann.calibration.solve import calibrate
 from lippmann.cli.frame import option
@@ -47,7 +47,7 @@ from scipy.spatial import KDTree
 from tools.bench import ON_DEVICE, MeasurementRun, measurement
 from tools.processes import processes
 from tools.report_plots import draw_bar_charts, draw_lines, make_page
-from tools.simulated_disturbances import Disturbances
+from tools.simulated_bench import Disturbances, framed
 from tools.simulated_povray import SolidsBench
 
 #: Lenslets of the random displays, pixels.

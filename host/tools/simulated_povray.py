@@ -119,7 +119,8 @@ def write_model(display: Display, folder: Path) -> None:
 
 def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Floats, Floats]:
     """Render a folder's model once; return the picture's values (N, 3) and where the camera shows them, pixels."""
-    left, right, top, bottom = camera.field()
+    across, down = camera.slopes(*camera.border())
+    left, right, top, bottom = across.min(), across.max(), down.min(), down.max()
     c, s = math.cos(grid.turn), math.sin(grid.turn)
     # The field's corners along the axes of the turned grid.
     x, y = np.array([left, right, left, right]), np.array([top, top, bottom, bottom])

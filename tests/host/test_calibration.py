@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from lippmann.calibration import check
 from lippmann.calibration import solve as solver
-from lippmann.calibration.bundle_adjustment import WITHIN, Problem, SmoothErrors, jacobian, seam_powers
+from lippmann.calibration.bundle_adjustment import WITHIN, Problem, SmoothErrors, Weights, jacobian, seam_powers
 from lippmann.calibration.coded_patterns import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.lattice_search import find_lattice, steps_of, within
-from lippmann.calibration.lens_projection import inner_rays, landing_of, movement
+from lippmann.calibration.lens_projection import fit_projection, inner_rays, movement
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings, regular
 from lippmann.calibration.photographs import positions
 from lippmann.calibration.result import DoubtError, load_calibration
@@ -193,7 +193,7 @@ def test_where_a_camera_looks_is_a_sum_of_powers_of_its_slope(seed):
     slopes = np.stack([steep * np.cos(way), steep * np.sin(way)], axis=1)
     _, at, seen = inner_rays(display, slopes, distance)
     exact = (at * seen[..., None]).sum(axis=1) / seen.sum(axis=1)[:, None]
-    found = landing_of(display, 0.36, distance).point(slopes, display.gap_mm)
+    found = fit_projection(display, 0.36, distance).point(slopes, display.gap_mm)
     error = np.hypot(*(found - exact).T) / min(display.panel.pitches_mm)
     assert error.max() < 0.01
     assert np.sqrt((error**2).mean()) < 0.003
@@ -253,9 +253,9 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
     rng = np.random.default_rng(15)
     index = np.stack(np.mgrid[-8:9, -6:7], axis=-1).reshape(-1, 2)
     zeros, camera = np.zeros((len(index), 2)), [3.13, 0.02, 0.01, 20.0, -10.0, 350.0]
-    view = Lenslets("one", (600, 800), index, zeros, zeros, zeros, index[:, 0], zeros, np.eye(2),
+    view = Lenslets("one", (600, 800), index, zeros, zeros, zeros, zeros, np.eye(2),
                     rng.normal(0.0, 0.1, (len(index), 2, 2)), np.eye(2), 1.0, 1.0)  # fmt: skip
-    problem = Problem(display, [landing_of(display, 0.3, 350.0)], [view], (600, 800))
+    problem = Problem(display, [fit_projection(display, 0.3, 350.0)], [view], (600, 800))
     pitch = display.array.pitches_mm[0]
     seams = np.full(len(seam_powers("square")), 0.01)
     x = np.array([pitch, pitch, 0.0, 0.0, 0.0, 0.0, display.gap_mm, *seams, 900.0, 400.0, 300.0, 0, 0, *camera])
@@ -264,10 +264,10 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
     ends = half * rng.choice([-1.0, 1.0], half.shape) + rng.normal(0.0, 1e-7, half.shape)
     near = dataclasses.replace(view, half_px=half, panel_mm=panel - ends * display.panel.pitches_mm, photo_px=photo)
     problem = dataclasses.replace(problem, views=[near])
-    kept = [np.ones(len(index), bool)]
-    found = jacobian(problem, x, [(1.0, 1.0)], kept)[: 4 * len(index)].reshape(-1, 4, len(x))
+    weights = Weights.equal(problem, (1.0, 1.0))
+    found = jacobian(problem, x, weights)[: 4 * len(index)].reshape(-1, 4, len(x))
     far = dataclasses.replace(problem, views=[dataclasses.replace(near, half_px=zeros)])
-    smooth = jacobian(far, x, [(1.0, 1.0)], kept)[: 4 * len(index)].reshape(-1, 4, len(x))
+    smooth = jacobian(far, x, weights)[: 4 * len(index)].reshape(-1, 4, len(x))
     within = abs(problem.offsets(x, 0)[:, :2]) < half
     assert 0.3 < within.mean() < 0.7
     np.testing.assert_allclose(found[:, :2], smooth[:, :2] * np.where(within, WITHIN, 1.0)[..., None], rtol=1e-12)

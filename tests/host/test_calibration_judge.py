@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 from lippmann.calibration.result import Calibration, Parameter
-from lippmann.calibration.simulated_camera import corners_mm
 from lippmann.display.description import load_display
 from lippmann.optics.panel_frame import PanelFrame
 from tools.calibration_accuracy import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
+from tools.simulated_bench import corners_mm
 
 
 @pytest.fixture(params=["square", "hex"])

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from lippmann.base.tones import decode
-from lippmann.calibration.simulated_camera import Camera, Sensor, corners_mm, framed
+from lippmann.calibration.simulated_camera import Camera, Sensor
 from lippmann.calibration.simulated_photographs import photograph_folder, trace_projection
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
@@ -14,7 +14,7 @@ from lippmann.optics.rays import gets_through
 from lippmann.optics.trace import trace_to_panel
 from PIL import Image
 from scipy.ndimage import gaussian_filter
-from tools.simulated_disturbances import Disturbances, disturbed, hidden
+from tools.simulated_bench import Disturbances, corners_mm, disturbed, framed, hidden
 
 #: A camera aside, rolled, with distortion: 60 x 48 pixels keep a trace short.
 CAMERA = Camera((20.0, -10.0, 150.0), roll_deg=3.0, width_px=60, height_px=48, k1=-0.1, k2=0.02, pupil_mm=2.0)

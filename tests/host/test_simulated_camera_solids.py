@@ -4,12 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.calibration.simulated_camera import Camera, framed
+from lippmann.calibration.simulated_camera import Camera
 from lippmann.calibration.simulated_photographs import trace_projection
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.optics.rays import gets_through
 from lippmann.optics.trace import trace_to_panel
+from tools.simulated_bench import framed
 from tools.simulated_povray import (
     SolidsBench,
     numbered,

@@ -28,10 +28,10 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from lippmann.base import interrupts
-from lippmann.calibration.lens_projection import FOLDS, Landing, powers
-from lippmann.calibration.lenslet_measurement import Lenslets, regular_places
+from lippmann.calibration.lens_projection import FOLDS, LensProjection, powers
+from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display, Grid
-from lippmann.optics.rays import Floats
+from lippmann.optics.rays import Floats, Indices
 
 #: The array's parameters, and the step of each for differences: mm, radians, shares.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
@@ -165,7 +165,7 @@ class Problem:
     """What is fitted: a nominal display, and of each position the landing of rays and the lenslets."""
 
     display: Display
-    landings: Sequence[Landing]
+    landings: Sequence[LensProjection]
     views: Sequence[Lenslets]
     shape: tuple[int, int]
     bow: bool = False
@@ -205,7 +205,7 @@ class Problem:
     @cached_property
     def places(self) -> list[Floats]:
         """Of each view, the lenslets on the lattice of pitch 1."""
-        return [regular_places(one, self.display) for one in self.views]
+        return [regular(self.display.array.grid, one.index) for one in self.views]
 
     def centres(self, x: Floats, places: Floats) -> Floats:
         """Return lenslets' centres (N, 2), mm in the panel's frame."""
@@ -296,29 +296,35 @@ class Problem:
         return replace(self, views=[_some(one, np.sort(rng.permutation(len(one.index))[:most])) for one in self.views])
 
 
-def _some(view: Lenslets, at: npt.NDArray[np.int64]) -> Lenslets:
-    return replace(
-        view,
-        index=view.index[at],
-        photo_px=view.photo_px[at],
-        panel_mm=view.panel_mm[at],
-        half_px=view.half_px[at],
-        pixels=view.pixels[at],
-        cell_px=view.cell_px[at],
-        moves=view.moves[at],
-        readings=None,
-    )
+def _some(view: Lenslets, at: Indices) -> Lenslets:
+    fields = ("index", "photo_px", "panel_mm", "half_px", "cell_px", "moves")
+    return replace(view, readings=None, **{name: getattr(view, name)[at] for name in fields})
+
+
+class Weights(NamedTuple):
+    """Of each view: the scatter of panel points and of pixels, and which lenslets count, (N,)."""
+
+    scatter: list[tuple[float, float]]
+    kept: list[npt.NDArray[np.bool_]]
+
+    @classmethod
+    def equal(cls, problem: Problem, scatter: tuple[float, float]) -> Weights:
+        """Return weights for which all lenslets count, with one scatter."""
+        return cls([scatter] * len(problem.views), [np.ones(len(one.index), bool) for one in problem.views])
+
+    def measured(self, problem: Problem, x: Floats) -> Weights:
+        """Return the weights with the scatter that the residuals have."""
+        return self._replace(scatter=[_scatter(problem.residuals(x, k)) for k in range(len(problem.views))])
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, covariance, scatter of points in each view (panel, photograph; pixels), and what was kept."""
+    """Parameters, their covariance, and the weights of the lenslets."""
 
     problem: Problem
     x: Floats
     covariance: Floats
-    scatter: list[tuple[float, float]]
-    kept: list[npt.NDArray[np.bool_]]
+    weights: Weights
     #: Root mean squares of the residuals that were kept, pixels.
     rms_panel_px: float
     rms_photo_px: float
@@ -339,35 +345,32 @@ class Solution:
 
 
 def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
-    """Fit the parameters, from first values on."""
-    scatter = [(1.0, 1.0)] * len(problem.views)
-    kept = [np.ones(len(one.index), bool) for one in problem.views]
+    """Fit the parameters, from first values on, to at most `MOST_LENSLETS` of each position."""
+    problem = problem.thinned(MOST_LENSLETS)
+    weights = Weights.equal(problem, (1.0, 1.0))
     for _ in range(2):
-        x = _minimised(problem, x, scatter, kept, True)
-        scatter = [_scatter(problem.residuals(x, k)) for k in range(len(problem.views))]
-    kept = [
-        np.asarray((abs(problem.residuals(x, k)) < OUTLIER * np.repeat(scatter[k], 2)).all(axis=1))
-        for k in range(len(problem.views))
-    ]
+        x = _minimised(problem, x, weights, True)
+        weights = weights.measured(problem, x)
+    limits = [OUTLIER * np.repeat(scatter, 2) for scatter in weights.scatter]
+    kept = [np.all(abs(problem.residuals(x, k)) < limit, axis=1) for k, limit in enumerate(limits)]
+    weights = weights._replace(kept=kept)
     if not robust_only:
-        x = _minimised(problem, x, scatter, kept, False)
-        scatter = [_scatter(problem.residuals(x, k)) for k in range(len(problem.views))]
-        x = _minimised(problem, x, scatter, kept, False)
-    return _judged(problem, x, scatter, kept)
+        x = _minimised(problem, x, weights, False)
+        weights = weights.measured(problem, x)
+        x = _minimised(problem, x, weights, False)
+    return _judged(problem, x, weights)
 
 
 def released(solution: Solution) -> Solution:
     """Return a solution with the covariance that its gap has when it is not held."""
     problem = replace(solution.problem, held=False)
-    return _judged(problem, solution.x, solution.scatter, solution.kept)
+    return _judged(problem, solution.x, solution.weights)
 
 
 def first_fit(problem: Problem, x: Floats) -> Floats:
     """Fit lens and poses alone to the photographs, the array held at its first values."""
-    scatter = [(1e3, 1.0)] * len(problem.views)
-    kept = [np.ones(len(one.index), bool) for one in problem.views]
     first = problem.shared - len(LENS)
-    return _minimised(problem, x, scatter, kept, True, np.arange(len(x)) >= first)
+    return _minimised(problem, x, Weights.equal(problem, (1e3, 1.0)), True, np.arange(len(x)) >= first)
 
 
 def _scatter(residuals: Floats) -> tuple[float, float]:
@@ -376,26 +379,19 @@ def _scatter(residuals: Floats) -> tuple[float, float]:
     return max(panel, LEAST_SCATTER), max(photo, LEAST_SCATTER)
 
 
-def _weighted(
-    problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]], k: int
-) -> Floats:
-    return np.asarray((problem.residuals(x, k)[kept[k]] / np.repeat(scatter[k], 2)).ravel())
+def _weighted(problem: Problem, x: Floats, weights: Weights, k: int) -> Floats:
+    return np.asarray((problem.residuals(x, k)[weights.kept[k]] / np.repeat(weights.scatter[k], 2)).ravel())
 
 
 def _minimised(
-    problem: Problem,
-    x: Floats,
-    scatter: Sequence[tuple[float, float]],
-    kept: Sequence[npt.NDArray[np.bool_]],
-    robust: bool,
-    free: npt.NDArray[np.bool_] | None = None,
+    problem: Problem, x: Floats, weights: Weights, robust: bool, free: npt.NDArray[np.bool_] | None = None
 ) -> Floats:
     """Return the parameters of least squares; `robust` weighs a large residual by its size, not by its square.
 
     Otherwise smooth errors are in the weights. Robust weights are those of single lenslets.
     """
     chosen = np.arange(len(x)) if free is None else np.flatnonzero(free)
-    smooth = [] if robust else [_smooth(problem, scatter, kept, k) for k in range(len(problem.views))]
+    smooth = [] if robust else [_smooth(problem, weights, k) for k in range(len(problem.views))]
 
     def whole(part: Floats) -> Floats:
         at = x.copy()
@@ -405,13 +401,13 @@ def _minimised(
     def residuals(part: Floats) -> Floats:
         interrupts.check()
         at = whole(part)
-        parts = [_weighted(problem, at, scatter, kept, k) for k in range(len(problem.views))]
+        parts = [_weighted(problem, at, weights, k) for k in range(len(problem.views))]
         if smooth:
             parts = [one.whitened(part.reshape(-1, 4)).ravel() for one, part in zip(smooth, parts, strict=True)]
         return np.concatenate([*parts, problem.priors(at)])
 
     def slopes(part: Floats) -> Floats:
-        matrix = jacobian(problem, whole(part), scatter, kept)[:, chosen]
+        matrix = jacobian(problem, whole(part), weights)[:, chosen]
         row = 0
         for one in smooth:
             rows = slice(row, row := row + 4 * len(one.modes))
@@ -426,23 +422,20 @@ def _minimised(
     return whole(found.x)
 
 
-def _smooth(
-    problem: Problem, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]], k: int
-) -> SmoothErrors:
+def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
     """Return the smooth errors of view k."""
-    places, view = problem.places[k][kept[k]], problem.views[k]
+    places, view, (panel, photo) = problem.places[k][weights.kept[k]], problem.views[k], weights.scatter[k]
     across = float(np.sqrt(np.prod(np.std(view.photo_px, axis=0)) / max(1e-9, float(np.prod(places.std(axis=0))))))
-    least = np.repeat([POINTS / scatter[k][0], MIDDLES * across / scatter[k][1]], 2)
+    least = np.repeat([POINTS / panel, MIDDLES * across / photo], 2)
     return SmoothErrors.of(places, np.maximum(SMOOTH, least))
 
 
-def jacobian(
-    problem: Problem, x: Floats, scatter: Sequence[tuple[float, float]], kept: Sequence[npt.NDArray[np.bool_]]
-) -> Floats:
+def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
     """Return the derivatives by central differences; a pose and a zoom change their own view only.
 
     The differences are those of the offsets: across an end of an interval, they would be those of neither side.
     """
+    scatter, kept = weights
     sizes = [4 * int(one.sum()) for one in kept]
     factors = [problem.gains(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
     first = np.concatenate([[0], np.cumsum(sizes)])
@@ -462,30 +455,25 @@ def jacobian(
     return matrix
 
 
-def _judged(
-    problem: Problem, x: Floats, scatter: list[tuple[float, float]], kept: list[npt.NDArray[np.bool_]]
-) -> Solution:
+def _judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
     """Return the solution with its covariance by blocks of lenslets."""
-    matrix = jacobian(problem, x, scatter, kept)
+    matrix = jacobian(problem, x, weights)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     matrix /= scale
     priors = matrix[matrix.shape[0] - len(problem.priors(x)) :]
     meat, row, groups = priors.T @ priors, 0, 0
-    squares = [0.0, 0.0, 0.0]
+    squares, count = np.zeros(2), 0
     for k in range(len(problem.views)):
-        residual = _weighted(problem, x, scatter, kept, k).reshape(-1, 4)
+        residual = _weighted(problem, x, weights, k).reshape(-1, 4)
         rows = slice(row, row := row + residual.size)
-        plain = residual * np.repeat(scatter[k], 2)
-        squares = [
-            squares[0] + float((plain[:, :2] ** 2).sum()),
-            squares[1] + float((plain[:, 2:] ** 2).sum()),
-            squares[2] + len(plain),
-        ]
-        smooth = _smooth(problem, scatter, kept, k)
+        plain = residual * np.repeat(weights.scatter[k], 2)
+        squares += (plain[:, :2] ** 2).sum(), (plain[:, 2:] ** 2).sum()
+        count += len(plain)
+        smooth = _smooth(problem, weights, k)
         matrix[rows] = smooth.whitened_rows(matrix[rows])
         part = matrix[rows].reshape(-1, 4, len(x))
         scores = (part * smooth.whitened(residual)[..., None]).sum(axis=1)
-        places = spread_out(problem.places[k][kept[k]])
+        places = spread_out(problem.places[k][weights.kept[k]])
         block = np.minimum((BLOCKS * places).astype(int), BLOCKS - 1) @ [BLOCKS, 1]
         for one in np.unique(block):
             score = scores[block == one].sum(axis=0)
@@ -503,7 +491,5 @@ def _judged(
     found = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
     raised = np.maximum(promised, found) / np.maximum(found, 1e-300)
     covariance = sandwich * np.outer(raised, raised) / np.outer(scale, scale)
-    count = max(1.0, squares[2])
-    return Solution(
-        problem, x, covariance, scatter, kept, float(np.sqrt(squares[0] / count)), float(np.sqrt(squares[1] / count))
-    )
+    rms_panel_px, rms_photo_px = np.sqrt(squares / max(1, count)).tolist()
+    return Solution(problem, x, covariance, weights, rms_panel_px, rms_photo_px)

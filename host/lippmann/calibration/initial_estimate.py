@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from lippmann.calibration.bundle_adjustment import rotation_of, seam_powers
 from lippmann.calibration.lattice_search import SeenLattice
-from lippmann.calibration.lens_projection import Landing, landing_of
+from lippmann.calibration.lens_projection import LensProjection, fit_projection
 from lippmann.calibration.lenslet_measurement import Lenslets
-from lippmann.display.description import Display, Grid
+from lippmann.display.description import Display
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import Floats
 
@@ -29,31 +29,24 @@ USUAL_FOCAL = 1.0
 FOCALS = (0.4, 8.0)
 
 
-@dataclass(frozen=True)
-class Lens:
-    """What all positions share: focal length and principal point, pixels, and the radial distortion."""
+def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Floats:
+    """Return a first guess of the lens from points of a plane (N, 3) and their pixels (N, 2) in each position.
 
-    focal_px: float
-    middle_px: tuple[float, float]
-    distortion: tuple[float, float] = (0.0, 0.0)
-
-
-def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Lens:
-    """Return a first guess of the lens from points of a plane (N, 3) and their pixels (N, 2) in each position."""
+    The lens is (f, cx, cy, k1, k2), pixels, as in `bundle_adjustment`.
+    """
     size = shape[1], shape[0]
-    middle = 0.5 * size[0], 0.5 * size[1]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
     matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
     focal = float(matrix[0, 0])
     longer = max(size)
     if not (np.isfinite(focal) and FOCALS[0] * longer < focal < FOCALS[1] * longer):
         focal = USUAL_FOCAL * longer
-    return Lens(focal, middle)
+    return np.array([focal, 0.5 * size[0], 0.5 * size[1], 0.0, 0.0])
 
 
-def first_pose(plane_mm: Floats, photo_px: Floats, lens: Lens) -> tuple[Floats, Floats]:
+def first_pose(plane_mm: Floats, photo_px: Floats, lens: Floats) -> tuple[Floats, Floats]:
     """Return the rotation vector and the place, mm, of a camera that sees points of a plane at pixels."""
-    matrix = np.array([[lens.focal_px, 0, lens.middle_px[0]], [0, lens.focal_px, lens.middle_px[1]], [0, 0, 1]])
+    matrix = np.array([[lens[0], 0, lens[1]], [0, lens[0], lens[2]], [0, 0, 1]])
     _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     vector = np.array(turn, np.float64).ravel()
     return vector, -rotation_of(vector).T @ np.array(shift, np.float64).ravel()
@@ -68,19 +61,10 @@ WORSE = 0.2
 
 @dataclass(frozen=True)
 class Start:
-    """A numbering of the lenslets in all positions, and first values of the parameters (see `bundle.Problem`)."""
+    """A numbering of the lenslets in all positions, and first values of a `Problem`'s parameters, without a bow."""
 
     views: list[Lenslets]
-    array: Floats
-    gap_mm: float
-    lens: Lens
-    poses: list[tuple[Floats, Floats]]
-
-    def numbers(self, grid: Grid) -> Floats:
-        """Return the parameters in the order of `bundle.Problem`, without a bow."""
-        lens = [self.lens.focal_px, *self.lens.middle_px, *self.lens.distortion]
-        poses = [one for turn, place in self.poses for one in (*turn, *place)]
-        return np.array([*self.array, self.gap_mm, *np.zeros(len(seam_powers(grid))), *lens, *poses])
+    x: Floats
 
 
 def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:
@@ -97,7 +81,7 @@ def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:
 
 def starts(
     display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice], shape: tuple[int, int]
-) -> tuple[list[Start], Landing]:
+) -> tuple[list[Start], LensProjection]:
     """Return the likeliest numberings with first values, the best first, and the landing of rays that all use."""
     planes = [np.column_stack([one.points(view.index), np.zeros(len(view.index))])
               for one, view in zip(seen, views, strict=True)]  # fmt: skip
@@ -106,7 +90,7 @@ def starts(
     places = [place for _, place in poses]
     slopes = [(place[:2] - plane[:, :2]) / place[2] for plane, place in zip(planes, places, strict=True)]
     steepest = 1.1 * max(float(np.hypot(*slope.T).max()) for slope in slopes)
-    landing = landing_of(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
+    landing = fit_projection(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
 
     found: dict[tuple[int, ...], tuple[float, Start]] = {}
     for share in GAPS:
@@ -133,16 +117,13 @@ def starts(
         if key in found and found[key][0] <= rank:
             continue
         offset = np.mean(zeros - shift @ basis.T, axis=0) + basis @ first
-        renumbered = [view.moved(shift[k] - first) for k, view in enumerate(views)]
-        turns = [turn for turn, _ in poses]
-        start = Start(
-            renumbered,
-            array_of(display.array.grid, basis, offset),
-            gap,
-            lens,
-            list(zip(turns, true_places, strict=True)),
-        )
-        found[key] = rank, start
+        renumbered = [replace(view, index=view.index + shift[k] - first) for k, view in enumerate(views)]
+        array = array_of(display.array.grid, basis, offset)
+        seams = np.zeros(len(seam_powers(display.array.grid)))
+        camera_poses = [
+            number for (turn, _), place in zip(poses, true_places, strict=True) for number in (*turn, *place)
+        ]
+        found[key] = rank, Start(renumbered, np.array([*array, gap, *seams, *lens, *camera_poses]))
     ranked = sorted(found.values(), key=lambda one: one[0])
     likely = [start for rank, start in ranked[:MOST_NUMBERINGS] if rank < ranked[0][0] + WORSE]
     return likely, landing

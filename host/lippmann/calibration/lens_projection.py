@@ -53,7 +53,7 @@ def outline_mm(display: Display) -> float:
 
 
 @dataclass(frozen=True)
-class Landing:
+class LensProjection:
     """The numbers a, b and c of the module's formulas, for slopes as shares of the steepest, and a plane."""
 
     fixed: Floats
@@ -65,8 +65,6 @@ class Landing:
     outline_mm: float
     #: Steepest slope that was traced.
     steepest: float
-    #: Largest distance of exact means from the formula of w, mm.
-    error_mm: float
 
     def traced(
         self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
@@ -99,7 +97,7 @@ def terms(slope: npt.NDArray[np.complex128], wanted: Sequence[tuple[int, int]]) 
     return np.stack([power[j] * other[k] for j, k in wanted], axis=1)
 
 
-def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing:
+def fit_projection(display: Display, steepest: float, distance_mm: float) -> LensProjection:
     """Trace a display's lenslet from cameras at a distance, with slopes up to `steepest`."""
     plain = _plain(display)
     radii = np.linspace(0.0, max(steepest, 0.05), SLOPES + 1)[1:]
@@ -115,17 +113,15 @@ def landing_of(display: Display, steepest: float, distance_mm: float) -> Landing
     offset = (parts @ aside).reshape(2, -1).T
 
     gaps = display.gap_mm, display.gap_mm + 0.2 * display.aperture_distance_mm
-    fits, errors = [], []
-    through = offset[:, None] + _inner(plain)[None]
+    through = offset[:, None] + _cell(plain, INNER, ACROSS)
+    fits = []
     for gap in gaps:
         seen, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
-        means = _mean(at, seen)
-        numbers = np.linalg.lstsq(-parts, means.T.ravel(), rcond=None)[0]
-        fits.append(numbers)
-        errors.append(float(np.hypot(*(means.T + (parts @ numbers).reshape(2, -1))).max()))
+        means = (at * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None]
+        fits.append(np.linalg.lstsq(-parts, means.T.ravel(), rcond=None)[0])
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
-    turn = display.array.rotation_deg
-    return Landing(fits[0] - gaps[0] * per_gap, per_gap, aside, folds, turn, height, radii[-1], max(errors))
+    fixed = fits[0] - gaps[0] * per_gap
+    return LensProjection(fixed, per_gap, aside, folds, display.array.rotation_deg, height, radii[-1])
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
@@ -148,7 +144,7 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
     turn = np.deg2rad(display.array.rotation_deg)
     c, s = np.cos(turn), np.sin(turn)
     slopes = slopes @ [[c, -s], [s, c]]  # in the array's axes
-    inner = _inner(plain)
+    inner = _cell(plain, INNER, ACROSS)
     through = _middles(plain, slopes, height, distance_mm)[:, None] + inner[None]
     seen, at = _traced(plain, slopes, through, height, distance_mm)
     return inner @ [[c, s], [-s, c]], at @ [[c, s], [-s, c]], seen
@@ -208,11 +204,6 @@ def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
     return centre, moves, np.asarray(own.mean(axis=0))
 
 
-def _inner(display: Display) -> Floats:
-    """Return points all over a lenslet's inner cell, (N, 2) mm."""
-    return _cell(display, INNER, ACROSS)
-
-
 def _cell(display: Display, share: float, across: int) -> Floats:
     """Return points all over a lenslet's cell made smaller, (N, 2) mm."""
     side = (np.arange(across) + 0.5) / across
@@ -237,17 +228,9 @@ def _traced(
     hits: Hits = trace_to_panel(display, origin.reshape(-1, 3), direction.reshape(-1, 3))
     x, y = PanelFrame.of(display).panel_from_pixel(*hits.pixel.T)
     # A ray that misses the panel counts as blocked; here the panel has no end. One lost within the glass never lands.
-    beside = (hits.status == int(Status.BLOCKED)) & _off(display, x, y)
+    panel = display.panel
+    off = (abs(x) >= 0.5 * panel.width_mm) | (abs(y) >= 0.5 * panel.height_mm)
+    beside = (hits.status == int(Status.BLOCKED)) & off
     lands = gets_through(hits.status) | beside
     seen = lands & (hits.lenslet == 0).all(axis=1)
     return seen.reshape(through.shape[:2]), np.stack([x, y], axis=1).reshape(through.shape)
-
-
-def _off(display: Display, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
-    panel = display.panel
-    return np.asarray((abs(x) >= 0.5 * panel.width_mm) | (abs(y) >= 0.5 * panel.height_mm))
-
-
-def _mean(points: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
-    """Return the means of points (N, M, 2) that are seen, (N, 2)."""
-    return np.asarray((points * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])

@@ -17,12 +17,12 @@ from scipy.optimize import least_squares
 
 from lippmann.calibration.lattice_search import NEAR, SeenLattice, within
 from lippmann.calibration.pattern_decoding import Decoded
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Grid
 from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
 from lippmann.optics.panel_frame import PanelFrame
-from lippmann.optics.rays import Floats
+from lippmann.optics.rays import Floats, Indices
 
 Values = npt.NDArray[np.floating]
 #: Pixels that the map is fitted to.
@@ -34,7 +34,7 @@ LEAST_AGREEING = 0.5
 CORNER = 0.75
 
 
-def regular(grid: str, index: npt.NDArray[np.number]) -> npt.NDArray[np.float64]:
+def regular(grid: str, index: npt.NDArray[np.number]) -> Floats:
     """Return the centres of lenslets (N, 2) of the lattice of pitch 1."""
     i, j = index[:, 0].astype(float), index[:, 1].astype(float)
     return np.stack([i + 0.5 * j, HALF_SQRT3 * j] if grid == "hex" else [i, j], axis=1)
@@ -45,17 +45,17 @@ class Outline:
     """The map of one position: `size_px` is the photograph's longer side, `numbers` homography and radial terms."""
 
     lattice: Lattice
-    middle_px: npt.NDArray[np.float64]
+    middle_px: Floats
     size_px: float
-    numbers: npt.NDArray[np.float64]
+    numbers: Floats
     #: Share of pixels whose point belongs to the lenslet in whose outline they lie.
     agree: float = 1.0
 
-    def cells(self, photo_px: Values) -> npt.NDArray[np.float64]:
+    def cells(self, photo_px: Values) -> Floats:
         """Return pixels (N, 2) as points of the lattice of pitch 1."""
         return _mapped(self.numbers, (photo_px - self.middle_px) / self.size_px)
 
-    def steps(self, photo_px: Values) -> npt.NDArray[np.float64]:
+    def steps(self, photo_px: Values) -> Floats:
         """Return pixels (N, 2) in steps (i, j) of the lattice, not rounded."""
         x, y = self.cells(photo_px).T
         if self.lattice.grid == "hex":
@@ -63,14 +63,14 @@ class Outline:
             x = x - 0.5 * y
         return np.stack([x, y], axis=1)
 
-    def located(self, photo_px: Values) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    def located(self, photo_px: Values) -> tuple[Indices, Floats]:
         """Return the lenslets (i, j) in whose outlines pixels lie, and the pixels' points from the centres."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
 
 
-def _mapped(numbers: npt.NDArray[np.float64], at: Values) -> npt.NDArray[np.float64]:
+def _mapped(numbers: Floats, at: Values) -> Floats:
     """Apply a map: (8 of a homography, 2 radial) to points whose longer side is 1."""
     square = (at**2).sum(axis=1)
     scale = 1.0 + square * (numbers[8] + square * numbers[9])
@@ -80,9 +80,7 @@ def _mapped(numbers: npt.NDArray[np.float64], at: Values) -> npt.NDArray[np.floa
     return np.stack([(h[0] * x + h[1] * y + h[2]) / depth, (h[3] * x + h[4] * y + h[5]) / depth], axis=1)
 
 
-def fit_outline(
-    name: str, grid: str, photo_px: Values, index: npt.NDArray[np.int64], shape: tuple[int, int]
-) -> Outline:
+def fit_outline(name: str, grid: str, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
     """Fit the map to pixels (N, 2) that see lenslets (i, j), (N, 2), which are whole in the photograph.
 
     Raises InputError when the pixels of neighbouring lenslets are not neighbours in the photograph.
@@ -115,7 +113,7 @@ def _check_agreement(name: str, share: float) -> None:
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
 
 
-def grouped(index: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def grouped(index: Indices) -> tuple[Indices, Indices]:
     """Return the different (i, j) of pixels, (M, 2), and the number of each pixel's one, (N,)."""
     low = index.min(axis=0)
     rows = int(index[:, 1].max() - low[1]) + 1
@@ -126,7 +124,7 @@ def grouped(index: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.ND
     return np.stack([there // rows, there % rows], axis=1) + low, number[flat]
 
 
-def _middles(at: Values, index: npt.NDArray[np.int64]) -> tuple[Floats, npt.NDArray[np.int64]]:
+def _middles(at: Values, index: Indices) -> tuple[Floats, Indices]:
     """Return the middles of the pixels of each lenslet, and its (i, j)."""
     names, groups = grouped(index)
     count = np.bincount(groups)
@@ -135,14 +133,12 @@ def _middles(at: Values, index: npt.NDArray[np.int64]) -> tuple[Floats, npt.NDAr
     return middles[usual], names[usual]
 
 
-def _fitted(
-    numbers: npt.NDArray[np.float64], middles: Values, index: npt.NDArray[np.int64], grid: str, origin: Values
-) -> npt.NDArray[np.float64]:
+def _fitted(numbers: Floats, middles: Values, index: Indices, grid: str, origin: Values) -> Floats:
     """Fit a map to the middles of lenslets."""
     wanted = regular(grid, index) - origin
     scale = np.array([10.0, 10.0, 1.0, 10.0, 10.0, 1.0, 0.1, 0.1, 0.1, 0.1])
 
-    def residuals(free: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def residuals(free: Floats) -> Floats:
         return (_mapped(free, middles) - wanted).ravel()
 
     found = least_squares(residuals, numbers, loss="soft_l1", f_scale=0.05, x_scale=scale)
@@ -187,7 +183,7 @@ class Readings:
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
-    group: npt.NDArray[np.int64]
+    group: Indices
 
 
 @dataclass(frozen=True)
@@ -195,17 +191,15 @@ class Lenslets:
     """Of N lenslets that one position sees: what is seen through each, and where.
 
     `index` (N, 2) int64 are their (i, j), `photo_px` (N, 2) their middles in the photograph, `panel_mm` (N, 2) the
-    points of the panel seen through their inner cells, which are within `half_px` (N, 2) pixels of the panel, and
-    `pixels` (N,) the numbers of camera pixels there.
+    points of the panel seen through their inner cells, which are within `half_px` (N, 2) pixels of the panel.
     """
 
     name: str
     shape: tuple[int, int]
-    index: npt.NDArray[np.int64]
+    index: Indices
     photo_px: Floats
     panel_mm: Floats
     half_px: Floats
-    pixels: npt.NDArray[np.int64]
     #: Where the photograph shows the cells' middles that the panel points are for, (N, 2); steps of the photograph's
     #: pixels in the cell of pitch 1, (2, 2); and how the panel points move over it, (N, 2, 2), mm for each pitch.
     cell_px: Floats
@@ -218,20 +212,17 @@ class Lenslets:
     modulation: float
     readings: Readings | None = None
 
-    def moved(self, step: npt.NDArray[np.int64]) -> Lenslets:
-        """Return the same with another numbering: `step` is added to all indices."""
-        return replace(self, index=self.index + step)
 
+def _match_pixels(
+    decoded: Decoded, seen: SeenLattice, points_mm: Floats, grid: Grid
+) -> tuple[Outline, Indices, npt.NDArray[np.bool_]]:
+    """Return the outlines in the photograph, the lenslets (i, j) of the pixels, and which pixels belong to theirs.
 
-def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> Lenslets:
-    """Average the pixels of each lenslet's inner cell."""
-    frame, grid = PanelFrame.of(display), display.array.grid
-    points = np.stack(frame.panel_from_pixel(*decoded.panel_px.astype(np.float64).T), axis=1)
-    panel_steps = seen.steps(points)
-    # In focus, all of a lenslet shows one point. Else points move over it, and with the outline, better known after
-    # each round, a point tells its lenslet: it is l + B (q - l) in steps of the lattice, seen at q in the photograph.
-    index, near = seen.near(points)
-    moves = np.zeros((2, 2))
+    In focus, all of a lenslet shows one point. Else points move over it, and with the outline, better known after each
+    round, a point tells its lenslet: it is l + B (q - l) in steps of the lattice, seen at q in the photograph.
+    """
+    panel_steps = seen.steps(points_mm)
+    index, near = seen.near(points_mm)
     for _ in range(ROUNDS):
         outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
         at = outline.steps(decoded.photo_px)
@@ -242,10 +233,16 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         own = _centred((panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves), at, some)
         index = np.round(own).astype(np.int64)
         near = within(own - index, grid, NEAR)
+    # Pixels far aside are wrong.
+    return outline, index, near & (abs(at - index) < FAR).all(axis=1)
+
+
+def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> Lenslets:
+    """Average the pixels of each lenslet's inner cell."""
+    points = np.stack(PanelFrame.of(display).panel_from_pixel(*decoded.panel_px.astype(np.float64).T), axis=1)
+    outline, index, own_pixels = _match_pixels(decoded, seen, points, display.array.grid)
     home, local = outline.located(decoded.photo_px)
-    # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent. Not
-    # those far aside, which are wrong.
-    own_pixels = near & (abs(at - index) < FAR).all(axis=1)
+    # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent.
     names, both = grouped(np.concatenate([home, index[own_pixels]]))
     groups, of_own = both[: len(home)], both[len(home) :]
     counts = np.bincount(of_own, minlength=len(names))
@@ -254,7 +251,6 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     axes = np.array(outline.lattice.axes)
     inner = (abs(local @ axes.T) < 0.5 * INNER).all(axis=1)
     good = inner & own_pixels & (home == index).all(axis=1)
-    spread = np.zeros((2, 2))
     for _ in range(2):
         at, middle, spread = _averages(points, local, good, groups, len(names))
         off = points - at[groups] - (local - middle[groups]) @ spread
@@ -281,7 +277,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     read = read[np.argsort(groups[read], kind="stable")]
     readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
     return Lenslets(
-        decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), number[kept], cells,
+        decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), cells,
         np.asarray(np.linalg.inv(grown), np.float64), moves, spread, outline.agree,
         decoded.modulation, readings,
     )  # fmt: skip
@@ -309,14 +305,14 @@ def _check_steady(name: str, share: float, agree: float) -> None:
         raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")
 
 
-def whole_share(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> float:
+def whole_share(index: Indices, counts: Indices) -> float:
     """Return the share that `whole` keeps of the lenslets (N, 2) that have neighbours on all sides."""
     few = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
     inside = _surrounded(*_table(index, counts), few)
     return float((whole(index, counts) & inside).sum() / max(1, inside.sum()))
 
 
-def _table(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> tuple[Floats, npt.NDArray[np.int64]]:
+def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
     """Return the counts by (i, j), with two empty rows around, and the places of the lenslets there, (2, N)."""
     low = index.min(axis=0) - 2
     table = np.zeros(index.max(axis=0) - low + 3)
@@ -325,7 +321,7 @@ def _table(index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64]) -> tuple
     return table, places
 
 
-def _surrounded(table: Floats, places: npt.NDArray[np.int64], least: Floats | float) -> npt.NDArray[np.bool_]:
+def _surrounded(table: Floats, places: Indices, least: Floats | float) -> npt.NDArray[np.bool_]:
     """Tell which lenslets have more pixels than `least` on all four sides; one neighbour may be hidden by dust."""
     i, j = places
     inside = np.ones(len(i), bool)
@@ -334,9 +330,7 @@ def _surrounded(table: Floats, places: npt.NDArray[np.int64], least: Floats | fl
     return inside
 
 
-def whole(
-    index: npt.NDArray[np.int64], counts: npt.NDArray[np.int64], beside: float = BESIDE_MAPPED
-) -> npt.NDArray[np.bool_]:
+def whole(index: Indices, counts: Indices, beside: float = BESIDE_MAPPED) -> npt.NDArray[np.bool_]:
     """Tell which lenslets (N, 2) are seen whole: not the outermost, and with about as many pixels as their neighbours.
 
     At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.
@@ -350,8 +344,8 @@ def whole(
 
 
 def _complete(
-    photo_px: npt.NDArray[np.float32], index: npt.NDArray[np.int64], near: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int64]]:
+    photo_px: npt.NDArray[np.float32], index: Indices, near: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.float32], Indices]:
     """Return the pixels near lattice points whose lenslets are whole, and their (i, j).
 
     At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
@@ -361,12 +355,12 @@ def _complete(
     return photo_px[near][complete], index[near][complete]
 
 
-def _sums(values: Floats, groups: npt.NDArray[np.int64], count: int) -> Floats:
+def _sums(values: Floats, groups: Indices, count: int) -> Floats:
     return np.stack([np.bincount(groups, weights=column, minlength=count) for column in values.T], axis=1)
 
 
 def _averages(
-    points: Floats, local: Floats, good: npt.NDArray[np.bool_], groups: npt.NDArray[np.int64], count: int
+    points: Floats, local: Floats, good: npt.NDArray[np.bool_], groups: Indices, count: int
 ) -> tuple[Floats, Floats, Floats]:
     """Return the means of points and of places in the cell, (M, 2) each, and how points move with places, (2, 2)."""
     number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
@@ -375,8 +369,3 @@ def _averages(
     moved = points[good] - at[groups[good]]
     spread = np.linalg.lstsq(across.T @ across, across.T @ moved, rcond=None)[0]
     return at, middle, np.asarray(spread, np.float64)
-
-
-def regular_places(lenslets: Lenslets, display: Display) -> Floats:
-    """Return the lenslets' centres on the lattice of pitch 1, (N, 2)."""
-    return regular(display.array.grid, lenslets.index)

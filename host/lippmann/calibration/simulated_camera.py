@@ -9,13 +9,12 @@ r^2 = x^2 + y^2 the lens shows it at the pixel
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.tones import Transfer, encoded_values
-from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.rays import Floats
 
@@ -25,10 +24,10 @@ Light = npt.NDArray[np.float32]
 CameraValues = npt.NDArray[np.unsignedinteger]
 #: Most of Newton's steps that invert the distortion, and the slope below which the last one settles it.
 NEWTON_STEPS, SETTLED = 12, 1e-14
-#: Share of the picture's width or height that `framed` fills with the panel.
-FILL = 0.9
 #: Exponent of the cosine by which a simple lens darkens to the edge.
 COSINES = 4
+#: The brightest pixels of a white panel that the exposure does not count, percent.
+BRIGHTEST = 0.5
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class Camera:
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
         # Where the lens cannot show a point of the border, the iteration does not come back to it.
-        border = self._border()
+        border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
             raise InputError(f"camera: distortion {self.k1:g}, {self.k2:g} folds the picture's edge; make it smaller")
@@ -141,39 +140,15 @@ class Camera:
         u, v = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
         x, y = self.slopes(u, v)
         square = x * x + y * y
-        corner = max(a * a + b * b for a, b in zip(*self.slopes(*self._border()), strict=True))
+        corner = max(a * a + b * b for a, b in zip(*self.slopes(*self.border()), strict=True))
         return np.asarray((1.0 + square) ** (-0.5 * COSINES) * (1.0 - self.vignetting * square / corner))
 
-    def field(self) -> tuple[float, float, float, float]:
-        """Return the least and greatest normalised x, then y, of the picture."""
-        x, y = self.slopes(*self._border())
-        return float(x.min()), float(x.max()), float(y.min()), float(y.max())
-
-    def _border(self) -> tuple[Floats, Floats]:
+    def border(self) -> tuple[Floats, Floats]:
         """Return pixel coordinates along the picture's edges; the corners are among them."""
         s = np.linspace(0.0, 1.0, 33)
         edges = [(s, 0.0 * s), (s, 0.0 * s + 1.0), (0.0 * s, s), (0.0 * s + 1.0, s)]
         u, v = (np.concatenate([edge[k] for edge in edges]) for k in (0, 1))
         return u * self.width_px, v * self.height_px
-
-
-def corners_mm(display: Display) -> Floats:
-    """Return the corners of the panel's outline in the lenslets' plane, (4, 3)."""
-    x, y = 0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm
-    return np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)])
-
-
-def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
-    """Return the camera with the focal length at which the panel fills this share of the picture."""
-    ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
-    reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
-    return replace(
-        camera, focal_px=fill * float(min(np.array([0.5 * camera.width_px, 0.5 * camera.height_px]) / reach))
-    )
-
-
-#: The brightest pixels of a white panel that the exposure does not count, percent.
-BRIGHTEST = 0.5
 
 
 @dataclass(frozen=True)

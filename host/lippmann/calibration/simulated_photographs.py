@@ -155,7 +155,7 @@ def photograph_folder(
     display
         The display as built; its panel shows the patterns.
     camera
-        Where the camera stands and what it is. See `lippmann.calibration.simulated_camera.framed`.
+        Where the camera stands and what it is.
     patterns
         Folder of PNG files of the panel's size, whose names begin with the order in which they are shown.
     output

@@ -14,7 +14,6 @@ from scipy.optimize import brentq
 from lippmann.calibration.bundle_adjustment import (
     BOW,
     LENS,
-    MOST_LENSLETS,
     OUTLIER,
     Problem,
     Solution,
@@ -24,7 +23,7 @@ from lippmann.calibration.bundle_adjustment import (
 )
 from lippmann.calibration.initial_estimate import starts
 from lippmann.calibration.lattice_search import SeenLattice, find_lattice
-from lippmann.calibration.lens_projection import Landing, landing_of, movement, outline_mm
+from lippmann.calibration.lens_projection import LensProjection, fit_projection, movement, outline_mm
 from lippmann.calibration.lenslet_measurement import Lenslets, measure_lenslets
 from lippmann.calibration.pattern_decoding import decode_position
 from lippmann.calibration.photographs import pattern_set, positions
@@ -75,19 +74,15 @@ def radius_of(display: Display, solution: Solution) -> Radius:
     return Radius(value, float(np.hypot(scatter, LEAST_SHARE * value)))
 
 
-def measured_movement(view: Lenslets, display: Display) -> float:
-    """Return the movement of a position's panel points over the aperture, mm a mm, the same in both directions."""
-    turn = np.deg2rad(display.array.rotation_deg)
-    c, s = np.cos(turn), np.sin(turn)
-    return float(np.trace(view.spread @ [[c, -s], [s, c]])) / (2.0 * float(np.mean(display.array.pitches_mm)))
-
-
 def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -> float:
     place = np.array([solution.value(f"place_{axis}_{k}") for axis in "xyz"])
     centres = solution.problem.centres(solution.x, solution.problem.places[k])
     some = np.random.default_rng(SEED).permutation(len(centres))[:TRACED]
     slopes = (place[:2] - centres[some]) / place[2]
-    measured, old = measured_movement(view, display), display.array.radius_mm
+    old, turn = display.array.radius_mm, np.deg2rad(display.array.rotation_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    # The movement of the panel points over the aperture, mm a mm, the same in both directions.
+    measured = float(np.trace(view.spread @ [[c, -s], [s, c]])) / (2.0 * float(np.mean(display.array.pitches_mm)))
 
     def off(radius_mm: float) -> float:
         array = replace(display.array, radius_mm=radius_mm)
@@ -143,10 +138,11 @@ def calibrate(
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
-    frame, views, seen = PanelFrame.of(nominal), [], []
+    frame = PanelFrame.of(nominal)
     shape: tuple[int, int] | None = None
-    several = positions(folder, patterns)
-    for position in several:
+    views: list[Lenslets] = []
+    seen: list[SeenLattice] = []
+    for position in positions(folder, patterns):
         decoded = decode_position(position, patterns, pitch_px, shape, partial(progress, position.name))
         shape = decoded.shape
         rng = np.random.default_rng(1907)
@@ -154,53 +150,24 @@ def calibrate(
         points = np.stack(frame.panel_from_pixel(*decoded.panel_px[some].astype(np.float64).T), axis=1)
         seen.append(find_lattice(position.name, points, nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
-    assert shape is not None
-    return solve_views(nominal, views, seen, shape, bow, radius, progress)
+    return solve_views(nominal, views, seen, bow, radius, progress)
 
 
 def solve_views(
     nominal: Display,
     views: list[Lenslets],
     seen: list[SeenLattice],
-    shape: tuple[int, int],
     bow: bool = False,
     radius: bool = False,
     progress: Progress = lambda what, done, total: None,
 ) -> Calibration:
     """Return the calibration that the lenslets seen from some positions give; see `calibrate`."""
-    likely, landing = starts(nominal, views, seen, shape)
-    tried = []
-    for number, start in enumerate(likely):
-        progress("numbering", number, len(likely))
-        problem = Problem(nominal, [landing] * len(views), start.views, shape).thinned(TRIAL)
-        x = first_fit(problem, start.numbers(nominal.array.grid))
-        trial = solve(problem, x, robust_only=True)
-        tried.append((_cost(trial), start, trial.x))
-    _, start, x = min(tried, key=lambda one: one[0])
+    whole, x, landing = _number_lenslets(nominal, views, seen, progress)
     progress("least squares", 0, 3)
-    whole = Problem(nominal, [landing] * len(views), start.views, shape)
-    solution = solve(whole.thinned(MOST_LENSLETS), x, robust_only=True)
-    if 1.96 * solution.deviation("gap") > GAP_KNOWN * nominal.aperture_distance_mm:
-        # Left alone, it would follow what the model lacks, and take pitch and offset with it.
-        whole = replace(whole, held=True)
-        solution = solve(whole.thinned(MOST_LENSLETS), solution.x, robust_only=True)
-    for _ in range(REFINEMENTS):
-        finer = seen_again(solution, whole, landing)
-        again = solve(finer.thinned(MOST_LENSLETS), solution.x)
-        if _scatter(again) > COARSER * _scatter(solution) + FINE_PX:
-            break
-        whole, solution = finer, again
-    round_lens = None
-    for _ in range(RADIUS_ROUNDS if radius else 0):
-        round_lens = radius_of(display_of(whole.display, solution), solution)
-        array = replace(nominal.array, radius_mm=round_lens.value_mm)
-        whole = seen_again(solution, replace(whole, display=replace(nominal, array=array)), landing)
-        solution = solve(whole.thinned(MOST_LENSLETS), solution.x)
-    if round_lens is not None:
-        # What the radius leaves open, the other numbers leave open with it.
-        larger = replace(nominal.array, radius_mm=round_lens.value_mm + round_lens.deviation_mm)
-        beside = seen_again(solution, replace(whole, display=replace(nominal, array=larger)), landing)
-        doubt = solve(beside.thinned(MOST_LENSLETS), solution.x).x - solution.x
+    whole, solution = _refine(whole, x, landing)
+    round_lens, doubt = None, np.zeros_like(solution.x)
+    if radius:
+        whole, solution, round_lens, doubt = _fit_radius(whole, solution, landing)
     progress("least squares", 1, 3)
     bowed = _with_bow(solution)
     _check_zoom(bowed)
@@ -209,19 +176,68 @@ def solve_views(
         solution, bowed = released(solution), released(bowed)
     if round_lens is not None:
         solution, bowed = (_widened(one, doubt) for one in (solution, bowed))
-    height = bow_mm(bowed)
-    remarks = []
-    if bow and _bow_is_sure(bowed):
-        remarks.append(f"bow: the array is {1000.0 * height:+.0f} um higher at the panel's corners than in its middle")
-    elif _bow_is_sure(bowed) and abs(height) > LEAST_BOW_MM:
-        remarks.append(f"the array is bowed or tilted ({1000.0 * height:+.0f} um at the corners); solve with --bow")
+    remarks = _bow_remarks(bowed, bow)
     solution = bowed if bow else solution
-    made = _result(nominal, replace(solution.problem, views=whole.views), solution, tuple(remarks), round_lens)
+    result = _result(nominal, replace(solution.problem, views=whole.views), solution, remarks, round_lens)
     progress("least squares", 3, 3)
-    return made
+    return result
 
 
-def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
+def _number_lenslets(
+    nominal: Display, views: list[Lenslets], seen: list[SeenLattice], progress: Progress
+) -> tuple[Problem, Floats, LensProjection]:
+    """Return the problem with the likeliest numbering, its first values, and the projection of the nominal lenslets."""
+    shape = views[0].shape
+    likely, landing = starts(nominal, views, seen, shape)
+    trials = []
+    for number, start in enumerate(likely):
+        progress("numbering", number, len(likely))
+        problem = Problem(nominal, [landing] * len(views), start.views, shape)
+        few = problem.thinned(TRIAL)
+        trial = solve(few, first_fit(few, start.x), robust_only=True)
+        trials.append((_cost(trial), problem, trial.x))
+    _, problem, x = min(trials, key=lambda one: one[0])
+    return problem, x, landing
+
+
+def _refine(whole: Problem, x: Floats, landing: LensProjection) -> tuple[Problem, Solution]:
+    """Solve, and make the panel points finer than pixels by what was found, as long as the fit gets no worse."""
+    solution = solve(whole, x, robust_only=True)
+    if 1.96 * solution.deviation("gap") > GAP_KNOWN * whole.display.aperture_distance_mm:
+        # Left alone, it would follow what the model lacks, and take pitch and offset with it.
+        whole = replace(whole, held=True)
+        solution = solve(whole, solution.x, robust_only=True)
+    for _ in range(REFINEMENTS):
+        finer = seen_again(solution, whole, landing)
+        again = solve(finer, solution.x)
+        if _scatter(again) > COARSER * _scatter(solution) + FINE_PX:
+            break
+        whole, solution = finer, again
+    return whole, solution
+
+
+def _fit_radius(
+    whole: Problem, solution: Solution, landing: LensProjection
+) -> tuple[Problem, Solution, Radius, Floats]:
+    """Fit the radius too; return the problem, its solution, the radius, and what its uncertainty changes there."""
+    nominal = whole.display
+    for _ in range(RADIUS_ROUNDS):
+        found = radius_of(display_of(whole.display, solution), solution)
+        whole = _with_radius(whole, nominal, found.value_mm, solution, landing)
+        solution = solve(whole, solution.x)
+    # What the radius leaves open, the other numbers leave open with it.
+    beside = _with_radius(whole, nominal, found.value_mm + found.deviation_mm, solution, landing)
+    return whole, solution, found, solve(beside, solution.x).x - solution.x
+
+
+def _with_radius(
+    whole: Problem, nominal: Display, radius_mm: float, solution: Solution, landing: LensProjection
+) -> Problem:
+    array = replace(nominal.array, radius_mm=radius_mm)
+    return seen_again(solution, replace(whole, display=replace(nominal, array=array)), landing)
+
+
+def seen_again(solution: Solution, whole: Problem, landing: LensProjection) -> Problem:
     """Return the problem with rays traced through the display that was found, from where each camera stands.
 
     The panel points become finer than pixels, too. The problem stays as it is when there can be no such display.
@@ -236,7 +252,7 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
     for k, view in enumerate(whole.views):
         place = whole.pose(solution.x, k)[2]
         distance = max(1.0, float(place[2]))
-        landings.append(landing_of(built, landing.steepest, distance))
+        landings.append(fit_projection(built, landing.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
         aside = whole.aside(solution.x, k, whole.rays(solution.x, k).middles)
         views.append(refined(view, built, slopes, aside, movement_of(built, turn, slopes, distance)))
@@ -245,13 +261,13 @@ def seen_again(solution: Solution, whole: Problem, landing: Landing) -> Problem:
 
 def _scatter(solution: Solution) -> float:
     """Return the scatter of panel points in the worst view, pixels."""
-    return max(panel for panel, _ in solution.scatter)
+    return max(panel for panel, _ in solution.weights.scatter)
 
 
 def _cost(solution: Solution) -> float:
     """Return what a numbering costs: the scatter of panel points and photograph, with outliers."""
-    lost = 1.0 - float(np.mean(np.concatenate(solution.kept)))
-    return float(np.mean([math.hypot(*one) for one in solution.scatter])) * (1.0 + 5.0 * lost)
+    lost = 1.0 - float(np.mean(np.concatenate(solution.weights.kept)))
+    return float(np.mean([math.hypot(*one) for one in solution.weights.scatter])) * (1.0 + 5.0 * lost)
 
 
 def _with_bow(solution: Solution) -> Solution:
@@ -287,13 +303,16 @@ def _widened(solution: Solution, off: Floats) -> Solution:
     return replace(solution, covariance=solution.covariance + np.outer(more, more))
 
 
-def bow_mm(solution: Solution) -> float:
-    """Return how much higher the array is at the panel's corners than in its middle, mm."""
-    return solution.value("bow_xx") + solution.value("bow_yy")
-
-
-def _bow_is_sure(solution: Solution) -> bool:
-    return any(abs(solution.value(name)) > BOW_DEVIATIONS * solution.deviation(name) for name in BOW)
+def _bow_remarks(solution: Solution, asked: bool) -> tuple[str, ...]:
+    """Return the remark on a bow that is sure: how much higher the array is at the corners than in the middle."""
+    if not any(abs(solution.value(name)) > BOW_DEVIATIONS * solution.deviation(name) for name in BOW):
+        return ()
+    height = solution.value("bow_xx") + solution.value("bow_yy")
+    if asked:
+        return (f"bow: the array is {1000.0 * height:+.0f} um higher at the panel's corners than in its middle",)
+    if abs(height) <= LEAST_BOW_MM:
+        return ()
+    return (f"the array is bowed or tilted ({1000.0 * height:+.0f} um at the corners); solve with --bow",)
 
 
 def _result(
@@ -301,7 +320,7 @@ def _result(
 ) -> Calibration:
     """Return the calibration; refuse one that the data contradict."""
     pitch_px = nominal.array.finest_mm / min(nominal.panel.pitches_mm)
-    outliers = 1.0 - float(np.mean(np.concatenate(solution.kept)))
+    outliers = 1.0 - float(np.mean(np.concatenate(solution.weights.kept)))
     scatter = _scatter(solution)
     limit = max(MOST_SCATTER_PX, MOST_SCATTER * pitch_px)
     if scatter > limit or outliers > MOST_OUTLIERS:
@@ -331,7 +350,7 @@ def _result(
     rows = []
     for k, view in enumerate(whole.views):
         centres, residual = whole.centres(solution.x, whole.places[k]), whole.residuals(solution.x, k)
-        kept = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.scatter[k][0]).all(axis=1))
+        kept = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.weights.scatter[k][0]).all(axis=1))
         # Seen less expected; pixel rows count down.
         off = residual[:, :2] * [-1.0, 1.0]
         rows.append(np.column_stack([np.full(len(kept), k), view.index, centres, off, kept]))

@@ -1,4 +1,4 @@
-"""What goes wrong on a bench and stands in no model: a bowed array, dust, dead pixels, reflections, a moved camera."""
+"""A bench to test calibrations on: cameras that see all of a panel, and what goes wrong and stands in no model."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ SPREAD = (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 PATCHES, PATCH = 6, 0.2
 #: Radius of the bright spot, as a share of the picture's width.
 SPOT = 0.02
+#: Share of the picture's width or height that `framed` fills with the panel.
+FILL = 0.9
 
 
 @dataclass(frozen=True)
@@ -135,3 +137,18 @@ def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, see
         added += patch(PATCH) * np.float32(rng.random())
     added *= np.float32(reflection / max(float(added.max()), 1e-30))
     return added + np.float32(bright_spot) * patch(SPOT)
+
+
+def corners_mm(display: Display) -> Floats:
+    """Return the corners of the panel's outline in the lenslets' plane, (4, 3)."""
+    x, y = 0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm
+    return np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)])
+
+
+def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
+    """Return the camera with the focal length at which the panel fills this share of the picture."""
+    ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
+    reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
+    return replace(
+        camera, focal_px=fill * float(min(np.array([0.5 * camera.width_px, 0.5 * camera.height_px]) / reach))
+    )
