@@ -15,7 +15,8 @@ from lippmann.display.description import Display
 from lippmann.eye.observer import whole_window
 from lippmann.optics.model_choice import TOLERANCE, choose_model, model_error_px, probe
 from lippmann.optics.rays import MODELS
-from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_view
 from PIL import Image, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent

@@ -8,7 +8,8 @@ import lippmann as lp
 from lippmann.base.variant import own_variant
 from lippmann.eye.observer import whole_window
 from lippmann.eye.viewer_page import Direct, page_html
-from lippmann.rendering.renderer import Settings, render_view
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_view
 from PIL import Image
 from tools.browser import browser_page
 

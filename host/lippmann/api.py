@@ -6,27 +6,26 @@ line calls these functions too.
 
 from __future__ import annotations
 
-import contextlib
+import logging
 import tempfile
-import time
+import warnings
 import webbrowser
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from lippmann import __version__
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.progress import Progress
-from lippmann.base.variant import VARIANTS, own_variant
+from lippmann.base.variant import own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.display.description import MAX_SIDE_PX, Display, display_at
-from lippmann.errors import InputError, whole_number
+from lippmann.errors import InputError, LippmannWarning, whole_number
 from lippmann.eye.many_views import render_directs
 from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
@@ -41,40 +40,32 @@ from lippmann.layers.layer_choice import (
     choose_layers,
     measured_cuts,
 )
-from lippmann.layers.layer_drawing import Filter, draw_layers
-from lippmann.layers.layers_folder import check_for_display
+from lippmann.layers.layer_drawing import Filter
+from lippmann.layers.layer_plan import plan_layers
 from lippmann.layers.layers_folder import load_layers as load_layers_folder
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.integral import ModelOption, RenderOptions, image_metadata, render_image
+from lippmann.rendering.bands import check_display_memory, check_memory
+from lippmann.rendering.diagnostics import warn_of_unused_parts
+from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.integral_image import IntegralImage, check_image
-from lippmann.rendering.remarks import overridden
-from lippmann.rendering.renderer import Settings, Shading, check_memory
-from lippmann.rendering.samples import colours_of
-from lippmann.rendering.sources import Aperture, Window
-from lippmann.scenes.arrange import arranged
+from lippmann.rendering.job import Job, SceneSource, open_scene, place_scene
+from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
+from lippmann.rendering.plan import image_metadata
+from lippmann.rendering.sampling import Aperture, Window
+from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Arrange, Placement
-from lippmann.scenes.scene import Part, Scene, check_scene_file, scene_of
+from lippmann.scenes.scene import Part, Scene, check_scene_file
 from lippmann.scenes.scene import load_scene as load_scene_file
 
-if TYPE_CHECKING:
-    import mitsuba as mi
-
+logger = logging.getLogger("lippmann")
 #: Width of a view, pixels.
 VIEW_PX = 600
 #: Losses of a capture that are noted, per cent.
 NOTED_PERCENT = 1.0
 PAGE_SUFFIXES = (".html", ".htm")
-
-Note = Callable[[str], None]
-#: A scene: its path, what `load_scene` returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
-SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
-
-
-def _silent(text: str) -> None:
-    """Drop a remark."""
 
 
 def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
@@ -99,43 +90,6 @@ def load_scene(path: str | Path, placement: Placement | None = None, device: str
         return load_scene_file(path, placement)
 
 
-def _device_of(variant: str) -> str:
-    """Return the device of a variant of Mitsuba."""
-    for name, own in VARIANTS.items():
-        if own == variant:
-            return name
-    raise InputError(f"the scene is of Mitsuba's variant {variant}; load it after set_variant('{VARIANTS['llvm']}')")
-
-
-@contextlib.contextmanager
-def _loaded(scene: SceneSource, placement: Placement | None, device: str) -> Iterator[Scene]:
-    """Set Mitsuba's variant, and yield the scene; a path is loaded first."""
-    if not isinstance(placement, Placement | None):
-        raise InputError(f"placement {str(placement)[:80]!r} is none; give lippmann.Placement(...) or None")
-    if isinstance(scene, str | Path):
-        check_scene_file(scene)
-        with own_variant(device):
-            yield load_scene_file(scene, placement)
-        return
-    if not isinstance(scene, Scene):
-        # A mitsuba.Scene has its variant, by which it was loaded.
-        named = getattr(type(scene), "variant_name", None)
-        with own_variant(device) if named is None else own_variant(_device_of(named(scene))):
-            yield scene_of(scene, placement)
-        return
-    own = _device_of(scene.mitsuba.variant_name())
-    if device not in ("auto", own):
-        raise InputError(f"the scene was loaded for device '{own}', not '{device}'; load it again")
-    with own_variant(own):
-        yield scene if placement is None else scene.placed(placement)
-
-
-def _arranged(scene: Scene, display: Display, arrange: Arrange | None) -> Scene:
-    """Return a scene as a display places it."""
-    arrange = scene.usual if arrange is None else arrange
-    return scene if arrange is None else arranged(scene, display, arrange)
-
-
 def render(
     scene: SceneSource,
     display: str | Path | Display,
@@ -154,10 +108,15 @@ def render(
     memory_mb: float | None = None,
     device: str = "auto",
     progress: Progress | None = None,
-    note: Note | None = None,
     shading: Shading = "auto",
+    kept: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> IntegralImage:
     """Render the integral image of a scene for a display.
+
+    The logger "lippmann" tells, at level INFO, which model "auto" chose. Where that level is on, a trial view warns of
+    a scene that lies outside the display's depth range, for example (`LippmannWarning`).
 
     Parameters
     ----------
@@ -166,9 +125,9 @@ def render(
     display
         A display file, or what `load_display` returned.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
-        See `lippmann.rendering.renderer.Settings`.
+        See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
-        See `lippmann.rendering.integral.RenderOptions`.
+        See `lippmann.rendering.options.RenderOptions`.
     placement
         See `load_scene`.
     arrange
@@ -177,45 +136,31 @@ def render(
     device
         "llvm" (CPU), "cuda" (GPU) or "auto": for the fast engine and Mitsuba.
     progress
-        Called with (tiles done, tiles in all).
-    note
-        Called with remarks, such as the model that "auto" chose, or that the scene lies outside the depth range.
-        None: no remarks, and no trial view before the render.
+        Called with (rows done, rows in all).
+    kept
+        Folder for the finished bands, such as "fish.bands": an interrupted render goes on from them. They stay there
+        until another render uses the folder.
+    workers, scheduler
+        Number of processes on this machine that share the render, or the address of a Dask scheduler, such as
+        "tcp://127.0.0.1:8786", whose workers do. They load the scene from its file.
 
     Raises
     ------
     InputError
         For a bad file or value, or an image that exceeds the memory limit.
+    DeviceError
+        When the scheduler or all workers are lost.
     MissingLibraryError
-        When Mitsuba or a tool of the engine is missing.
+        When Mitsuba, Dask or a tool of the engine is missing.
     """
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
-    return render_with(options, scene, display, placement, arrange, device, progress, note)
-
-
-def render_with(
-    options: RenderOptions,
-    scene: SceneSource,
-    display: str | Path | Display,
-    placement: Placement | None = None,
-    arrange: Arrange | None = None,
-    device: str = "auto",
-    progress: Progress | None = None,
-    note: Note | None = None,
-) -> IntegralImage:
-    """Render the integral image of a scene for a display, with options; see `render`."""
     built = display_at(display)
-    try:
-        check_memory(built.panel.width_px, built.panel.height_px, options.settings, colours_of(built.panel))
-    except InputError as error:
-        where = f"display '{built.name}'" if isinstance(display, Display) else display
-        raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None
-    with _loaded(scene, placement, device) as loaded:
-        placed = _arranged(loaded, built, arrange)
-        if placed is not loaded and note is not None:
-            note(f"placed by {placed.placement}")
-        return render_image(placed, built, options, progress, note)
+    check_display_memory(built, settings, f"display '{built.name}'" if isinstance(display, Display) else str(display))
+    executor = choose_executor(workers, scheduler, device)
+    with open_scene(scene, placement, device) as loaded:
+        plan = Job(loaded, built, options, arrange).plan(portable=kept is not None or executor is not render_here)
+        return render_picture(plan, executor, kept, progress)
 
 
 def cut_layers(
@@ -261,8 +206,8 @@ def cut_layers(
         For bad files and values, and a scene of which no eye sees anything.
     """
     built, settings = display_at(display), Settings(samples=16) if settings is None else settings
-    with _loaded(scene, placement, device) as loaded:
-        placed = _arranged(loaded, built, arrange)
+    with open_scene(scene, placement, device) as loaded:
+        placed = place_scene(loaded, built, arrange)
         parts: tuple[Scene, Scene | None] = (placed, None)
         if apart is not None:
             rest = load_scene_file(placed.path, placed.placement, part=Part(apart, kept=False))
@@ -304,11 +249,11 @@ def fit_layers(
     Raises
     ------
     InputError
-        As `lippmann.layers.layer_choice.choose_layers`, and for bad files.
+        As `lippmann.layers.choose.choose_layers`, and for bad files.
     """
     built = display_at(display)
-    with _loaded(scene, placement, device) as loaded:
-        placed = _arranged(loaded, built, arrange)
+    with open_scene(scene, placement, device) as loaded:
+        placed = place_scene(loaded, built, arrange)
         return choose_layers(placed, built, tolerance_db, slots, block_rams, multipliers, settings, progress)
 
 
@@ -332,6 +277,9 @@ def draw(
     model: Model = "exact",
     engine: Engine = "golden",
     fraction_bits: int | None = None,
+    kept: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
 ) -> IntegralImage:
     """Draw layers for a display, as an FPGA does without a frame memory.
 
@@ -351,6 +299,8 @@ def draw(
         "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated.
     fraction_bits
         Word length of the optics, for twin and rtl; None: the longest.
+    kept, workers, scheduler
+        See `render`.
 
     Returns
     -------
@@ -364,17 +314,9 @@ def draw(
     """
     built = display_at(display)
     stack = layers if isinstance(layers, LayerStack) else load_layers(layers)
-    check_for_display(stack, built, "layers" if isinstance(layers, LayerStack) else str(layers))
-    started = time.perf_counter()
-    light = draw_layers(built, stack, filter, samples, model, engine, fraction_bits)
-    seconds = time.perf_counter() - started
-    metadata = {
-        "model": model, "engine": engine, "samples": str(samples), "filter": filter,
-        "layers": str(len(stack.layers)), "version": __version__,
-    }  # fmt: skip
-    rate = samples * built.panel.width_px * built.panel.height_px / max(seconds, 1e-9)
-    measured = {"seconds": seconds, "samples_per_second": rate}
-    return IntegralImage(light.astype(np.float32), built, metadata, measured)
+    where = "layers" if isinstance(layers, LayerStack) else str(layers)
+    plan = plan_layers(stack, built, filter, samples, model, engine, fraction_bits, where)
+    return render_picture(plan, choose_executor(workers, scheduler), kept)
 
 
 def capture(
@@ -390,7 +332,6 @@ def capture(
     memory_mb: float | None = None,
     device: str = "auto",
     progress: Progress | None = None,
-    note: Note = _silent,
     shading: Shading = "auto",
 ) -> IntegralImage:
     """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
@@ -402,13 +343,13 @@ def capture(
     setup
         A set-up file, or what `load_setup` returned.
     samples, integrator, max_depth, seed, memory_mb, shading
-        See `lippmann.rendering.renderer.Settings`.
+        See `lippmann.rendering.options.Settings`.
     rotate
         Whether each elemental image is rotated by 180 degrees, which gives the display the right depth. None: yes,
         except for concave lenslets.
     aperture
         For a pickup: "full", rays over the whole lenslet, or "chief", rays through its centre. None: "full".
-    device, progress, note
+    device, progress
         See `render`.
 
     Returns
@@ -422,7 +363,7 @@ def capture(
     """
     built = setup if isinstance(setup, Setup) else load_setup(setup)
     if aperture is not None and not isinstance(built.pickup, Pickup):
-        raise InputError("--aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
+        raise InputError("aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
     panel = built.display.panel
@@ -431,27 +372,29 @@ def capture(
     if isinstance(scene, str | Path):
         path = None if isinstance(setup, Setup) else setup
         placement = placement_before(built, check_scene_file(scene), path)
-    with _loaded(scene, placement, device) as loaded:
-        for remark in overridden(loaded, settings):
-            note(remark)
-        captured = capture_scene(loaded, built, settings, rotated, progress, note)
+    with open_scene(scene, placement, device) as loaded:
+        if logger.isEnabledFor(logging.INFO):
+            warn_of_unused_parts(loaded, settings)
+        captured = capture_scene(loaded, built, settings, rotated, progress)
     lens_percent, array_percent = captured.lost_percent
     if lens_percent > NOTED_PERCENT:
-        note(
-            f"note: the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image); "
+        _warn(
+            f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image); "
             "a larger lens.aperture_mm lets them in"
         )
     if array_percent > NOTED_PERCENT:
-        note(
-            f"note: {array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
+        _warn(
+            f"{array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
             "rims reflect them; a longer focal length lets them out"
         )
     metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(built.position_mm)}
     losses = {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
-    # Its own memory, as of `render_image`.
-    radiance = np.require(captured.radiance, requirements="O")
-    return IntegralImage(radiance, built.display, metadata, {**losses, **captured.measured})
+    return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, LippmannWarning, stacklevel=3)
 
 
 def observe(
@@ -645,8 +588,8 @@ def view_page(
     for frame in (image, *later):
         check_image(frame)
     if scene is not None:
-        with _loaded(scene, placement, device) as loaded:
-            placed = _arranged(loaded, image.display, arrange)
+        with open_scene(scene, placement, device) as loaded:
+            placed = place_scene(loaded, image.display, arrange)
             directs = [*directs, *render_directs(placed, image.display, seed, progress)]
     others = [frame.radiance for frame in later]
     return page_html(image.display, image.radiance, title, directs, others, frames_per_second).encode("utf-8")

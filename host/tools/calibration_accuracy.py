@@ -39,7 +39,8 @@ from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, gets_through
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 from scipy.spatial import KDTree

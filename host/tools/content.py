@@ -18,9 +18,11 @@ from lippmann.display.description import Display, load_display
 from lippmann.eye.many_views import eyes_of, of_scene
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.zones import viewing_distance
-from lippmann.rendering.integral import RenderOptions, render_image
-from lippmann.rendering.renderer import Settings, first_depths, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.job import Job
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.renderer import first_depths, render_view
+from lippmann.rendering.sampling import Window
+from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
@@ -194,7 +196,8 @@ def measure(folder: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 def _seen(scene: Scene, display: Display, seed: int) -> dict[str, Radiance]:
     """Return what each eye sees of a scene on a display."""
-    image = render_image(scene, display, RenderOptions(model="exact", settings=Settings(SAMPLES, seed=seed)))
+    options = RenderOptions(model="exact", settings=Settings(SAMPLES, seed=seed))
+    image = render_picture(Job(scene, display, options).plan())
     window = whole_window(display)
     return {
         name: observe(image.radiance, display, Eye((*place, EYE_MM)), window, EYE_SAMPLES).radiance
@@ -229,8 +232,8 @@ def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], lis
     paths += [write_depth_picture(fish, display, scratch, seed=seed)]
     found, captions = [], []
     for path in paths:
-        image = render_image(
-            _placed(path, display), display, RenderOptions(model="pinhole", settings=Settings(4, seed=seed))
+        image = render_picture(
+            Job(_placed(path, display), display, RenderOptions(model="pinhole", settings=Settings(4, seed=seed))).plan()
         )
         # One pixel for each lenslet, magnified.
         seen = observe(image.radiance, display, Eye((10.0, 5.0, EYE_MM)), window, 16).radiance

@@ -27,7 +27,7 @@ from lippmann.conformance.figures import Rows, groups, values, where
 from lippmann.conformance.pages import Page
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.rays import Floats, Model
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement, placement_beside
 from lippmann.scenes.scene import Scene, load_scene
 

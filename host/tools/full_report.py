@@ -32,7 +32,7 @@ from lippmann.display.description import Display
 from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
 from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, Named
-from lippmann.rendering.sources import Aperture
+from lippmann.rendering.sampling import Aperture
 from lippmann.simulation.toolchain import repository
 
 from tools import renderer_speed, stage_errors

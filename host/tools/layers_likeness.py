@@ -27,7 +27,7 @@ from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, peel, reac
 from lippmann.layers.slab_depths import disparity
 from lippmann.layers.stack import MAX_LAYERS, LayerStack
 from lippmann.optics.model_choice import reconstructed_pixel_mm
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Part, Scene, load_scene
 from scipy.ndimage import binary_erosion

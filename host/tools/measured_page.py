@@ -24,7 +24,7 @@ MEASURED = (
 def measured_name(name: str, device: str) -> str:
     """Return the name under which a measurement is kept: a GPU's figures stand beside the CPU's.
 
-    So do those of `render` and `stages` with AVX-512, where rays are traced otherwise (`lippmann.rendering.coherence`).
+    So do those of `render` and `stages` with AVX-512, where rays are traced otherwise (`lippmann.rendering.lights`).
     """
     if device == "cuda":
         return f"{name}-cuda"

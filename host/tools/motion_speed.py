@@ -12,14 +12,14 @@ from lippmann.base.machine import gpu_name
 from lippmann.base.variant import current_device
 from lippmann.display.description import load_display
 from lippmann.motion.film import load_film
-from lippmann.motion.hand import Hand
+from lippmann.motion.film_frames import FramePlan, choose_shading, plan_film, render_frame
 from lippmann.motion.live_loop import MOST_SAMPLES
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.shot import Shot, render_shot, shots_of, with_one_shading
+from lippmann.motion.screens import Hand
 from lippmann.optics.rays import Model
-from lippmann.rendering.cluster import local_workers, render_on_cluster
-from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.executors import local_workers, render_on_cluster
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.sinks import bands_of_plan
 from lippmann.scenes.scene import Scene, load_scene
 
 #: Displays, the larger one for a GPU; and the steps of a turn, of 5 degrees each.
@@ -82,16 +82,19 @@ def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         for name, scale, frames in CASES:
             display = load_display(scenes / f"displays/{name}.toml")
             options = RenderOptions(settings=Settings(samples=4, seed=seed))
-            shots = with_one_shading(film, shots_of(film, display, options, scale), lambda remark: None)[:frames]
+            plans = choose_shading(plan_film(film, display, options, scale))[:frames]
             # Loads the scene and compiles the programs, here and on every worker.
-            render_shot(shots[0])
-            client.run(_warm, device, shots[0])
+            render_frame(plans[0])
+            client.run(_warm, device, plans[0])
             started, cpu = time.perf_counter(), time.process_time()
-            ours = [render_shot(shot).radiance for shot in shots]
+            ours = [render_frame(plan).radiance for plan in plans]
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
-            rendered = render_on_cluster(address, device, shots, security=security)
-            theirs = {shot.frame: image.radiance for shot, image in rendered}
+            theirs = {plan.frame: np.empty_like(ours[0]) for plan in plans}
+            bands = [band for plan in plans for band in bands_of_plan(plan)]
+            for band, radiance, *_ in render_on_cluster(address, device, bands, security):
+                assert isinstance(band.plan, FramePlan)
+                theirs[band.plan.frame][band.rows.start : band.rows.stop] = radiance
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
             yield {
                 "display": name,
@@ -113,9 +116,9 @@ def _cpu_seconds(client: Any) -> float:
     return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
-def _warm(device: str, shot: Shot) -> None:
-    """Render a shot on a worker, so that its programs are compiled."""
+def _warm(device: str, plan: FramePlan) -> None:
+    """Render a frame on a worker, so that its programs are compiled."""
     from lippmann.base.variant import start_mitsuba
 
     start_mitsuba(device)
-    render_shot(shot)
+    render_frame(plan)

@@ -34,8 +34,9 @@ from lippmann.conformance.plots import Plot
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import PanelFrame
-from lippmann.rendering.renderer import Settings, render_rays
-from lippmann.rendering.sources import Lines, RaySource
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_rays
+from lippmann.rendering.sampling import Lines, RaySource
 from lippmann.scenes.scene import Scene
 from PIL import Image as PngImage
 from scipy import ndimage

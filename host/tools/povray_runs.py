@@ -19,7 +19,7 @@ from lippmann.base.programs import run_program
 from lippmann.capturing.povray_export import POVRAY, Exported, View, write_folder
 from lippmann.capturing.povray_text import pinhole
 from lippmann.errors import input_error
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.placement import Triple
 from lippmann.scenes.scene import Scene
 

@@ -25,7 +25,7 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.rays import MODELS, Model
-from lippmann.rendering.sources import Aperture
+from lippmann.rendering.sampling import Aperture
 from lippmann.simulation.harness import rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 

@@ -29,8 +29,9 @@ from lippmann.conformance.figures import Figures, Measured, groups, values
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Array, Display, display_text, load_display
 from lippmann.errors import LippmannError
-from lippmann.rendering.coherence import coherence_hint
-from lippmann.rendering.renderer import Settings, make_integrator, render_integral
+from lippmann.rendering.lights import coherence_hint
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import make_integrator, render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 

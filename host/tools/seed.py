@@ -26,8 +26,9 @@ from lippmann.cli.frame import option
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import MARKS, Plot, finish_picture, make_axes
 from lippmann.display.description import MM_PER_INCH, Display
-from lippmann.rendering.renderer import Rendered, Settings, render_rays
-from lippmann.rendering.sources import RaySource, Window, eye_source
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import Rendered, render_rays
+from lippmann.rendering.sampling import RaySource, Window, eye_source
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
 

@@ -24,10 +24,10 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot, finish_picture, make_axes
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.rendering.renderer import Rendered, Settings, Shading, render_integral, render_rays
-from lippmann.rendering.samples import TILE_PX
+from lippmann.rendering.options import Settings, Shading
+from lippmann.rendering.renderer import Rendered, render_integral, render_rays
+from lippmann.rendering.sampling import TILE_PX, Lines, RaySource, display_source
 from lippmann.rendering.shading import SharedProgram
-from lippmann.rendering.sources import Lines, RaySource, display_source
 from lippmann.rendering.surface_lattice import NONE, Place
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene

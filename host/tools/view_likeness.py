@@ -14,8 +14,9 @@ from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.rendering.renderer import Settings, render_integral, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral, render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lippmann.display.description import load_display
 from lippmann.eye.viewer_page import page_html
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import load_scene
 
 from tools.bench import MeasurementRun, measurement

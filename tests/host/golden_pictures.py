@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display, Grid
-from lippmann.images import encoded_values
-from lippmann.rendering.placement import Placement
-from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.scene import Scene
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene
 from scene_cases import focused_display
 
 SCENES = Path(__file__).parents[2] / "scenes"

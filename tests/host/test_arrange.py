@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import math
 import re
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,11 +16,11 @@ from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.motion.film import load_film
-from lippmann.motion.shot import shots_of
-from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.remarks import remarks
-from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.sources import Window
+from lippmann.motion.film_frames import plan_film
+from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import box_of, load_scene
@@ -53,7 +54,11 @@ def diffuse_sphere(centre, radius, colour):
 
 
 def noted(scene, display=None, **settings):
-    return list(remarks(scene, display or small_display(), Settings(**settings)))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_of_unused_parts(scene, Settings(**settings))
+        warn_of_view(scene, display or small_display(), Settings(**settings))
+    return [f"note: {one.message}" for one in caught]
 
 
 # --- fit ------------------------------------------------------------------------------------------
@@ -98,7 +103,7 @@ def test_a_film_is_fitted_as_a_whole(mi, tmp_path):
         "keys = [{frame = 1}, {frame = 3, offset_mm = [100, 0, -60]}]\n"
     )
     display = small_display()
-    shots = shots_of(load_film(tmp_path / "film.toml"), display, RenderOptions(), None)
+    shots = plan_film(load_film(tmp_path / "film.toml"), display, RenderOptions(), None)
     # 110 x 10 x 70 mm: s (110 + 32 x 70 / 1200) = 32 by the width, less than 40 / 70 by the depths.
     scale = 32.0 / (110.0 + 32.0 * 35.0 / 600.0)
     for shot, x, z in ((shots[0], -50.0, 30.0), (shots[4], 50.0, -30.0)):
@@ -300,7 +305,7 @@ def test_noise_is_that_of_the_picture(mi, tmp_path, samples):
         return
     (line,) = said
     told, enough = re.match(
-        rf"note: with {samples} samples? the noise is (\d+) % .*; --samples (\d+) gives 10 %", line
+        rf"note: with {samples} samples? the noise is (\d+) % .*; (\d+) samples give 10 %", line
     ).groups()
     assert float(told) == pytest.approx(100.0 * noise, rel=0.15)
     assert noted(scene, samples=math.ceil(1.4 * int(enough)), seed=3) == []
@@ -316,8 +321,8 @@ def test_what_is_not_used_is_told(mi, tmp_path):
     scene = load_scene(path)
     said = noted(scene)
     assert said[0] == (
-        "note: lights ignores the file's integrator volpath (--integrator scene uses it) and the media of 1 shapes "
-        "(--integrator volpath renders them)"
+        "note: lights ignores the file's integrator volpath (integrator scene uses it) and the media of 1 shapes "
+        "(integrator volpath renders them)"
     )
     assert not [
         line for line in noted(scene, integrator="volpath") + noted(scene, integrator="scene") if "ignores" in line
@@ -326,7 +331,7 @@ def test_what_is_not_used_is_told(mi, tmp_path):
     assert noted(dark) == ["note: the scene has no light, so the picture is black; add an <emitter> to the file"]
     # An integrator that does not exist is refused before the first remark.
     with pytest.raises(InputError, match="integrator 'wizard' does not load"):
-        next(remarks(scene, small_display(), Settings(integrator="wizard")))
+        warn_of_unused_parts(scene, Settings(integrator="wizard"))
     # Mitsuba makes up an integrator for a file without one: nothing is ignored.
     assert noted(load_scene(write_scene(tmp_path / "lit.xml", card(-10.0) + POINT_LIGHT))) == []
 

@@ -12,24 +12,23 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
+import lippmann
 import numpy as np
 import pytest
-from lippmann.base import provenance
 from lippmann.base.images import read_picture
 from lippmann.cli import run
 from lippmann.display.description import load_display
-from lippmann.errors import DeviceError, InputError, NoSpaceError
+from lippmann.errors import DeviceError, InputError, LippmannWarning, NoSpaceError
 from lippmann.motion.film import load_film
-from lippmann.motion.shot import render_shot, shots_of, with_one_shading
-from lippmann.rendering import bands, renderer
-from lippmann.rendering.bands import Band, here, left_over, render_bands, still_of, write_still
-from lippmann.rendering.cluster import local_workers, render_on_cluster
-from lippmann.rendering.integral import RenderOptions, render_image
-from lippmann.rendering.renderer import Settings
+from lippmann.motion.film_frames import choose_shading, plan_film, render_frame
+from lippmann.rendering import bands, cache_key, renderer, sinks
+from lippmann.rendering.executors import Band, local_workers, render_band, render_here, render_on_cluster
+from lippmann.rendering.job import Job
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.sinks import KeptBands, bands_folder, log_remaining_bands, render_into, render_picture
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import digest_of, load_scene
+from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from test_film import DISPLAY, SCENE
 from test_film_cluster import Cluster, until
@@ -48,16 +47,28 @@ def place(tmp_path):
 @pytest.fixture
 def narrow(monkeypatch, mi):
     """Bands of 64 rows."""
-    monkeypatch.setitem(renderer.BAND_PIXELS, "llvm", 1)
+    monkeypatch.setitem(bands.BAND_PIXELS, "llvm", 1)
 
 
 def still(place, settings):
+    """Return a plan whose bands are kept, and its scene."""
     display = load_display(place / "small.toml")
-    return still_of(RenderOptions("exact", settings=settings), place / "three.xml", display, Placement(), None, print)
+    scene = load_scene(place / "three.xml", Placement())
+    return Job(scene, display, RenderOptions("exact", settings=settings)).plan(portable=True), scene
 
 
-def quiet(done, total):
-    """Show no progress."""
+def render_bands(path, plan, executor=render_here, progress=None):
+    """Render the bands that the folder beside a picture lacks; return all, and the numbers of the new ones."""
+    kept = KeptBands(bands_folder(path), plan)
+    missing = [band.number for band in kept.missing_bands()]
+    render_into(kept, executor, progress)
+    return kept, missing
+
+
+def logged(caplog):
+    messages = [record.getMessage() for record in caplog.records if record.name == "lippmann"]
+    caplog.clear()
+    return messages
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
@@ -65,18 +76,18 @@ def test_bands_are_the_picture(place, narrow, settings):
     whole, scene = still(place, settings)
     assert [len(rows) for rows in whole.bands] == [64, 64, 64, 64, 44]
     told = []
-    kept, rendered = render_bands(place / "a.exr", whole, here(whole, scene), lambda *done: told.append(done))
+    kept, rendered = render_bands(place / "a.exr", whole, render_here, lambda *done: told.append(done))
     assert rendered == [0, 1, 2, 3, 4]
     assert list(dict.fromkeys(told)) == [(n, 300) for n in (0, 64, 128, 192, 256, 300)]
-    write_still(place / "a.exr", whole, kept)
-    image = render_image(scene, whole.display, whole.options)
+    kept.write(place / "a.exr")
+    image = render_picture(Job(scene, whole.display, whole.options).plan())
     image.save(place / "b.exr")
     ours, theirs = (read_picture(place / name) for name in ("a.exr", "b.exr"))
     np.testing.assert_array_equal(ours.radiance, theirs.radiance)
     assert ours.metadata == theirs.metadata
     assert not (place / "a.exr.bands").exists()
     # Any band alone, as a worker renders it.
-    np.testing.assert_array_equal(Band(whole, 3).render()[0], image.radiance[192:256])
+    np.testing.assert_array_equal(render_band(Band(whole, 3))[0], image.radiance[192:256])
 
 
 #: A card before a wall that has more points, 0.5 mm apart, than the picture has rays.
@@ -97,7 +108,9 @@ def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film
     display = load_display(place / "small.toml")
     options = RenderOptions("exact", settings=Settings(samples=4))
     auto, shared = (
-        render_image(load_scene(place / "three.xml", Placement()), display, replace(options, settings=settings))
+        render_picture(
+            Job(load_scene(place / "three.xml", Placement()), display, replace(options, settings=settings)).plan()
+        )
         for settings in (options.settings, replace(options.settings, shading="shared"))
     )
     assert auto.metadata["shading"] == shared.metadata["shading"] == "shared"
@@ -105,12 +118,12 @@ def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film
     if film:
         (place / "film.toml").write_text('scene = "three.xml"\nframes = 1\n')
         one = load_film(place / "film.toml")
-        (shot,) = with_one_shading(one, shots_of(one, display, options), print)
-        np.testing.assert_array_equal(render_shot(shot).radiance, auto.radiance)
+        (shot,) = choose_shading(plan_film(one, display, options))
+        np.testing.assert_array_equal(render_frame(shot).radiance, auto.radiance)
         return
     whole, _ = still(place, options.settings)
     for number, rows in enumerate(whole.bands):
-        radiance, _ = Band(whole, number).render()
+        radiance, _ = render_band(Band(whole, number))
         np.testing.assert_array_equal(radiance, auto.radiance[rows.start : rows.stop])
 
 
@@ -118,40 +131,40 @@ def test_a_link_to_a_scene_stands_where_it_is(place, narrow):
     """Its pictures lie beside it, not beside what it leads to."""
     (place / "own").mkdir()
     (place / "own/linked.xml").symlink_to(place / "three.xml")
-    found, _ = still_of(
-        RenderOptions("exact"), place / "own/linked.xml", load_display(place / "small.toml"), Placement(), None, print
-    )
+    scene = load_scene(place / "own/linked.xml", Placement())
+    found = Job(scene, load_display(place / "small.toml"), RenderOptions("exact")).plan(portable=True)
     assert found.scene == place / "own/linked.xml"
     assert found.metadata["scene"] == "linked.xml"
 
 
 def test_bands_of_many_rays_are_small_and_tell_their_rows(place, mi, monkeypatch):
     """A panel of few pixels, and so many samples that a band has fewest rows; chunks are 4 rows of tiles at most."""
-    monkeypatch.setitem(renderer.BAND_RAYS, "llvm", 46 * 64 * 16)
-    whole, scene = still(place, Settings(samples=16))
+    monkeypatch.setitem(bands.BAND_RAYS, "llvm", 46 * 64 * 16)
+    whole, _ = still(place, Settings(samples=16))
     assert [len(rows) for rows in whole.bands] == [64, 64, 64, 64, 44]
     assert [len(rows) for rows in still(place, Settings(samples=1))[0].bands] == [300]
-    monkeypatch.setitem(renderer.CHUNK_SAMPLES, "llvm", 4 * 6 * 64 * 16)
+    monkeypatch.setitem(bands.CHUNK_SAMPLES, "llvm", 4 * 6 * 64 * 16)
     told = []
-    kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), lambda *done: told.append(done))
+    kept, _ = render_bands(place / "a.exr", whole, render_here, lambda *done: told.append(done))
     kept.remove()
     rows = [0, 32, 64, 96, 128, 160, 192, 224, 256, 278, 300]  # the last band: 6 rows of tiles, three of them 22 rows
     assert list(dict.fromkeys(told)) == [(n, 300) for n in rows]
 
 
-def test_an_interrupted_render_goes_on(place, narrow):
+def test_an_interrupted_render_goes_on(place, narrow, caplog):
     whole, scene = still(place, SETTINGS[0])
 
     def stopped(missing, rows):
-        for band, rendered in here(whole, scene)(missing, rows):
-            if band.number == 2:
+        for rendered in render_here(missing, rows):
+            if rendered.band.number == 2:
                 raise KeyboardInterrupt
-            yield band, rendered
+            yield rendered
 
-    folder, told = place / "a.tif.bands", []
+    folder = place / "a.tif.bands"
+    caplog.set_level("INFO", "lippmann")
     with pytest.raises(KeyboardInterrupt):
-        render_bands(place / "a.tif", whole, stopped, quiet, told.append)
-    assert told == [f"128 of 300 rows are kept in {folder}: the same command goes on from there"]
+        render_bands(place / "a.tif", whole, stopped)
+    assert logged(caplog) == [f"128 of 300 rows are kept in {folder}: the same command goes on from there"]
     assert len(list(folder.iterdir())) == 2
     assert not (place / "a.tif").exists()
     # One is cut short; and there are bands of another render.
@@ -159,40 +172,41 @@ def test_an_interrupted_render_goes_on(place, narrow):
     first.write_bytes(first.read_bytes()[:-5])
     (folder / f"{'0' * 16}-00003.npy").write_bytes(b"another's")
     (folder / "notes.txt").write_text("the user's")
-    kept, rendered = render_bands(place / "a.tif", whole, here(whole, scene), quiet)
+    kept, rendered = render_bands(place / "a.tif", whole)
     assert rendered == [0, 2, 3, 4]
     assert len(list(folder.iterdir())) == 6
-    write_still(place / "a.tif", whole, kept)
-    image = render_image(scene, whole.display, whole.options)
+    kept.write(place / "a.tif")
+    image = render_picture(Job(scene, whole.display, whole.options).plan())
     np.testing.assert_array_equal(read_picture(place / "a.tif").radiance, image.radiance)
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 
 
-def test_one_command_at_a_time_has_the_bands(place, narrow):
+def test_one_command_at_a_time_has_the_bands(place, narrow, caplog):
     """Two of one picture took each other's bands away, and one of them lost its work."""
-    whole, scene = still(place, SETTINGS[1])
+    whole, _ = still(place, SETTINGS[1])
     other, _ = still(place, SETTINGS[0])
 
     def disturbed(missing, rows):
-        for band, rendered in here(whole, scene)(missing, rows):
+        for rendered in render_here(missing, rows):
             for second in (whole, other):
                 with pytest.raises(
                     InputError, match=r"a\.exr\.bands: belongs to another command that is at work; wait"
                 ):
-                    render_bands(place / "a.exr", second, here(second, scene), quiet)
-            yield band, rendered
+                    render_bands(place / "a.exr", second)
+            yield rendered
 
-    kept, rendered = render_bands(place / "a.exr", whole, disturbed, quiet)
+    kept, rendered = render_bands(place / "a.exr", whole, disturbed)
     assert rendered == [0, 1, 2, 3, 4]
-    write_still(place / "a.exr", whole, kept)
+    kept.write(place / "a.exr")
     assert not (place / "a.exr.bands").exists()
-    kept, _ = render_bands(place / "a.exr", other, here(other, scene), quiet)
-    assert kept.removed == 0
+    caplog.set_level("INFO", "lippmann")
+    render_bands(place / "a.exr", other)
+    assert logged(caplog) == []
 
 
-def test_a_picture_that_cannot_be_written_keeps_its_bands(place, narrow, monkeypatch):
-    whole, scene = still(place, SETTINGS[1])
-    told = []
+def test_a_picture_that_cannot_be_written_keeps_its_bands(place, narrow, monkeypatch, caplog):
+    whole, _ = still(place, SETTINGS[1])
+    caplog.set_level("INFO", "lippmann")
 
     def fails(error):
         def failing(*_):
@@ -200,19 +214,21 @@ def test_a_picture_that_cannot_be_written_keeps_its_bands(place, narrow, monkeyp
 
         return failing
 
-    kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+    kept, _ = render_bands(place / "a.exr", whole)
     with monkeypatch.context() as patched:
-        patched.setattr(bands, "write_picture", fails(NoSpaceError("full")))
+        patched.setattr(sinks, "write_picture", fails(NoSpaceError("full")))
         with pytest.raises(NoSpaceError):
-            write_still(place / "a.exr", whole, kept, told.append)
-    assert told == [f"300 of 300 rows are kept in {place / 'a.exr.bands'}: the same command goes on from there"]
-    kept, rendered = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+            kept.write(place / "a.exr")
+    assert logged(caplog) == [
+        f"300 of 300 rows are kept in {place / 'a.exr.bands'}: the same command goes on from there"
+    ]
+    kept, rendered = render_bands(place / "a.exr", whole)
     assert rendered == []
     with monkeypatch.context() as patched:
         patched.setattr(np, "memmap", fails(OSError(errno.ENOMEM, "no memory")))
         with pytest.raises(MemoryError):  # and not: the band is gone
-            kept.missing()
-    write_still(place / "a.exr", whole, kept)
+            kept.missing_bands()
+    kept.write(place / "a.exr")
     assert (place / "a.exr").exists()
 
 
@@ -241,20 +257,20 @@ HEADER = npy(ROWS)[:128]
     ],
 )
 def test_what_is_no_band_is_rendered_again(place, narrow, content):
-    whole, scene = still(place, SETTINGS[1])
+    whole, _ = still(place, SETTINGS[1])
     folder = place / "a.exr.bands"
     folder.mkdir()
     (folder / f"{whole.identity}-00000.npy").write_bytes(content)
-    _, rendered = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+    _, rendered = render_bands(place / "a.exr", whole)
     assert rendered == [0, 1, 2, 3, 4]
 
 
 def test_a_worker_takes_the_bands_of_the_command(place, narrow, monkeypatch):
     """Bands depended on the device of who asked, so that a worker with a GPU rendered other rows."""
     whole, scene = still(place, SETTINGS[1])
-    monkeypatch.setitem(renderer.BAND_PIXELS, "llvm", 1 << 30)
-    expected = render_image(scene, whole.display, whole.options).radiance
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(Band(whole, 2))).render()[0], expected[128:192])
+    monkeypatch.setitem(bands.BAND_PIXELS, "llvm", 1 << 30)
+    expected = render_picture(Job(scene, whole.display, whole.options).plan()).radiance
+    np.testing.assert_array_equal(render_band(pickle.loads(pickle.dumps(Band(whole, 2))))[0], expected[128:192])
 
 
 @pytest.mark.parametrize(
@@ -271,13 +287,13 @@ def test_other_settings_are_another_picture(place, mi, change):
 def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     """Whose bands, frames and workers must not be mixed."""
     package = tmp_path / "lippmann"
-    shutil.copytree(Path(provenance.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(Path(lippmann.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     changed = package / "optics/faces.py"
     digests = []
 
     def found():
-        provenance.code_digest.cache_clear()
-        digests.append(provenance.code_digest(package))
+        cache_key.code_digest.cache_clear()
+        digests.append(cache_key.code_digest(package))
 
     found()
     text = changed.read_text()
@@ -292,21 +308,41 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     assert digests[3] == digests[0]
     assert digests[5] == digests[4]
     assert len(set(digests)) == 4
-    assert provenance.code_digest(tmp_path / "none") == ""
+    assert cache_key.code_digest(tmp_path / "none") == ""
     before = still(place, SETTINGS[0])[0].identity
-    monkeypatch.setattr(provenance, "code_digest", lambda folder: digests[1])
-    assert provenance.pixel_versions()["lippmann"].endswith(digests[1])
+    monkeypatch.setattr(cache_key, "code_digest", lambda folder: digests[1])
+    assert cache_key.pixel_versions()["lippmann"].endswith(digests[1])
     assert still(place, SETTINGS[0])[0].identity != before
 
 
-def test_bands_of_another_picture_are_removed_and_told(place, narrow):
-    one, scene = still(place, SETTINGS[0])
-    other = replace(one, options=replace(one.options, settings=replace(SETTINGS[0], seed=5)))
+def test_bands_of_another_picture_are_removed_and_told(place, narrow, caplog):
+    one, _ = still(place, SETTINGS[0])
+    other, _ = still(place, replace(SETTINGS[0], seed=5))
+    caplog.set_level("INFO", "lippmann")
     for whole, removed in ((one, 0), (one, 0), (other, 5)):
-        told = []
-        render_bands(place / "a.exr", whole, here(whole, scene), quiet, told.append)
-        assert len(told) == (removed > 0)
-        assert all(f"a.exr.bands: bands are removed, {removed} of another" in line for line in told)
+        caplog.clear()
+        kept, _ = render_bands(place / "a.exr", whole)
+        kept.release()
+        lines = logged(caplog)
+        assert len(lines) == (removed > 0)
+        assert all(f"a.exr.bands: removed {removed} bands left by a different render" in line for line in lines)
+
+
+@pytest.mark.parametrize("first_byte", [200, -8, -2])
+def test_a_damaged_band_is_rendered_again_and_told(place, narrow, first_byte):
+    """Kept bands had no checksum: a byte that the disk had changed came into the picture."""
+    whole, scene = still(place, SETTINGS[1])
+    kept, _ = render_bands(place / "a.exr", whole)
+    kept.release()
+    path = place / "a.exr.bands" / f"{whole.identity}-00064.npy"
+    content = bytearray(path.read_bytes())
+    content[first_byte] ^= 0x10
+    path.write_bytes(content)
+    with pytest.warns(LippmannWarning, match=r"-00064\.npy: this band is damaged, and rendered again"):
+        kept, rendered = render_bands(place / "a.exr", whole)
+    assert rendered == [1]
+    np.testing.assert_array_equal(kept[64:128], render_picture(Job(scene, whole.display, whole.options).plan())
+                                  .radiance[64:128])  # fmt: skip
 
 
 def test_a_scheduler_that_is_not_there_leaves_nothing(place, mi, capfd):
@@ -322,15 +358,15 @@ def test_a_still_counts_the_rays_of_its_subpixels(place, mi):
     whole, _ = still(place, SETTINGS[0])
     striped = replace(whole, display=replace(whole.display, panel=replace(whole.display.panel, subpixels="rgb")))
     assert (whole.rays, striped.rays) == (3, 9)
-    assert striped.renderer().rays == 9
+    assert striped.start().rays == 9
 
 
 def test_a_limit_below_one_band_is_refused(place, narrow):
-    whole, scene = still(place, Settings())
+    whole, _ = still(place, Settings())
     small = replace(whole, options=replace(whole.options, settings=Settings(memory_mb=100.0)))
     refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise --memory-mb"
     with pytest.raises(InputError, match=refusal):
-        render_bands(place / "a.exr", small, here(small, scene), quiet)
+        render_bands(place / "a.exr", small)
     assert not (place / "a.exr.bands").exists()
 
 
@@ -340,7 +376,7 @@ def test_long_renders_are_kept(name, samples):
     display = load_display(repository() / f"scenes/displays/{name}.toml")
     for more, kept in ((0, False), (1, True)):
         options = RenderOptions("exact", settings=Settings(samples=samples + more))
-        assert bands.is_kept(options, display) == kept
+        assert bands.is_long_render(options.settings, display) == kept
 
 
 # --- the command ----------------------------------------------------------------------------------
@@ -453,29 +489,31 @@ def test_workers_that_lack_memory_are_refused_not_waited_for(large, monkeypatch,
         )
 
 
-class Deadly(NamedTuple):
-    """A task that ends its worker."""
+class DeadlyPlan:
+    """A plan whose renderer ends its worker."""
 
-    scene: Path
-    digest: str
+    name, identity = "the picture", "0" * 16
 
-    def render(self):
+    def check_files(self, worker):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_own_workers_that_end_again_and_again_are_told(place):
-    path = place / "three.xml"
+def test_own_workers_that_end_again_and_again_are_told():
     with local_workers(2) as (address, security), pytest.raises(DeviceError) as error:
-        list(render_on_cluster(address, "llvm", [Deadly(path, digest_of(path))], security=security))
+        list(render_on_cluster(address, "llvm", [Band(DeadlyPlan(), 0)], security))
     assert re.fullmatch(r"--workers: .* crashed several workers; .* memory: give fewer of them", str(error.value))
 
 
-def test_bands_that_are_left_are_told(place, narrow, capfd):
-    whole, scene = still(place, SETTINGS[1])
-    kept, _ = render_bands(place / "a.exr", whole, here(whole, scene), quiet)
+def test_bands_that_are_left_are_told(place, narrow, capfd, caplog):
+    whole, _ = still(place, SETTINGS[1])
+    kept, _ = render_bands(place / "a.exr", whole)
     kept.release()
-    assert left_over(place / "a.exr").startswith(f"{place}/a.exr.bands: has 5 bands of a render that is not done; ")
-    assert left_over(place / "b.exr") is None
+    caplog.set_level("INFO", "lippmann")
+    log_remaining_bands(place / "a.exr")
+    (line,) = logged(caplog)
+    assert line.startswith(f"{place}/a.exr.bands: has 5 bands of a render that is not done; ")
+    log_remaining_bands(place / "b.exr")
+    assert logged(caplog) == []
     words = [str(place / "three.xml"), "--display", str(place / "small.toml"), "-o", str(place / "a.exr")]
     assert run(["render", *words, "--device", "llvm"]) == 0
     assert f"{place}/a.exr.bands: has 5 bands" in capfd.readouterr().err
@@ -487,8 +525,39 @@ def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):
     assert "--workers and --scheduler" in capfd.readouterr().err
 
 
-def test_layers_are_not_shared(large, monkeypatch, capfd):
+@pytest.mark.parametrize("engine", ["golden", "twin"])
+def test_layers_by_workers_are_those_of_one_process(large, monkeypatch, capfd, engine):
     monkeypatch.chdir(large)
-    layers = repository() / "scenes/layers/fish"
-    assert run(["render", str(layers), "--display", "large.toml", "-o", "a.png", "--workers", "2"]) == 2
-    assert "--workers is for scenes; leave it out with layers" in capfd.readouterr().err
+    monkeypatch.setitem(bands.BAND_PIXELS, "llvm", 1)
+    layers = str(repository() / "scenes/layers/fish")
+    common = ["render", layers, "--display", "small.toml", "--engine", engine, "--samples", "2"]
+    assert run([*common, "-o", "one.exr"]) == 0
+    capfd.readouterr()
+    assert run([*common, "-o", "two.exr", "--workers", "2", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["bands"] == 5
+    one, two = (read_picture(large / name) for name in ("one.exr", "two.exr"))
+    np.testing.assert_array_equal(one.radiance, two.radiance)
+    assert one.metadata == two.metadata
+
+
+def test_python_keeps_bands_and_shares_them(place, narrow):
+    """`kept`, `workers`: an interrupted `lippmann.render` goes on, and its bands stay for the next call."""
+    options = {"samples": 1, "model": "exact", "placement": Placement(), "device": "llvm"}
+    scene, display, folder = place / "three.xml", place / "small.toml", place / "three.bands"
+    usual = lippmann.render(scene, display, **options)
+
+    def interrupt(done, total):
+        if done > 128:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        lippmann.render(scene, display, **options, kept=folder, progress=interrupt)
+    assert len(list(folder.iterdir())) == 2
+    shared = lippmann.render(scene, display, **options, kept=folder, workers=2)
+    assert (shared.measured["bands"], shared.measured["bands_kept"]) == (5, 2)
+    in_memory = lippmann.render(scene, display, **options, workers=1)
+    for image in (shared, in_memory, lippmann.render(scene, display, **options, kept=folder)):
+        np.testing.assert_array_equal(image.radiance, usual.radiance)
+        assert image.metadata == usual.metadata
+    with pytest.raises(InputError, match="a scene in memory can neither be shared"):
+        lippmann.render({"type": "scene", "ball": {"type": "sphere"}}, display, **options, workers=2)

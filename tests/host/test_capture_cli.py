@@ -134,7 +134,7 @@ def test_vignetting_is_told(place, capfd, mi):
         ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 702]", (), "camera.distance_mm: the scene's image reaches"),
         ("width_px = 400\nheight_px = 300", "width_px = 24\nheight_px = 24", (), "2.4 lenslets across the display"),
         ("", "", ("--display-out", "s.toml"), "s.toml: exists already"),
-        ("", "", ("--aperture", "chief"), "--aperture is for a [pickup]"),
+        ("", "", ("--aperture", "chief"), "aperture is for a [pickup]"),
         ("", "", ("--memory-mb", "nan"), "--memory-mb nan is not a limit; give a number above 0"),
         ("", "", ("-o", "out.jpg"), "unknown extension"),
         ("", "", ("--samples", "0"), "samples 0 is out of range"),

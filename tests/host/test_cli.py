@@ -769,18 +769,19 @@ SLOW_RENDER = """
 import signal
 import sys
 import tempfile
-import lippmann.rendering.integral as command
-import lippmann.rendering.renderer as renderer
+import lippmann.cli.render as command
+import lippmann.rendering.bands as bands
 from lippmann.cli import main
 # A shell may have told its background jobs to ignore it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-renderer.CHUNK_SAMPLES["llvm"] = 1 << 16
-whole = command.render_integral
-def announced(*arguments):
+bands.CHUNK_SAMPLES["llvm"] = 1 << 16
+whole = command.render_into
+def announced(sink, executor, _):
     def progress(done, total):
-        print("started", file=sys.stderr, flush=True)
-    return whole(*arguments[:4], progress)
-command.render_integral = announced
+        if done:
+            print("started", file=sys.stderr, flush=True)
+    return whole(sink, executor, progress)
+command.render_into = announced
 main(sys.argv[1:])
 """
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from lippmann.base import machine
 from lippmann.base.variant import current_device
-from lippmann.rendering import coherence
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering import lights as coherence
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
 from scene_cases import focused_display, generator

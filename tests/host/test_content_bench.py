@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene

@@ -13,8 +13,9 @@ from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.eye.many_views import eyes_of, of_scene
 from lippmann.eye.observer import Eye, whole_window
-from lippmann.rendering.renderer import Settings, first_depths
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import first_depths
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import load_scene
 from lippmann.scenes.window_views import quilt_path
 from PIL import Image

@@ -17,14 +17,11 @@ from lippmann.base.tones import encode, psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.motion.film import load_film
-from lippmann.motion.path import Key
-from lippmann.motion.path import Path as FilmPath
-from lippmann.motion.shot import render_shot, shots_of
+from lippmann.motion.film import Key, MotionPath, load_film
+from lippmann.motion.film_frames import plan_film, render_frame
 from lippmann.motion.video import write_video
 from lippmann.rendering import renderer
-from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import depths_of, load_scene
 from PIL import Image
@@ -90,7 +87,7 @@ def times(folder):
 def test_keys_are_met_and_held():
     keys = (Key(2, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0), 2.0), Key(5, (4.0, 2.0, 0.0), (0.0, 0.0, 0.0), 0.5))
     for motion in ("linear", "smooth"):
-        path = FilmPath(keys, motion=motion)
+        path = MotionPath(keys, motion=motion)
         for frame, key in ((0, keys[0]), (2, keys[0]), (5, keys[1]), (9, keys[1])):
             assert path.at(frame) == Placement(key.scale, key.rotation_deg, key.offset_mm)
 
@@ -99,7 +96,7 @@ def test_between_keys_linear_is_even_and_smooth_stays_between():
     rng = np.random.default_rng(2005)
     values = rng.uniform(-9.0, 9.0, 6).round(3)
     keys = tuple(Key(4 * k, (float(v), 0.0, 0.0)) for k, v in enumerate(values))
-    linear, smooth = FilmPath(keys, motion="linear"), FilmPath(keys)
+    linear, smooth = MotionPath(keys, motion="linear"), MotionPath(keys)
     straight = 0
     for k in range(5):
         low, high = sorted(values[k : k + 2])
@@ -114,7 +111,7 @@ def test_between_keys_linear_is_even_and_smooth_stays_between():
 
 def test_a_smooth_path_has_the_slopes_of_fritsch_and_butland():
     """By hand: slopes 2 and 4 with equal steps meet with their harmonic mean 8/3; half way up a cubic of Hermite."""
-    path = FilmPath((Key(0), Key(2, (4.0, 0.0, 0.0)), Key(4, (12.0, 0.0, 0.0))))
+    path = MotionPath((Key(0), Key(2, (4.0, 0.0, 0.0)), Key(4, (12.0, 0.0, 0.0))))
     end = (3.0 * 4.0 - 2.0) / 2.0  # three points' formula at the last key
     middle = 0.5 * (4.0 + 12.0) + 2.0 * (8.0 / 3.0 - end) / 8.0
     assert path.at(3).offset_mm[0] == pytest.approx(middle, abs=1e-12)
@@ -122,7 +119,7 @@ def test_a_smooth_path_has_the_slopes_of_fritsch_and_butland():
 
 def test_the_pivot_stays():
     pivot = np.array([3.0, -2.0, 7.0])
-    path = FilmPath((Key(0, (1.0, 2.0, -4.0), (15.0, -40.0, 70.0), 1.5),), tuple(pivot))
+    path = MotionPath((Key(0, (1.0, 2.0, -4.0), (15.0, -40.0, 70.0), 1.5),), tuple(pivot))
     matrix = path.at(0).display_from_scene
     np.testing.assert_allclose(matrix[:3, :3] @ pivot + matrix[:3, 3], pivot + np.array([1.0, 2.0, -4.0]), atol=1e-12)
     turn = Rotation.from_euler("xyz", (15.0, -40.0, 70.0), degrees=True).as_matrix()
@@ -162,12 +159,12 @@ def test_a_moved_shape_is_the_shape_there(place, mi):
     """The film's last frame against the scene with the block written there."""
     film = film_of(place, FILM + MOVE.format("block", 1, 0, 2))
     display, options = load_display(place / "small.toml"), RenderOptions("exact", settings=Settings(samples=1))
-    moved = render_shot(shots_of(film, display, options)[4]).radiance
+    moved = render_frame(plan_film(film, display, options)[4]).radiance
     (place / "three.xml").write_text(
         SCENE.replace('<translate x="0" y="-1" z="0" />', '<translate x="1" y="-1" z="2" />')
     )
-    there = render_shot(shots_of(film_of(place, FILM), display, options)[0]).radiance
-    still = render_shot(shots_of(film_of(place, FILM), display, options)[4]).radiance
+    there = render_frame(plan_film(film_of(place, FILM), display, options)[0]).radiance
+    still = render_frame(plan_film(film_of(place, FILM), display, options)[4]).radiance
     assert psnr_db(moved, there) > 60.0
     np.testing.assert_array_equal(there, still)
 
@@ -198,7 +195,7 @@ def test_the_world_moves_as_render_places_it(place):
 def test_scale_shrinks_the_whole_film(place, mi):
     """A quarter of everything: depths, paths and all."""
     film = film_of(place, FILM + MOVE.format("ball-*", 0, 0, 40))
-    shots = [shots_of(film, load_display(place / "small.toml"), RenderOptions(), s)[4] for s in (1.0, 0.25)]
+    shots = [plan_film(film, load_display(place / "small.toml"), RenderOptions(), s)[4] for s in (1.0, 0.25)]
     boxes = [depths_of(load_scene(film.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots]
     np.testing.assert_allclose(0.25 * np.array(boxes[0]), boxes[1], rtol=1e-6)
     assert boxes[0][1] == pytest.approx(42.0, abs=1e-4)  # ball-1's front
@@ -211,7 +208,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
 
     def picture(near):
         film = film_of(place, near + FILM + flight)
-        return render_shot(shots_of(film, load_display(place / "small.toml"), RenderOptions("exact"))[0]).radiance
+        return render_frame(plan_film(film, load_display(place / "small.toml"), RenderOptions("exact"))[0]).radiance
 
     seen, from_40, cut = (picture(near) for near in ("", "near_mm = 40.0\n", "near_mm = 4.0\n"))
     assert psnr_db(seen, from_40) > 50.0
@@ -347,14 +344,14 @@ def test_a_changed_picture_or_mesh_is_noticed(place, mi):
     picture = '<texture type="bitmap" name="reflectance"><string name="filename" value="skin.png" /></texture>'
     (place / "three.xml").write_text(SCENE.replace('<rgb name="reflectance" value="0.8, 0.2, 0.1" />', picture))
     film, display = load_film(place / "film.toml"), load_display(place / "small.toml")
-    before = [shot.identity for shot in shots_of(film, display, RenderOptions())]
-    assert before == [shot.identity for shot in shots_of(film, display, RenderOptions())]
+    before = [shot.identity for shot in plan_film(film, display, RenderOptions())]
+    assert before == [shot.identity for shot in plan_film(film, display, RenderOptions())]
     assert len(set(before)) == 5
     Image.new("RGB", (2, 2), (0, 200, 0)).save(place / "skin.png")
-    assert not set(before) & {shot.identity for shot in shots_of(film, display, RenderOptions())}
+    assert not set(before) & {shot.identity for shot in plan_film(film, display, RenderOptions())}
     (place / "skin.png").unlink()
     with pytest.raises(InputError, match=r"skin\.png"):
-        shots_of(film, display, RenderOptions())
+        plan_film(film, display, RenderOptions())
 
 
 def test_an_interrupted_film_goes_on(place, mi):
@@ -377,9 +374,9 @@ def test_an_interrupted_film_goes_on(place, mi):
     assert (told["kept"], told["rendered"]) == (len(there), frames - len(there))
     assert there.items() <= times(place / "out").items()
     display, options = load_display(place / "small.toml"), RenderOptions(settings=Settings(samples=16))
-    shots = shots_of(load_film(place / "film.toml"), display, options)
+    shots = plan_film(load_film(place / "film.toml"), display, options)
     for k in (0, len(there) - 1, len(there), frames - 1):
-        radiance = render_shot(shots[k]).radiance
+        radiance = render_frame(shots[k]).radiance
         frame = read_picture(place / f"out/frame_{k:04d}.exr").radiance
         np.testing.assert_array_equal(frame, radiance.astype(np.float16).astype(np.float32))
 

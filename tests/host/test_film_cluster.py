@@ -7,13 +7,14 @@ import subprocess
 import sys
 import time
 
-import lippmann.rendering.cluster
+import lippmann.rendering.executors
 import numpy as np
 import pytest
 from lippmann.base.images import read_picture
 from lippmann.cli import run
 from lippmann.errors import InputError
-from lippmann.rendering.cluster import _check_scene, render_on_cluster
+from lippmann.rendering.executors import render_on_cluster
+from lippmann.rendering.plan import check_same_scene
 from test_film import DISPLAY, FILM, MOVE, SCENE
 
 FRAMES = 30
@@ -123,7 +124,7 @@ def test_a_film_waits_for_a_worker(place, cluster):
 
 
 def test_where_nobody_is_the_film_does_not_begin(cluster, monkeypatch):
-    monkeypatch.setattr(lippmann.rendering.cluster, "ANSWER_S", 0.5)
+    monkeypatch.setattr(lippmann.rendering.executors, "ANSWER_S", 0.5)
     for address, said in (
         ("tcp://127.0.0.1:9", "no scheduler answers there"),
         ("nonsense://", "no scheduler answers there"),
@@ -167,7 +168,7 @@ def test_a_lost_scheduler_ends_the_film(place, cluster):
 def test_a_scene_that_a_worker_cannot_read_is_told(mi, tmp_path):
     """The check that runs on a worker, with a scene that is not there and one that is another."""
     with pytest.raises(InputError, match=r"worker w: .*no such scene.*share the scene's folder"):
-        _check_scene("worker w", tmp_path / "three.xml", "0" * 64)
+        check_same_scene("worker w", tmp_path / "three.xml", "0" * 64)
     (tmp_path / "three.xml").write_text(SCENE)
     with pytest.raises(InputError, match=r"worker w: .*three\.xml differs there"):
-        _check_scene("worker w", tmp_path / "three.xml", "0" * 64)
+        check_same_scene("worker w", tmp_path / "three.xml", "0" * 64)

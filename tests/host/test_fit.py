@@ -20,7 +20,7 @@ from lippmann.layers.layer_choice import LayerChoice, choose_layers
 from lippmann.optics.model_choice import choose_model
 from lippmann.optics.rays import MODELS
 from lippmann.optics.sampling import points_in_pixel
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from optics_cases import GRIDS, SIDES, random_display

@@ -12,8 +12,8 @@ from lippmann.base.images import read_picture, write_picture
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import display_text
 from lippmann.errors import InputError
+from lippmann.rendering.bands import BASE_MEMORY_MB
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import BASE_MEMORY_MB
 from optics_cases import display_of
 from PIL import Image
 from scene_cases import generator

@@ -14,7 +14,7 @@ from lippmann.layers.layer_drawing import exit_lines
 from lippmann.layers.scene_cutting import SLOT as BUILD_SLOT
 from lippmann.layers.scene_cutting import cut_scene
 from lippmann.layers.stack import light_of
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository

@@ -18,7 +18,7 @@ from lippmann.layers.layer_drawing import exit_lines, texel_coordinates
 from lippmann.layers.layers_folder import load_layers, load_named_layers
 from lippmann.layers.scene_cutting import Area, check_slot, cut_scene, reach_of, seen_depths, texels_for
 from lippmann.layers.stack import Layer, light_of
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Part, load_scene
 from lippmann.simulation.toolchain import repository

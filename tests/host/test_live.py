@@ -13,16 +13,13 @@ from lippmann.board.streaming import Sender
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
-from lippmann.motion.encoder import Encoder, least_radiance
 from lippmann.motion.film import load_film
-from lippmann.motion.hand import Hand
+from lippmann.motion.film_frames import Reel, plan_film, render_frame
 from lippmann.motion.live_loop import run_live
-from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.reel import Reel
-from lippmann.motion.screens import screens
-from lippmann.motion.shot import render_shot, scene_of_shot, shots_of
-from lippmann.rendering.integral import RenderOptions
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.motion.live_picture import Encoder, LivePicture, least_radiance
+from lippmann.motion.screens import Hand, screens
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
@@ -297,7 +294,7 @@ def reel(place, request):
     (place / "s.xml").write_text(SCENE.replace('type="sphere"', 'type="sphere" id="ball"'))
     (place / "f.toml").write_text(request.param)
     display = load_display("d.toml")
-    shots = shots_of(
+    shots = plan_film(
         load_film("f.toml"), display, RenderOptions(model="pinhole", settings=Settings(4, seed=3, shading="each"))
     )
     return display, Reel(shots, 50.0)
@@ -306,12 +303,12 @@ def reel(place, request):
 def test_a_films_frames_are_those_of_animate(reel):
     """All of them, the first time round and from memory; then one at rest, as fine as animate's, and moved by hand."""
     display, reel = reel
-    picture = LivePicture(scene_of_shot(reel.shots[0]), display, "pinhole", Settings(seed=3, shading="each"))
-    hand = Hand(reel.shots[0].placement, picture.middle_mm, 0.1)
+    picture = LivePicture(reel.plans[0].load(), display, "pinhole", Settings(seed=3, shading="each"))
+    hand = Hand(reel.plans[0].placement, picture.middle_mm, 0.1)
     wanted = []
-    for shot in reel.shots:
+    for shot in reel.plans:
         one = replace(shot, options=replace(shot.options, settings=Settings(samples=1, seed=3, shading="each")))
-        wanted.append(panel_values(render_shot(one).radiance, display.panel.transfer, 8).astype(np.uint8))
+        wanted.append(panel_values(render_frame(one).radiance, display.panel.transfer, 8).astype(np.uint8))
     assert len({frame.tobytes() for frame in wanted}) == 4
     given = []
     with screens() as shown:
@@ -325,7 +322,7 @@ def test_a_films_frames_are_those_of_animate(reel):
         assert np.count_nonzero(frame != wanted[number % 4]) <= 6, number  # rays start at a front of another box
     assert played.samples == 4
     assert not reel.playing
-    fine = panel_values(render_shot(reel.shots[reel.frame]).radiance, display.panel.transfer, 8)
+    fine = panel_values(render_frame(reel.plans[reel.frame]).radiance, display.panel.transfer, 8)
     assert np.count_nonzero(last != fine) <= 6
 
 

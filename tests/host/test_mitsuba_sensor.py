@@ -8,7 +8,8 @@ import drjit as dr
 import lippmann
 import numpy as np
 import pytest
-from lippmann.rendering.renderer import Settings, make_integrator, render_integral
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import make_integrator, render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS

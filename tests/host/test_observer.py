@@ -11,7 +11,7 @@ from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, View, observe, whole_window
 from lippmann.optics.rays import MODELS
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sampling import Window
 from optics_cases import GRIDS, KEYS, SIDES, kinds, random_display
 from scene_cases import centres, focused_display, generator
 

@@ -28,8 +28,9 @@ from lippmann.optics.display_properties import beats_in_lenslets, display_proper
 from lippmann.optics.rays import Status
 from lippmann.optics.trace import trace_to_panel
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import Settings, render_integral
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS, SIDES, random_display
 from scene_cases import focused_display, generator, rgb, write_scene

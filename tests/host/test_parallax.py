@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.model_choice import choose_model
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from scene_cases import centres, focused_display, glowing_sphere, on_screen, write_scene

@@ -13,7 +13,7 @@ from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.test_patterns import ON_BOARD, draw, white_for_eye
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sampling import Window
 from optics_cases import GRIDS, display_of
 from PIL import Image
 from scene_cases import focused_display, generator

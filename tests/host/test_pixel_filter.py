@@ -11,10 +11,10 @@ from lippmann.capturing.capture import capture_source
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
+from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import MOST_SAMPLES, PixelFilter, is_filtered, softness
-from lippmann.rendering.renderer import Renderer, Settings, render_rays
-from lippmann.rendering.samples import Seeds
-from lippmann.rendering.sources import Lines, RaySource, Window, display_source, eye_source
+from lippmann.rendering.renderer import Renderer, render_rays
+from lippmann.rendering.sampling import Lines, RaySource, Seeds, Window, display_source, eye_source
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
 from lippmann.simulation.toolchain import repository

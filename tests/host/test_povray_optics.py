@@ -15,7 +15,8 @@ from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.panel_frame import PanelFrame
-from lippmann.rendering.renderer import Settings, render_rays
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_rays
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import load_scene
 from PIL import Image

@@ -11,8 +11,9 @@ from lippmann.base.tones import encode
 from lippmann.capturing.povray_export import MAX_RAYS, export_display
 from lippmann.cli import run
 from lippmann.errors import InputError, MissingLibraryError
-from lippmann.rendering.renderer import Settings, render_integral, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral, render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import load_scene
 from optics_cases import GRIDS
 from scene_cases import centres, display_toml, focused_display, generator, rgb, write_scene

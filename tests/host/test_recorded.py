@@ -7,10 +7,11 @@ import weakref
 
 import numpy as np
 import pytest
-from lippmann.rendering import recorded as recording
 from lippmann.rendering import renderer
-from lippmann.rendering.recorded import Recorded
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering import shading as recording
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
+from lippmann.rendering.shading import Recorded
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
@@ -111,7 +112,7 @@ WITH_GARBAGE = """
 import sys
 from pathlib import Path
 import drjit as dr
-from lippmann.rendering.recorded import Recorded
+from lippmann.rendering.shading import Recorded
 from lippmann.scenes.scene import load_scene
 from lippmann.base.variant import mitsuba, start_mitsuba
 start_mitsuba("llvm")

@@ -13,8 +13,9 @@ from lippmann.base.tones import decode, psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes import meshes
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.meshes import check_faces

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 from lippmann.base.tones import psnr_db
+from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import share_of_noise
-from lippmann.rendering.renderer import Settings, render_rays
-from lippmann.rendering.sources import display_source
+from lippmann.rendering.renderer import render_rays
+from lippmann.rendering.sampling import display_source
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display

@@ -12,10 +12,12 @@ from lippmann.base.variant import current_device
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, Window, observe
+from lippmann.rendering import bands
 from lippmann.rendering import renderer as renderers
-from lippmann.rendering.irradiance import Irradiance
-from lippmann.rendering.renderer import Renderer, Settings, radiance_of, render_integral
-from lippmann.rendering.sources import display_source
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import Renderer, radiance_of, render_integral
+from lippmann.rendering.sampling import display_source
+from lippmann.rendering.shading import Irradiance
 from lippmann.rendering.surface_lattice import FAN, SPHERE, Place, corners, from_octahedron, on_octahedron, place_of
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
@@ -408,14 +410,14 @@ def grid(mi):
     return wires
 
 
-def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager):
-    told = []
+def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager, caplog):
+    caplog.set_level("INFO", "lippmann")
     made = scene(wall=wall(mi), **grid(mi), a=lamp([10, 3, 10], 900.0))
     settings = replace(SETTINGS, shading="auto")
-    auto = render_integral(made, display, "exact", settings, note=told.append)
+    auto = render_integral(made, display, "exact", settings)
     assert auto.shading == "each"
     if current_device() == "llvm":  # a GPU does not try
-        (remark,) = told
+        (remark,) = caplog.messages
         assert re.search(r"PSNR \d+\.\d dB; 45 dB are needed, so light is not shared$", remark)
     each = render_integral(made, display, "exact", replace(settings, shading="each"))
     assert (auto.radiance == each.radiance).all()
@@ -430,24 +432,24 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager):
         ({f"l{k}": lamp([k, 0, 30]) for k in range(32)}, "lights", "other lamps"),
     ],
 )
-def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps, integrator, why):
-    told = []
+def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps, integrator, why, caplog):
+    caplog.set_level("INFO", "lippmann")
     settings = replace(SETTINGS, integrator=integrator, samples=1)
     made = scene(wall=wall(mi), **lamps)
-    assert render_integral(made, display, "exact", settings, note=told.append).shading == "each"
-    assert len(told) == 1
-    assert told[0].startswith("light is not shared: ")
-    assert why in told[0]
-    told.clear()
-    render_integral(made, display, "exact", replace(settings, shading="auto"), note=told.append)
-    assert not told
+    assert render_integral(made, display, "exact", settings).shading == "each"
+    assert len(caplog.messages) == 1
+    assert caplog.messages[0].startswith("light is not shared: ")
+    assert why in caplog.messages[0]
+    caplog.clear()
+    render_integral(made, display, "exact", replace(settings, shading="auto"))
+    assert not caplog.messages
 
 
 @pytest.mark.parametrize("free_mb", [1.0, 1e6])
 @pytest.mark.parametrize(("limit_mb", "shading"), [(None, "auto"), (700.0, "each"), (800.0, "auto")])
 def test_the_users_limit_decides_and_not_the_free_memory(mi, display, eager, monkeypatch, free_mb, limit_mb, shading):
     """500 MB, 250 more for shared light, and 2.2 MB for 288 x 216 pixels."""
-    monkeypatch.setattr(renderers, "free_memory_mb", lambda: free_mb)
+    monkeypatch.setattr(bands, "free_memory_mb", lambda: free_mb)
     made = scene(wall=wall(mi), a=lamp([2, 3, 40]))
     settings = replace(SETTINGS, shading="auto", memory_mb=limit_mb)
     found = Renderer(made, display_source(display, "exact", 4, "chief", "fast", None), settings)
@@ -482,7 +484,7 @@ def test_a_large_triangle_has_no_lattice(mi):
 
 
 @pytest.mark.parametrize("kind", ["projector", "spot", "directionalarea"])
-def test_lamps_with_pictures_do_not_share(mi, display, kind):
+def test_lamps_with_pictures_do_not_share(mi, display, kind, caplog):
     """Their light changes between points."""
     stripes = mi.Bitmap(np.tile(np.float32([0, 0, 0, 1])[None, :, None], (4, 16, 3)))
     picture = {"type": "bitmap", "bitmap": stripes, "raw": True}
@@ -492,11 +494,11 @@ def test_lamps_with_pictures_do_not_share(mi, display, kind):
         "spot": {"type": "spot", "texture": picture, "to_world": to_world, "intensity": 4000.0},
         "directionalarea": {"type": "rectangle", "to_world": to_world, "lamp": {"type": "directionalarea"}},
     }[kind]  # fmt: skip
-    told = []
+    caplog.set_level("INFO", "lippmann")
     one = scene(wall=wall(mi), lamp=made)
-    rendered = render_integral(one, display, "exact", SETTINGS, note=told.append)
+    rendered = render_integral(one, display, "exact", SETTINGS)
     assert rendered.shading == "each"
-    assert "other lamps" in told[0]
+    assert "other lamps" in caplog.messages[0]
 
 
 @pytest.mark.parametrize("middle", [(72, 108), (144, 108), (200, 30)])
@@ -523,15 +525,15 @@ def test_the_trial_looks_between_the_columns_of_a_grid(mi, samples):
         assert (np.bincount(place // 6, minlength=50) > 0).all()
 
 
-def test_why_a_trial_was_not_kept_is_told(mi, display, eager):
+def test_why_a_trial_was_not_kept_is_told(mi, display, eager, caplog):
     """Gloss, which has no lattice, hides all that has one."""
-    told = []
+    caplog.set_level("INFO", "lippmann")
     glossy = {"type": "roughconductor"}
     front = {"type": "rectangle", "bsdf": glossy, "to_world": mi.ScalarTransform4f().scale([50, 50, 1])}
     made = scene(front=front, back=wall(mi), a=lamp([2, 9, 40]))
     settings = replace(SETTINGS, shading="auto")
-    assert render_integral(made, display, "exact", settings, note=told.append).shading == "each"
-    assert told == ["light is not shared: most rays meet surfaces that are not plain diffuse, or too large"]
+    assert render_integral(made, display, "exact", settings).shading == "each"
+    assert caplog.messages == ["light is not shared: most rays meet surfaces that are not plain diffuse, or too large"]
 
 
 @pytest.mark.parametrize("samples", [1, 5, 300])

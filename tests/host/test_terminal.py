@@ -13,7 +13,7 @@ from lippmann import errors
 from lippmann.base import progress as work_progress
 from lippmann.cli import output, progress_bar, run
 from lippmann.motion.video import write_video
-from lippmann.rendering import cluster
+from lippmann.rendering import executors as cluster
 
 NAMED = (
     'name = "evil\\u001b]0;title\\u0007\\u009b31m\\u202etxt\\u007f"\ngap_mm = 3.3\n'

@@ -23,13 +23,12 @@ from lippmann.board.streaming import Sender, send_frame
 from lippmann.display.description import load_display
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.motion.hand import Hand
+from lippmann.motion.film_frames import Reel
 from lippmann.motion.layer_film import LayerFilm, LayerKey, MovingLayer
 from lippmann.motion.live_loop import run_live
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.reel import Reel
-from lippmann.motion.screens import NoScreens
-from lippmann.rendering.renderer import Settings
+from lippmann.motion.screens import Hand, NoScreens
+from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation import virtual_board

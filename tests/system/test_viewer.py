@@ -23,7 +23,8 @@ from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.viewer_page import Direct, page_html
 from lippmann.optics.rays import Status
 from lippmann.optics.trace import trace_to_panel
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import load_scene
 from PIL import Image
 from tools.browser import browser_page

@@ -26,7 +26,6 @@ array, with the camera or sensor in place of the panel.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -47,8 +46,9 @@ from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import Floats, gets_through
 from lippmann.optics.sampling import square_to_cell
 from lippmann.optics.system import System
-from lippmann.rendering.renderer import Rendered, Settings, render_rays
-from lippmann.rendering.sources import Aperture, Lines, RaySource, owner_number
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import Rendered, render_rays
+from lippmann.rendering.sampling import Aperture, Lines, RaySource, owner_number
 from lippmann.scenes.placement import Placement, placement_beside
 from lippmann.scenes.scene import Scene
 
@@ -107,7 +107,6 @@ def capture(
     settings: Settings,
     rotate: bool,
     progress: Progress | None = None,
-    note: Callable[[str], None] | None = None,
 ) -> Rendered:
     """Render the image that a set-up captures of a scene; its `lost_percent` are those of the lens and of the array.
 
@@ -120,7 +119,7 @@ def capture(
     with ThreadPoolExecutor(1) as other:
         # Takes one core, while compilation takes another.
         partner = other.submit(rotation_map, setup.display) if rotate else None
-        rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress, note)
+        rendered = render_rays(scene, capture_source(setup, settings.aperture), settings, progress)
         lens_percent, array_percent = rendered.lost_percent
         if array_percent >= 100.0:
             raise InputError(

@@ -21,7 +21,7 @@ from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Model
 from lippmann.optics.sampling import square_to_cell
-from lippmann.rendering.sources import APERTURES, lines_from_pixels
+from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
 if TYPE_CHECKING:
     from mitsuba import Properties

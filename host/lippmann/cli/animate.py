@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -11,7 +11,6 @@ import click
 from lippmann import api
 from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
 from lippmann.base.images import check_output
-from lippmann.base.progress import report_each
 from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.panel_frames import panel_values
@@ -23,16 +22,15 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.motion.film import load_film
-from lippmann.motion.film_frames import check_folder, frame_path, write_frames
-from lippmann.motion.shot import Shot, render_shot, shots_of, with_one_shading
+from lippmann.motion.film import Film, load_film
+from lippmann.motion.film_frames import FrameFolder, check_folder, choose_shading, plan_film, warn_of_frame
 from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
-from lippmann.rendering.cluster import render_on_cluster
-from lippmann.rendering.integral import RenderOptions
+from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory, check_memory_mb
+from lippmann.rendering.executors import choose_executor
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import BASE_MEMORY_MB, check_memory, check_memory_mb
-from lippmann.rendering.samples import colours_of
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.sampling import Window, colours_of
+from lippmann.rendering.sinks import render_into
 from lippmann.scenes.placement import SCALE_RANGE, unplaced_note
 from lippmann.scenes.scene import check_scene_file
 
@@ -73,64 +71,35 @@ def command(
         raise InputError("--scale and --fit both place the film; leave one out")
     film = load_film(film_path)
     display = load_display(display_path)
-    looker = None if eye is None else Eye(eye)
-    panel = display.panel
+    panel, folder = display.panel, Path(output)
     check_memory(panel.width_px, panel.height_px, options.settings, colours_of(panel))
     unplaced = unplaced_note(check_scene_file(film.scene))
     if unplaced is not None and not fit:
         log(unplaced)
-    folder = Path(output)
     check_folder(folder, film.frames)
     if video is not None:
         check_output(video, LOSSLESS_SUFFIXES)
-    if view is not None:
-        suffix = check_output(view, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
-        if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
-            raise InputError(f"{view}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
-        seen = even_window(whole_window(display, width or api.VIEW_PX))
-        kept = film.frames if suffix in ANIMATION_SUFFIXES else 1
-        check_memory_mb(
-            BASE_MEMORY_MB + animation_mb(kept, seen.width_px, seen.height_px),
-            options.settings.memory_mb,
-            f"{view}: {kept} frames of {seen.width_px} x {seen.height_px} pixels in memory",
-            "give a smaller --width, or an .mp4 file",
-        )
+    window = None if view is None else _view_window(view, film, display, width or api.VIEW_PX, options.settings)
     start_mitsuba(device)
-    shots = with_one_shading(film, shots_of(film, display, options, None if fit else scale), log)
-
-    def render(missing: Sequence[Shot]) -> Iterator[tuple[Shot, IntegralImage]]:
-        if cluster is not None:
-            return render_on_cluster(cluster, device, missing, log)
-        return ((shot, render_shot(shot, log if shot is missing[0] else None)) for shot in missing)
-
+    plans = choose_shading(plan_film(film, display, options, None if fit else scale))
     started = time.perf_counter()
+    frames = FrameFolder(folder, plans)
+    if frames.missing_plans and cluster is None:
+        warn_of_frame(frames.missing_plans[0])
     with progress_bar("frames") as progress:
-        rendered = write_frames(folder, shots, render, progress)
-    seconds = time.perf_counter() - started
+        render_into(frames, choose_executor(scheduler=cluster, device=device), progress)
+    seconds, rendered = time.perf_counter() - started, len(frames.missing_plans)
     if video is not None:
-        frames = (
-            panel_values(image.radiance, panel.transfer, panel.bits)
-            for image in _images(folder, range(film.frames), display)
-        )
-        write_video(video, frames, panel.width_px, panel.height_px, film.frames_per_second)
-    if view is not None and looker is not None:
+        values = (panel_values(image.radiance, panel.transfer, panel.bits) for image in frames.images())
+        write_video(video, values, panel.width_px, panel.height_px, film.frames_per_second)
+    if view is not None and window is not None and eye is not None:
         with progress_bar("view") as progress:
-            images = _images(folder, report_each(range(film.frames), progress), display)
-            _write_view(images, looker, seen, view, film.frames_per_second)
+            _write_view(frames.images(progress), Eye(eye), window, view, film.frames_per_second)
     result = {
-        "folder": str(folder),
-        "film": film.name,
-        "display": display.name,
-        "identity": display.identity,
-        "frames": film.frames,
-        "frames_per_second": film.frames_per_second,
-        "rendered": rendered,
-        "kept": film.frames - rendered,
-        "seconds": seconds,
-        "video": video,
-        "view": view,
-    }
-
+        "folder": str(folder), "film": film.name, "display": display.name, "identity": display.identity,
+        "frames": film.frames, "frames_per_second": film.frames_per_second, "rendered": rendered,
+        "kept": film.frames - rendered, "seconds": seconds, "video": video, "view": view,
+    }  # fmt: skip
     kept_text = f", {film.frames - rendered} kept" if rendered < film.frames else ""
     lines = [
         f"{folder}: {film.frames} frames of {panel.width_px} x {panel.height_px}, "
@@ -140,8 +109,20 @@ def command(
     emit(result, lines + films)
 
 
-def _images(folder: Path, frames: Iterable[int], display: Display) -> Iterator[IntegralImage]:
-    return (IntegralImage.load(frame_path(folder, frame), display) for frame in frames)
+def _view_window(path: str, film: Film, display: Display, width_px: int, settings: Settings) -> Window:
+    """Return the window of --view; refuse a file that cannot be written, or whose frames exceed the memory limit."""
+    suffix = check_output(path, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
+    if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
+        raise InputError(f"{path}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
+    window = even_window(whole_window(display, width_px))
+    count = film.frames if suffix in ANIMATION_SUFFIXES else 1
+    check_memory_mb(
+        BASE_MEMORY_MB + animation_mb(count, window.width_px, window.height_px),
+        settings.memory_mb,
+        f"{path}: {count} frames of {window.width_px} x {window.height_px} pixels in memory",
+        "give a smaller --width, or an .mp4 file",
+    )
+    return window
 
 
 def _write_view(images: Iterable[IntegralImage], eye: Eye, window: Window, path: str, frames_per_second: float) -> None:

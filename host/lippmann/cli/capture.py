@@ -21,8 +21,8 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import display_text
 from lippmann.errors import input_error
-from lippmann.rendering.renderer import Shading
-from lippmann.rendering.sources import Aperture
+from lippmann.rendering.options import Shading
+from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import unplaced_note
 from lippmann.scenes.scene import Scene, check_scene_file
 
@@ -75,7 +75,7 @@ def command(
     with progress_bar("capture") as progress:
         image = api.capture(
             scene, setup, samples, rotate=rotate, aperture=aperture, integrator=integrator, max_depth=max_depth,
-            seed=seed, memory_mb=memory_mb, shading=shading, progress=progress, note=log,
+            seed=seed, memory_mb=memory_mb, shading=shading, progress=progress,
         )  # fmt: skip
     image.save(path)
     if display_out is not None:

@@ -33,8 +33,9 @@ from lippmann.eye.viewer_page import Direct, page_html
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.motion.layer_film import load_layer_film
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 from lippmann.simulation.virtual_board import compile_board
 

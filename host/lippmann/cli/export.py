@@ -31,9 +31,11 @@ from lippmann.errors import InputError, input_error
 from lippmann.eye.many_views import Sight, eyes_of, focus_depths, of_image, of_scene
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.rays import Model
+from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, Settings, check_memory_mb, first_depths
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import MAX_SAMPLES, Settings
+from lippmann.rendering.renderer import first_depths
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.arrange import load_placed
 from lippmann.scenes.formats import kind_of
 from lippmann.scenes.scene import Scene, check_scene_file, load_scene

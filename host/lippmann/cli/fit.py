@@ -20,7 +20,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.layers.layer_choice import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.model_choice import TOLERANCE
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import check_scene_file
 
 

@@ -27,7 +27,7 @@ from lippmann.layers.layers_folder import check_for_display, depth_remarks, save
 from lippmann.layers.pictures_folder import cut_pictures, is_pictures
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
-from lippmann.rendering.renderer import Settings
+from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import check_scene_file
 
 #: Layers of a scene, unless --count tells.

@@ -17,24 +17,22 @@ from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import is_film, load_film
-from lippmann.motion.hand import Hand
+from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.reel import Reel
-from lippmann.motion.screens import NoScreens, screens
-from lippmann.motion.shot import scene_of_shot, shots_of
-from lippmann.rendering.integral import ModelOption, RenderOptions, chosen_model
-from lippmann.rendering.renderer import Settings, check_memory
-from lippmann.rendering.samples import colours_of
-from lippmann.scenes.arrange import load_placed
+from lippmann.motion.screens import Hand, NoScreens, screens
+from lippmann.rendering.bands import check_memory
+from lippmann.rendering.job import Job, place_scene
+from lippmann.rendering.options import ModelOption, RenderOptions, Settings
+from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import check_scene_file
+from lippmann.scenes.scene import check_scene_file, load_scene
 
 #: Width of the eye's view, pixels.
 VIEW_PX = 480
@@ -92,11 +90,11 @@ def command(
     start_mitsuba(device)
     options, reel = RenderOptions(model=model, settings=settings), None
     if film is None:
-        scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
+        scene = place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
     else:
-        reel = Reel(shots_of(film, display, options, _film_scale(moved)), film.frames_per_second)
-        scene = scene_of_shot(reel.shots[0])
-    chosen = chosen_model(scene, display, options, log)
+        reel = Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
+        scene = reel.plans[0].load()
+    chosen = Job(scene, display, options).choose_model(scene)
     picture = LivePicture(scene, display, chosen, settings)
     if view is not None:  # compiled before a window waits for it
         black = np.zeros((panel.height_px, panel.width_px, 3), np.float32)

@@ -23,9 +23,10 @@ from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_video
 from lippmann.optics.rays import Model
+from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import BASE_MEMORY_MB, MAX_SAMPLES, check_memory_mb
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import MAX_SAMPLES
+from lippmann.rendering.sampling import Window
 
 MAX_VIEW_PX = 16384
 SWEEP_FRAMES = 21

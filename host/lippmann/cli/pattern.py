@@ -12,7 +12,8 @@ from lippmann.cli.output import emit, log
 from lippmann.display.description import load_display
 from lippmann.eye.observer import Eye
 from lippmann.eye.test_patterns import Kind, draw
-from lippmann.rendering.renderer import Settings, check_memory
+from lippmann.rendering.bands import check_memory
+from lippmann.rendering.options import Settings
 
 
 @make_command("pattern")

@@ -35,8 +35,9 @@ from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Rays, g
 from lippmann.optics.sampling import points_in_square, square_to_cell
 from lippmann.optics.system import System
 from lippmann.optics.trace import rays_from_pixels
-from lippmann.rendering.renderer import Settings, render_integral, render_view
-from lippmann.rendering.sources import APERTURES, Aperture
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_integral, render_view
+from lippmann.rendering.sampling import APERTURES, Aperture
 from lippmann.scenes.scene import Scene, load_scene
 from lippmann.simulation.harness import ray_harness
 

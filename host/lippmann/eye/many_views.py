@@ -15,8 +15,9 @@ from lippmann.eye.viewer_page import Direct
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.zones import middle_eye, viewing_distance, zones
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import Settings, render_view
-from lippmann.rendering.sources import Window
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
 
 #: Share of the viewing zone that the eyes take: at its ends crosstalk begins.

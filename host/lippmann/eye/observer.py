@@ -30,7 +30,7 @@ from lippmann.optics.system import System
 from lippmann.optics.trace import PixelHits, pixels_from_rays
 from lippmann.optics.zones import FARTHEST_EYE_MM
 from lippmann.rendering.integral_image import Showable
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sampling import Window
 
 #: Rays traced at once.
 CHUNK_RAYS = 1 << 21

@@ -29,7 +29,7 @@ from lippmann.optics.rays import Status
 from lippmann.optics.system import System
 from lippmann.optics.trace import pixels_from_rays
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sampling import Window
 
 Kind = Literal["lens-centres", "cells", "view-numbers", "single-lens", "white-for-eye", "ramp", "ramps", "checker"]
 #: The patterns that a board also draws, in the order of the register's values from 1 on.

@@ -46,19 +46,23 @@ def draw(
     pipeline: Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays] = ray_pipeline,
     shade: Scene = scene,
     threads: int = 1,
+    rows: range | None = None,
 ) -> Bytes:
     """Return the pixels (height, width, 3) that a build of the optics and one of the drawing show of a stack.
+
+    With `rows` only those of the panel's rows.
 
     `model` is the lens model, left out the build's. `pipeline` traces the rays and `shade` draws them: the twin, unless
     others are given; they are called by some threads at once. Raises InputError when the display or the stack do not
     fit the builds.
     """
     panel, f = display.panel, build.fraction_bits
+    rows = range(panel.height_px) if rows is None else rows
     registers = configuration(display, build, build.model if model is None else model)
     words = scene_words(display, stack, scene_build)
     slots = {k: slot_bytes(layer, scene_build) for k, layer in enumerate(stack.layers)}
     table = build_curve_table(display)
-    parts = enumerate(sample_words(panel.width_px, panel.height_px, scene_build.samples))
+    parts = enumerate(sample_words(panel.width_px, panel.height_px, scene_build.samples, rows))
     one_at_a_time, stopped = threading.Lock(), threading.Event()
 
     def some() -> dict[int, Bytes]:
@@ -80,15 +84,16 @@ def draw(
         finally:
             stopped.set()  # after an error, or Ctrl-C, no other part is begun
     drawn = {number: part for share in shares for number, part in share.items()}
-    return np.concatenate([drawn[number] for number in sorted(drawn)]).reshape(panel.height_px, panel.width_px, 3)
+    return np.concatenate([drawn[number] for number in sorted(drawn)]).reshape(len(rows), panel.width_px, 3)
 
 
-def sample_words(width: int, height: int, samples: int) -> Iterator[tuple[Ints, Ints]]:
-    """Yield the words (u, v) of a panel's samples, pixel by pixel in raster order, some rows at a time."""
+def sample_words(width: int, height: int, samples: int, drawn_rows: range | None = None) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the words (u, v) of a panel's samples, or of some of its rows, pixel by pixel in raster order."""
+    drawn_rows = range(height) if drawn_rows is None else drawn_rows
     at_once = max(1, _CHUNK_RAYS // (width * samples))
     offsets = np.array(SAMPLE_OFFSETS[samples])
-    for first in range(0, height, at_once):
-        rows, columns = np.mgrid[first : min(first + at_once, height), :width]
+    for first in range(drawn_rows.start, drawn_rows.stop, at_once):
+        rows, columns = np.mgrid[first : min(first + at_once, drawn_rows.stop), :width]
         u = 8 * (2 * columns + 1 - width)[..., None] + offsets[:, 0]
         v = 8 * (height - 2 * rows - 1)[..., None] + offsets[:, 1]
         yield u.ravel(), v.ravel()

@@ -21,8 +21,9 @@ from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines, panel_bytes
 from lippmann.layers.scene_cutting import Cut, Reach, check_slot, cut_scene, reach_of
 from lippmann.layers.stack import COLOURS, MAX_LAYERS, LayerStack
+from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import MOST_SAMPLES
-from lippmann.rendering.renderer import Settings, render_integral
+from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import Scene
 
 #: Bytes of a palette.

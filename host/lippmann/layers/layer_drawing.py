@@ -93,10 +93,9 @@ def draw_golden(
         For an unknown filter, or another number of samples.
     """
     check_options(filter, samples)
-    panel = display.panel
     lines = exit_lines(display, samples, model) if lines is None else lines
     light = np.concatenate([composite(stack, some, filter) for some in lines])
-    light = light.reshape(panel.height_px, panel.width_px, samples, 3).mean(axis=2)
+    light = light.reshape(-1, display.panel.width_px, samples, 3).mean(axis=2)
     return Drawn(light, panel_bytes(display, light))
 
 
@@ -108,23 +107,19 @@ def draw_layers(
     model: Model,
     engine: str,
     fraction_bits: int | None = None,
+    rows: range | None = None,
 ) -> Floats:
-    """Return the linear light (height, width, 3) that an engine draws; see `draw_golden`.
+    """Return the linear light (rows, width, 3) that an engine draws of some rows, or of all; see `draw_golden`.
 
     That of "twin", the RTL's integers, and of "rtl", the RTL simulated, is of the panel's bytes. `fraction_bits` is the
     optics' word length, the widest when left out. Both raise InputError for what their registers cannot hold.
     """
-    check_options(filter, samples)
     if engine == "golden":
-        return draw_golden(display, stack, filter, samples, model).light
-    if engine not in LAYER_ENGINES:
-        raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
-    if model not in MODELS:
-        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+        return draw_golden(display, stack, filter, samples, model, exit_lines(display, samples, model, rows)).light
     build = Build.of(display, model, WIDEST if fraction_bits is None else fraction_bits, aims=False)
     scene_build = scene_build_of(stack, filter, samples)
     if engine == "twin":
-        panel = fixed_drawing.draw(display, build, stack, scene_build, model)
+        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rows=rows)
     else:
         from lippmann.simulation.harness import (
             rtl_pipeline,  # not at the top: golden starts sooner without
@@ -132,7 +127,7 @@ def draw_layers(
         )
 
         threads = processor_count()  # the simulators run outside of Python's lock
-        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads)
+        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads, rows)
     return decode(panel / np.float64(255.0), display.panel.transfer).astype(np.float64)
 
 
@@ -165,19 +160,31 @@ def check_options(filter: str, samples: object) -> None:
         )
 
 
+def check_drawing(filter: str, samples: object, model: str, engine: str) -> None:
+    """Refuse filters, numbers of samples, models and engines that do not draw layers."""
+    check_options(filter, samples)
+    if engine not in LAYER_ENGINES:
+        raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
+    if model not in MODELS:
+        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+
+
 def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:
     """Return the bytes of linear light (..., 3) by a panel's curve; a panel of fewer bits has them spread to 8."""
     values = encoded_values(light, display.panel.transfer, min(display.panel.bits, BOARD_BITS))
     return values.astype(np.uint8)
 
 
-def exit_lines(display: Display, samples: int = 1, model: Model = "exact") -> Iterator[ExitLines]:
-    """Yield the exit rays of a display's pixels, row by row and in each pixel its samples, some rows at a time."""
+def exit_lines(
+    display: Display, samples: int = 1, model: Model = "exact", drawn_rows: range | None = None
+) -> Iterator[ExitLines]:
+    """Yield the exit rays of a display's pixels, or of some rows, in each pixel its samples, some rows at a time."""
     width, height = display.panel.width_px, display.panel.height_px
     places = np.array(SAMPLES[samples])
     rows = max(1, CHUNK_RAYS // (width * samples))
-    for first in range(0, height, rows):
-        v, u = np.mgrid[first : min(first + rows, height), :width] + 0.5
+    drawn_rows = range(height) if drawn_rows is None else drawn_rows
+    for first in range(drawn_rows.start, drawn_rows.stop, rows):
+        v, u = np.mgrid[first : min(first + rows, drawn_rows.stop), :width] + 0.5
         pixels = (np.stack([u, v], axis=-1)[:, :, None] + places).reshape(-1, 2)
         rays = trace(display, pixels, model=model)
         draws = np.asarray(gets_through(rays.status))

@@ -27,10 +27,10 @@ from lippmann.layers.stack import BLOCK_BYTES, MAX_LAYERS, MAX_SIDE, MIN_ROW, Fl
 from lippmann.optics.rays import Status
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.optics.zones import half_width, middle_eye, viewing_distance
-from lippmann.rendering.renderer import CHUNK_SAMPLES, Settings, first_hit, make_integrator
-from lippmann.rendering.sampler import sampler_of
-from lippmann.rendering.samples import Seeds
-from lippmann.rendering.sources import Lines
+from lippmann.rendering.bands import CHUNK_SAMPLES
+from lippmann.rendering.options import Settings
+from lippmann.rendering.renderer import first_hit, make_integrator
+from lippmann.rendering.sampling import Lines, Seeds, sampler_of
 from lippmann.scenes.scene import Scene
 
 #: Texels of a slot across and down, unless others are given.

@@ -1,28 +1,189 @@
-"""The frames of a film as files in a folder."""
+"""The frames of a film: a plan for each, and their files in a folder."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import functools
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from lippmann.base.files import make_folder
-from lippmann.base.images import read_picture
+from lippmann.base.images import Radiance, read_picture
+from lippmann.base.progress import Progress, report_each
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
-from lippmann.motion.shot import Shot
+from lippmann.motion.film import Film
+from lippmann.rendering.bands import bands_of
+from lippmann.rendering.cache_key import pixels_identity
+from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.job import Job
+from lippmann.rendering.options import RenderOptions
+from lippmann.rendering.plan import ScenePlan, make_renderer
+from lippmann.rendering.sampling import colours_of
+from lippmann.rendering.sinks import bands_of_plan, render_picture
+from lippmann.scenes.arrange import fitting
+from lippmann.scenes.placement import Matrix, Placement, placement_beside
+from lippmann.scenes.scene import (
+    Move,
+    Scene,
+    bounds_of,
+    box_of,
+    depths_of,
+    digest_of,
+    in_front_of,
+    load_scene,
+    placed_box,
+)
+
+logger = logging.getLogger("lippmann")
+
+
+@dataclass(frozen=True, eq=False)
+class FramePlan(ScenePlan):
+    """One frame of a film.
+
+    All frames have the film's seed, so that the pixels of parts at rest do not change.
+    """
+
+    film: Film
+    frame: int
+    #: Motions of the scene's shapes.
+    moves: tuple[Move, ...]
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return f"frame {self.frame}"
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of all that the pixels depend on, 16 hexadecimal digits; the frame's file carries it."""
+        moves = [(move.shapes, move.matrix.tolist()) for move in self.moves]
+        reach = (self.film.near_mm is None, self.film.far_mm is None)
+        return pixels_identity(self.digest, self.placement, self.display, self.options, moves=moves, reach=reach)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What the frame's file carries."""
+        return {**super().metadata, "film": self.film.name, "frame": str(self.frame), "shot": self.identity}
+
+    def load(self) -> Scene:
+        """Load the scene, moved and placed; InputError as `load_scene`."""
+        scene = load_scene(self.scene, self.placement, self.moves)
+        return self._with_moved_shapes(scene) if self.film.object else scene
+
+    def _with_moved_shapes(self, scene: Scene) -> Scene:
+        """Return the scene with a depth range that includes the shapes that have moved beyond it.
+
+        A depth that the film gives holds.
+        """
+        low, high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
+        rest = low[2], high[2]
+        moved = depths_of(scene.mitsuba, scene.placement)
+        far, near = scene.depth_range_mm
+        if self.film.near_mm is None and moved[1] > rest[1]:
+            near = max(near, in_front_of(moved))
+        if self.film.far_mm is None and moved[0] < rest[0]:
+            far = min(far, moved[0])
+        return replace(scene, placement=replace(scene.placement, near_mm=near, far_mm=far))
+
+
+@functools.lru_cache(maxsize=1)
+def _bounds_at_rest(path: Path, digest: str) -> tuple[Matrix, Matrix]:
+    """Return the bounds of the scene without any motion, which is not kept: programs hold the code of all scenes."""
+    return bounds_of(load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba)
+
+
+def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
+    """Return the plans of a film's frames; the film is scaled about the display's centre, None: into its depth range.
+
+    Raises InputError when the scene cannot be read, or its own placement is invalid; to fit, when it is unbounded.
+    """
+    digest, rest = digest_of(film.scene), placement_beside(film.scene)
+    whole = None if scale == 1.0 else Placement(scale) if scale is not None else _fitting(film, rest, display)
+    if scale is None:
+        # The film's own depths belong to its own size.
+        film = replace(film, near_mm=None, far_mm=None)
+    panel = display.panel
+    bands = tuple(bands_of(panel.width_px, panel.height_px, options.settings.samples * colours_of(panel)))
+    return [
+        FramePlan(
+            film.scene,
+            digest,
+            film.placement(frame, rest, whole),
+            display,
+            options,
+            bands,
+            film,
+            frame,
+            film.moves(frame, rest),
+        )
+        for frame in range(film.frames)
+    ]
+
+
+def _fitting(film: Film, rest: Placement, display: Display) -> Placement:
+    """Return how the whole film is scaled and moved for a display: by the box round the scene at all key frames."""
+    anywhere = Placement(near_mm=1.0, far_mm=0.0)
+    boxes = [
+        box_of(load_scene(film.scene, anywhere, film.moves(frame, rest)).mitsuba, film.placement(frame, rest))
+        for frame in film.key_frames
+    ]
+    low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    if not np.isfinite(high - low).all():
+        raise InputError(f"{film.scene}: the scene has no bounded extent to fit; give --scale")
+    return fitting(low, high, display)
+
+
+def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
+    """Return a film's plans with one way to shade in place of "auto": shared where a trial at every key frame says so.
+
+    What is at rest then keeps its pixels from frame to frame, and every process makes the same ones. What a trial says
+    goes to the log. Errors as `FramePlan.load` and `Renderer`.
+    """
+    options, film = plans[0].options, plans[0].film
+    if options.settings.shading != "auto":
+        return plans
+    for frame in film.key_frames:
+        renderer = make_renderer(plans[frame].load(), plans[frame].display, options, in_memory=True)
+        settings = renderer.decide()
+        if renderer.remark is not None and (settings.shading == "each" or frame == film.key_frames[-1]):
+            logger.info("frame %d: %s", frame, renderer.remark)
+        if settings.shading == "each":
+            break
+    return [replace(plan, options=replace(options, settings=settings)) for plan in plans]
+
+
+def warn_of_frame(plan: FramePlan) -> None:
+    """Warn of what will not be seen of a frame, and log its lens model; see `Job.choose_model`.
+
+    The frame's renderer is kept for its render in this process.
+    """
+    scene = plan.load()
+    model = Job(scene, plan.display, plan.options).choose_model(scene)
+    plan.reuse(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
+
+
+def render_frame(plan: FramePlan) -> IntegralImage:
+    """Render a frame in this process. Errors as `FramePlan.load` and `Renderer`."""
+    return render_picture(plan)
+
 
 #: How the names of frames begin.
 FRAME_STEM = "frame_"
+#: What to do where no folder can be made.
+REMEDY = "choose another folder with -o"
 
 
 def frame_path(folder: Path, frame: int) -> Path:
     """Return the path of a frame."""
     return folder / f"{FRAME_STEM}{frame:04d}.exr"
-
-
-#: What to do where no folder can be made.
-REMEDY = "choose another folder with -o"
 
 
 def check_folder(folder: Path, frames: int) -> None:
@@ -39,46 +200,101 @@ def check_folder(folder: Path, frames: int) -> None:
             )
 
 
-def is_rendered(folder: Path, shot: Shot) -> bool:
-    """Tell whether a folder contains the complete frame of a shot."""
+def is_rendered(folder: Path, plan: FramePlan) -> bool:
+    """Tell whether a folder contains the complete frame of a plan."""
 
     def accept(metadata: Mapping[str, str]) -> None:
-        if metadata.get("shot") != shot.identity:
+        if metadata.get("shot") != plan.identity:
             raise InputError("a frame of another film")
 
-    panel = shot.display.panel
+    panel = plan.display.panel
     try:
-        read_picture(frame_path(folder, shot.frame), (panel.width_px, panel.height_px), accept)
+        read_picture(frame_path(folder, plan.frame), (panel.width_px, panel.height_px), accept)
     except InputError:
         return False
     return True
 
 
-def write_frames(
-    folder: Path,
-    shots: Sequence[Shot],
-    render: Callable[[Sequence[Shot]], Iterable[tuple[Shot, IntegralImage]]],
-    progress: Callable[[int, int], None],
-) -> int:
-    """Render and write those of a film's frames that the folder lacks; return their number.
+class FrameFolder:
+    """The files of a film's frames: a sink for their bands. A frame is written when its last band has come."""
 
-    `render` yields the image of each given shot, in any order. `progress` is called with (frames there, frames in all).
+    def __init__(self, folder: Path, plans: Sequence[FramePlan]) -> None:
+        """Make the folder; InputError when it cannot be made."""
+        self.folder, self._was_there = folder, folder.exists()
+        make_folder(folder, REMEDY)
+        self._plans = plans
+        #: The frames that are to be rendered.
+        self.missing_plans = [plan for plan in plans if not is_rendered(folder, plan)]
+        self.bands = [band for plan in plans for band in bands_of_plan(plan)]
+        self._pictures: dict[int, tuple[Radiance, set[int]]] = {}
 
-    Raises InputError as `render`, or when a file cannot be written.
+    def missing_bands(self) -> Sequence[Band]:
+        """Return the bands of the frames that the folder lacks."""
+        return [band for plan in self.missing_plans for band in bands_of_plan(plan)]
+
+    def take(self, rendered: RenderedBand) -> None:
+        """Take a band; InputError and NoSpaceError when the frame cannot be written."""
+        band = rendered.band
+        plan, panel = band.plan, band.plan.display.panel
+        assert isinstance(plan, FramePlan)
+        if plan.frame not in self._pictures:
+            self._pictures[plan.frame] = np.empty((panel.height_px, panel.width_px, 3), np.float32), set()
+        radiance, numbers = self._pictures[plan.frame]
+        radiance[band.rows.start : band.rows.stop] = rendered.radiance
+        numbers.add(band.number)
+        if len(numbers) == len(plan.bands):
+            metadata = {**plan.metadata, **rendered.choices}
+            IntegralImage(radiance, plan.display, metadata).save(frame_path(self.folder, plan.frame))
+            del self._pictures[plan.frame]
+
+    def images(self, progress: Progress | None = None) -> Iterator[IntegralImage]:
+        """Yield the frames in their order; `progress` is called with (frames done, frames in all)."""
+        for plan in report_each(self._plans, progress):
+            yield IntegralImage.load(frame_path(self.folder, plan.frame), plan.display)
+
+    def stop(self, done_rows: int) -> None:
+        """Remove the folder again, unless it was there or holds frames."""
+        if not self._was_there:
+            with contextlib.suppress(OSError):
+                self.folder.rmdir()
+
+
+@dataclass
+class Reel:
+    """The frames of a film, which is played round and round.
+
+    No frame is left out: a film whose frames take longer than they should is slower.
     """
-    there = folder.exists()
-    make_folder(folder, REMEDY)
-    missing = [shot for shot in shots if not is_rendered(folder, shot)]
-    done = len(shots) - len(missing)
-    progress(done, len(shots))
-    try:
-        for shot, image in render(missing):
-            image.save(frame_path(folder, shot.frame))
-            done += 1
-            progress(done, len(shots))
-    except BaseException:
-        if not there:
-            with contextlib.suppress(OSError):  # it holds frames
-                folder.rmdir()
-        raise
-    return len(missing)
+
+    plans: Sequence[FramePlan]
+    frames_per_second: float
+    playing: bool = True
+    _place: float = 0.0
+
+    @property
+    def frame(self) -> int:
+        """The frame that is to be shown."""
+        return int(self._place)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; of a film that does not play, nothing changes."""
+        if self.playing:
+            self._move(min(seconds * self.frames_per_second, 1.0))
+
+    def step(self, frames: int) -> None:
+        """Stop, and go to another frame."""
+        self.playing = False
+        self._place = float(self.frame)
+        self._move(frames)
+
+    def placement(self, frame: int) -> Placement:
+        """Return how the scene stands at a frame."""
+        return self.plans[frame].placement
+
+    def scene(self, frame: int) -> Scene | None:
+        """Return the scene at a frame; None when its shapes do not move, and one scene serves all frames."""
+        plan = self.plans[frame]
+        return plan.load() if plan.moves else None
+
+    def _move(self, frames: float) -> None:
+        self._place = (self._place + frames) % len(self.plans)

@@ -16,8 +16,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, did_you_mean, input_error, likely_file
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.motion.film import MAX_FRAMES
-from lippmann.motion.path import Motion, interpolated
+from lippmann.motion.film import MAX_FRAMES, Motion, interpolated
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
 #: Frames a second of a folder of layers, which stands still.

@@ -14,11 +14,10 @@ from lippmann.base.toml import documented, key
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe
-from lippmann.motion.hand import Hand
+from lippmann.motion.film_frames import Reel
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.reel import Reel
-from lippmann.motion.screens import Screens
-from lippmann.rendering.sources import Window
+from lippmann.motion.screens import Hand, Screens
+from lippmann.rendering.sampling import Window
 
 #: Samples at which a resting picture is done.
 MOST_SAMPLES = 64

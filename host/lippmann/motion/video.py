@@ -14,7 +14,7 @@ import numpy.typing as npt
 from lippmann.base.files import not_written, replacing
 from lippmann.base.images import check_output
 from lippmann.errors import MissingLibraryError, to_install
-from lippmann.rendering.sources import Window
+from lippmann.rendering.sampling import Window
 
 Values = npt.NDArray[np.uint8]
 #: Lossless RGB: a codec that blurs colours would mix neighbouring lenslets' images.

@@ -105,7 +105,8 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     rims = -system.dome.sag_mm if system.plano_to_panel else system.dome.sag_mm
     cell = np.concatenate([np.pad(share * around, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS])
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
-    wide = replace(panel, width_px=panel.width_px * 4, height_px=panel.height_px * 4)
+    x, y = panel.pitches_mm
+    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # their number has a limit
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly, crosstalk = (status == Status.OK).mean(axis=1) >= 0.5, (status == Status.CROSSTALK).any(axis=1)
     return np.asarray(mostly & ~crosstalk)

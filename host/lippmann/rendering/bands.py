@@ -1,329 +1,87 @@
-"""A large picture, rendered band by band: on disk instead of in memory, by this process or by many workers.
-
-The bands that are finished stay in a folder beside the picture until it is whole: an interrupted render goes on.
-"""
+"""The bands and chunks in which a picture is rendered: their sizes, and the memory that they need."""
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import functools
-import io
 import math
-import re
-import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
+from collections.abc import Sequence
 
-import numpy as np
-
-from lippmann.base.files import FolderLock, remove_stale, replacing
-from lippmann.base.images import Radiance, write_picture
-from lippmann.base.progress import Progress
+from lippmann.base.machine import free_memory_mb
+from lippmann.base.tones import BAND_ROWS
+from lippmann.base.variant import current_device
 from lippmann.display.description import Display
-from lippmann.errors import NoSpaceError, input_error
-from lippmann.optics.model_choice import TOLERANCE
-from lippmann.rendering.integral import RenderOptions, chosen_model, image_metadata, pixels_identity, renderer_of
-from lippmann.rendering.integral_image import metadata_of
-from lippmann.rendering.renderer import Renderer, bands_of, check_memory_mb, memory_mb
-from lippmann.rendering.samples import colours_of
-from lippmann.scenes.arrange import load_placed
-from lippmann.scenes.placement import Arrange, Placement
-from lippmann.scenes.scene import Scene, digest_of, load_scene
+from lippmann.errors import InputError
+from lippmann.rendering.options import Settings, Shading, check_limit_mb
+from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, may_share
+from lippmann.rendering.sampling import TILE_PX, colours_of
 
-#: A picture of more pixels than these, or more rays, is rendered by bands that are kept.
+#: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
+CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
+#: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
+BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
+#: Rays of a band, about, where a pixel has many: some ten seconds of a processor's or a GPU's time.
+BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
+#: The command keeps the bands of a picture of more pixels than these, or of more rays.
 KEPT_PIXELS, KEPT_RAYS = 1 << 25, 1 << 27
-#: The name of a kept band: its picture's identity and its number.
-BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
-
-#: What is said when a render ends before its picture is written.
-GOES_ON = "{} of {} rows are kept in {}: the same command goes on from there"
-
-#: The radiance of a band, and its numbers of lost samples by reason.
-Rendered = tuple[Radiance, list[int]]
+#: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
+SHARED_MEMORY_MB = 250.0
+#: Memory of the libraries and one chunk, MB (measured; the output is added).
+BASE_MEMORY_MB = 500.0
+#: Memory of each further ray of a chunk that is one tile of many samples, bytes (measured).
+RAY_BYTES = 80.0
 
 
-@dataclass(frozen=True)
-class Still:
-    """A picture with everything that its pixels depend on, so that any process can render its bands."""
+def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
+    """Return the rows of the bands in which an image of so many rays a pixel is rendered, on the current device.
 
-    scene: Path
-    digest: str
-    placement: Placement
-    display: Display
-    #: With a lens model, not "auto".
-    options: RenderOptions
-
-    #: The rows of its bands: chosen once, for a worker's device may prefer others.
-    bands: tuple[range, ...]
-
-    @cached_property
-    def identity(self) -> str:
-        """Hash of everything that the pixels depend on, 16 hexadecimal digits."""
-        starts = [rows.start for rows in self.bands]
-        return pixels_identity(self.digest, self.placement, self.display, self.options, bands=starts)
-
-    def renderer(self, scene: Scene | None = None) -> Renderer:
-        """Return what renders its bands; the scene is loaded when it is not given."""
-        if scene is None:
-            scene = load_scene(self.scene, self.placement)
-        return renderer_of(scene, self.display, self.options, self.bands)
-
-    @property
-    def rays(self) -> int:
-        """Rays for each pixel."""
-        return _rays(self.options, self.display)
-
-    @property
-    def metadata(self) -> dict[str, str]:
-        """What its file carries."""
-        options = self.options
-        assert options.model != "auto"
-        made = image_metadata(options.model, options.settings, self.scene, options.engine, options.fraction_bits)
-        return {**made, **metadata_of(self.display)}
-
-
-def _rays(options: RenderOptions, display: Display) -> int:
-    """Return the rays for each pixel."""
-    return options.settings.samples * colours_of(display.panel)
-
-
-def still_of(
-    options: RenderOptions,
-    scene: Path,
-    display: Display,
-    placement: Placement,
-    arrange: Arrange | None,
-    note: Callable[[str], None],
-) -> tuple[Still, Scene]:
-    """Return a still, and its scene, loaded by the variant that is set; parameters and errors as for `api.render`."""
-    loaded = load_placed(scene, display, placement, arrange, note)
-    # No tolerance is left when the model is chosen.
-    chosen = replace(options, model=chosen_model(loaded, display, options, note), tolerance=TOLERANCE)
-    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, _rays(chosen, display)))
-    path = loaded.path.absolute()  # workers have folders of their own; the files of a link are those beside it
-    still = Still(path, digest_of(path), loaded.placement, display, chosen, bands)
-    renderer = still.renderer(loaded)
-    # As for the model: every worker does what was chosen here.
-    settings = renderer.decide()
-    if renderer.remark is not None:
-        note(renderer.remark)
-    return replace(still, options=replace(chosen, settings=settings)), loaded
-
-
-@dataclass(frozen=True)
-class Band:
-    """A band of a still, for a worker."""
-
-    still: Still
-    number: int
-
-    @property
-    def scene(self) -> Path:
-        """The scene's file."""
-        return self.still.scene
-
-    @property
-    def digest(self) -> str:
-        """The scene's hash."""
-        return self.still.digest
-
-    def __str__(self) -> str:
-        """Return its name for messages."""
-        return f"band {self.number}"
-
-    def render(self) -> Rendered:
-        """Render it, on a worker."""
-        radiance, lost = _renderer(self.still).render(self.number)
-        return np.require(radiance, requirements="O"), lost  # for other threads, as `render_image` does
-
-
-@functools.lru_cache(maxsize=1)
-def _renderer(still: Still) -> Renderer:
-    """Return a still's renderer, whose scene and program are kept for the next band."""
-    return still.renderer()
-
-
-class KeptBands:
-    """The finished bands of a still in a folder; like an array of rows to what writes the picture.
-
-    One command has them, until it lets go of them (`release`) or ends.
+    They are whole tiles, and whole bands of a file.
     """
-
-    def __init__(self, folder: Path, still: Still) -> None:
-        """Make the folder, and remove the bands of another still from it.
-
-        InputError when it cannot be made, or another command has it.
-        """
-        self._lock = FolderLock(folder, "choose another place with -o")
-        self.folder, self._still = folder, still
-        panel = still.display.panel
-        self.shape = panel.height_px, panel.width_px, 3
-        #: Number of bands of another still that were there.
-        self.removed = 0
-        for path in folder.iterdir():
-            found = BAND_NAME.fullmatch(path.name)
-            if found is not None and found[1] != still.identity:
-                path.unlink(missing_ok=True)
-                self.removed += 1
-
-    def missing(self) -> list[Band]:
-        """Return the bands that are not there, or not whole."""
-        return [Band(self._still, k) for k in range(len(self._still.bands)) if self._read(k) is None]
-
-    def keep(self, band: Band, radiance: Radiance) -> None:
-        """Store a band; NoSpaceError when the disk is full."""
-        with replacing(self._path(band.number)) as partial, partial.open("wb") as stream:
-            np.save(stream, radiance)
-
-    def __getitem__(self, rows: slice) -> Radiance:
-        """Return some rows, which belong to one band."""
-        first, stop, _ = rows.indices(self.shape[0])
-        for number, band in enumerate(self._still.bands):
-            if first in band:
-                found = self._read(number)
-                if found is None:
-                    raise input_error(str(self._path(number)), "is gone or broken", "render again")
-                return np.array(found[first - band.start : stop - band.start])
-        return np.empty((0, *self.shape[1:]), np.float32)
-
-    def release(self) -> None:
-        """Let another command have the folder; it goes, unless bands are in it."""
-        with contextlib.suppress(OSError):
-            self.folder.rmdir()
-        self._lock.close()
-
-    def remove(self) -> None:
-        """Remove the bands, and the folder when nothing else is in it."""
-        for number in range(len(self._still.bands)):
-            self._path(number).unlink(missing_ok=True)
-        remove_stale(self.folder)
-        self.release()
-
-    def _path(self, number: int) -> Path:
-        return self.folder / f"{self._still.identity}-{number:05d}.npy"
-
-    def _read(self, number: int) -> Radiance | None:
-        """Return a band that is there and whole; what numpy would write is compared, and nothing else is read."""
-        shape = (len(self._still.bands[number]), *self.shape[1:])
-        header = io.BytesIO()
-        np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
-        path, begin = self._path(number), header.getvalue()
-        try:
-            with path.open("rb") as stream:
-                if stream.read(len(begin)) != begin or path.stat().st_size != len(begin) + 4 * math.prod(shape):
-                    return None
-            return np.memmap(path, np.dtype("<f4"), "r", len(begin), shape)
-        except OSError as error:
-            if error.errno == errno.ENOMEM:  # it is there
-                raise MemoryError from None
-            return None
+    device = device or current_device()
+    pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
+    rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
+    return [range(first, min(first + rows, height_px)) for first in range(0, height_px, rows)]
 
 
-#: Renders bands, in any order. It may tell how many rows of the band that it renders are done.
-Work = Callable[[Sequence[Band], Callable[[int], None]], Iterable[tuple[Band, Rendered]]]
+def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
+    """Return the memory that a picture, or a band of one, of so many samples for each colour of a pixel needs, MB."""
+    # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
+    pixels = width_px * height_px
+    needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
+    if may_share(samples, colours):
+        # Before a variant is set; a GPU has its own memory.
+        band = len(bands_of(width_px, height_px, samples, "llvm")[0])
+        needed += BYTES_A_PIXEL * band * width_px / 1e6
+    # A chunk is a tile at least.
+    needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
+    return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
 
 
-def here(still: Still, scene: Scene) -> Work:
-    """Return the work that renders bands in this process, with a scene that is loaded."""
-
-    def work(bands: Sequence[Band], told: Callable[[int], None]) -> Iterator[tuple[Band, Rendered]]:
-        if not bands:
-            return
-        renderer = still.renderer(scene)
-        for band in bands:
-            rows, tiles, done = len(still.bands[band.number]), renderer.tiles_of(band.number), 0
-
-            def part(count: int, rows: int = rows, tiles: int = tiles) -> None:
-                nonlocal done
-                done += count
-                told(rows * done // tiles)
-
-            yield band, renderer.render(band.number, part)
-
-    return work
-
-
-def render_bands(
-    path: Path, still: Still, work: Work, progress: Progress, note: Callable[[str], None] = lambda remark: None
-) -> tuple[KeptBands, list[int]]:
-    """Render the bands of a still that its folder, PATH.bands, lacks; return all, and the numbers of the new ones.
-
-    `progress` is called with (rows rendered, rows in all), `note` when bands of another still are removed, or those of
-    this one stay after an error or an interruption.
-
-    Raises InputError and NoSpaceError when a file cannot be written, or a band exceeds the memory limit, and what
-    `work` raises; the finished bands are kept.
-    """
-    panel = still.display.panel
-    check_band_memory(still)
-    folder = path.with_name(f"{path.name}.bands")
-    _check_disk(folder, still)
-    kept = KeptBands(folder, still)
-    if kept.removed:
-        note(f"{folder}: bands are removed, {kept.removed} of another scene, display, options, version or code")
-    missing = kept.missing()
-    done = panel.height_px - sum(len(still.bands[band.number]) for band in missing)
-    progress(done, panel.height_px)
-
-    def within(rows: int) -> None:
-        progress(done + rows, panel.height_px)
-
+def check_display_memory(display: Display, settings: Settings, where: str) -> None:
+    """Raise InputError for an image for a display (named `where`) whose buffers exceed the memory limit."""
+    panel = display.panel
     try:
-        for band, (radiance, _) in work(missing, within):
-            kept.keep(band, radiance)
-            done += len(radiance)
-            progress(done, panel.height_px)
-    except BaseException:
-        kept.release()
-        if done:
-            note(GOES_ON.format(done, panel.height_px, folder))
-        raise
-    return kept, [band.number for band in missing]
+        check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
+    except InputError as error:
+        raise InputError(f"{where}: panel.width_px, panel.height_px: {error}") from None
 
 
-def write_still(path: Path, still: Still, kept: KeptBands, note: Callable[[str], None] = lambda remark: None) -> None:
-    """Write the picture of all its bands, and remove their folder; InputError and NoSpaceError when that fails.
-
-    The bands stay then, and `note` says so.
-    """
-    panel = still.display.panel
-    try:
-        write_picture(path, kept, still.metadata, panel.transfer, panel.bits)
-    except BaseException:
-        kept.release()
-        note(GOES_ON.format(panel.height_px, panel.height_px, kept.folder))
-        raise
-    kept.remove()
+def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
+    """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
+    needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
+    what = f"an image of {width_px} x {height_px} pixels"
+    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
 
 
-def _check_disk(folder: Path, still: Still) -> None:
-    """Raise NoSpaceError when a disk has no room for the bands of a still that are not there yet."""
-    there = sum(path.stat().st_size for path in folder.glob(f"{still.identity}-*.npy")) if folder.is_dir() else 0
-    needed = still.display.panel.width_px * still.display.panel.height_px * 3 * 4 - there
-    free = shutil.disk_usage(folder.parent).free
-    if needed > free:
-        what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
-        raise NoSpaceError.at(str(folder), what, "free space or choose another place with -o")
+def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
+    """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
+    limit = 0.8 * free_memory_mb() if limit is None else limit
+    check_limit_mb(limit)
+    if not needed <= limit:
+        raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
-def left_over(path: Path) -> str | None:
-    """Return a remark where bands of an unfinished render lie beside a picture that was just written, else None."""
-    folder = path.with_name(f"{path.name}.bands")
-    try:
-        count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())
-    except OSError:  # no such folder, usually
-        return None
-    why = "remove it, unless another command is at work on them or is to go on"
-    return f"{folder}: has {count} bands of a render that is not done; {why}" if count else None
-
-
-def check_band_memory(still: Still, workers: int = 1) -> None:
+def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:
     """Raise InputError when a band for each of so many workers of this machine exceeds the memory limit."""
-    rows, settings = max(len(rows) for rows in still.bands), still.options.settings
-    panel = still.display.panel
+    rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise --memory-mb"
     if workers > 1:
@@ -332,7 +90,7 @@ def check_band_memory(still: Still, workers: int = 1) -> None:
     check_memory_mb(workers * needed, settings.memory_mb, what, remedy)
 
 
-def is_kept(options: RenderOptions, display: Display) -> bool:
-    """Tell whether a picture is so large, or takes so long, that its bands are kept."""
+def is_long_render(settings: Settings, display: Display) -> bool:
+    """Tell whether a picture is so large, or takes so long, that the command keeps its bands."""
     pixels = display.panel.width_px * display.panel.height_px
-    return pixels > KEPT_PIXELS or pixels * _rays(options, display) > KEPT_RAYS
+    return pixels > KEPT_PIXELS or pixels * settings.samples * colours_of(display.panel) > KEPT_RAYS

@@ -11,8 +11,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from lippmann.base.machine import has_avx512
 from lippmann.base.variant import mitsuba
-from lippmann.rendering.coherence import coherence_hint
+
+
+def coherence_hint(depth: Any) -> Any:
+    """Return Embree's hint for rays that have met `depth` surfaces (UInt32): Dr.Jit's Bool, or False for all."""
+    return depth == 0 if has_avx512() else False
+
 
 #: Splats that a ray may pass; after that, or when they leave a hundredth of the light, what is behind is left out.
 MOST_SPLATS = 256

@@ -16,8 +16,7 @@ from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
-from lippmann.rendering.samples import Seeds, colour_count
-from lippmann.rendering.sources import RaySource
+from lippmann.rendering.sampling import RaySource, Seeds, colour_count
 
 #: Samples of a pixel, at most, that count for neighbours: of more, their own mean is as good where detail is finest.
 MOST_SAMPLES = 4

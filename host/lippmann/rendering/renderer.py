@@ -8,46 +8,50 @@ image). So depth comes out right and occlusion is correct, without a second pass
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.images import Radiance
-from lippmann.base.machine import free_memory_mb
 from lippmann.base.progress import Progress
-from lippmann.base.tones import BAND_ROWS, psnr_db
+from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
-from lippmann.errors import InputError, whole_number
+from lippmann.errors import InputError
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.irradiance import Irradiance
+from lippmann.rendering.bands import CHUNK_SAMPLES, bands_of, check_memory, memory_mb
 from lippmann.rendering.lights import register_lights
-from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, PixelFilter, is_filtered, may_share
-from lippmann.rendering.samples import TILE_PX, Parts, Pose, Seeds, colour_count, lines_of, pixel_of
-from lippmann.rendering.shading import Program, SharedProgram, each_program, means_of, why_not_shared
-from lippmann.rendering.sources import APERTURES, Aperture, Lines, RaySource, Window, display_source, eye_source
+from lippmann.rendering.options import Settings, Shading
+from lippmann.rendering.pixel_filter import PixelFilter, is_filtered
+from lippmann.rendering.sampling import (
+    TILE_PX,
+    Lines,
+    Parts,
+    Pose,
+    RaySource,
+    Seeds,
+    Window,
+    colour_count,
+    display_source,
+    eye_source,
+    lines_of,
+    pixel_of,
+)
+from lippmann.rendering.shading import Irradiance, Program, SharedProgram, each_program, means_of, why_not_shared
 from lippmann.rendering.surface_lattice import MOST_POINTS
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, without_places
 
-#: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
-CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
+logger = logging.getLogger("lippmann")
 #: A band takes one chunk fewer where no more than this part of a chunk would be left for the last.
 CHUNK_SLACK = 0.1
-#: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
-BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Rays of a band, about, where a pixel has many: some ten seconds of a processor's or a GPU's time.
-BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
-Shading = Literal["auto", "each", "shared"]
-SHADINGS: tuple[Shading, ...] = get_args(Shading)
-#: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
-SHARED_MEMORY_MB = 250.0
 #: Shared light needs more memory for a sample: its chunks are so many times smaller.
 SHARED_PARTS = 2
 #: Light is shared where that changes the picture by less, and there are so many rays for each point that light is found
@@ -64,48 +68,6 @@ TRIAL_SEED = 1
 LEAST_RAYS = 1 << 21
 #: Share of the samples that may meet surfaces without a lattice.
 MOST_ALONE = 0.5
-#: Memory of the libraries and one chunk, MB (measured; the output is added).
-BASE_MEMORY_MB = 500.0
-#: Memory of each further ray of a chunk that is one tile of many samples, bytes (measured).
-RAY_BYTES = 80.0
-MAX_SAMPLES = 65536
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How to render."""
-
-    #: Samples for each pixel (and for each of its colours, where it has sub-pixels). One goes through the centre;
-    #: more are spread over the area (anti-aliasing).
-    samples: int = 1
-    #: "chief": rays through the lenslet's centre; "full": spread over its cell.
-    aperture: Aperture = "chief"
-    #: "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
-    integrator: str = "lights"
-    #: Surfaces that a ray may meet.
-    max_depth: int = 4
-    #: The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
-    seed: int = 0
-    #: Limit; None: four fifths of the free memory.
-    memory_mb: float | None = None
-    #: Whether neighbouring rays share the light of diffuse surfaces (`Irradiance`): "auto" where it pays.
-    shading: Shading = "auto"
-    #: The most points at which shared light is known; None: what it can hold, and with "auto" fewer than rays.
-    light_points: int | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse settings out of range."""
-        for name, low, high in (("samples", 1, MAX_SAMPLES), ("max_depth", 1, 1000), ("seed", 0, 2**32 - 1)):
-            object.__setattr__(self, name, whole_number(name.replace("_", " "), getattr(self, name), low, high))
-        for what, name, names in (("aperture", self.aperture, APERTURES), ("shading", self.shading, SHADINGS)):
-            if name not in names:
-                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
-        if not isinstance(self.integrator, str):
-            raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
-        if self.light_points is not None:
-            whole_number("light points", self.light_points, 1, MOST_POINTS)
-        if self.memory_mb is not None:
-            check_limit_mb(self.memory_mb)
 
 
 @dataclass(frozen=True)
@@ -164,17 +126,6 @@ def make_integrator(scene: Scene, settings: Settings) -> Any:
     return integrator
 
 
-def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
-    """Return the rows of the bands in which an image of so many rays a pixel is rendered, on the current device.
-
-    They are whole tiles, and whole bands of a file.
-    """
-    device = device or current_device()
-    pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
-    rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
-    return [range(first, min(first + rows, height_px)) for first in range(0, height_px, rows)]
-
-
 class Renderer:
     """Renders bands of the image of a source of rays, in any order, by one program."""
 
@@ -185,11 +136,12 @@ class Renderer:
         settings: Settings,
         bands: Sequence[range] | None = None,
         program: type[SharedProgram] = SharedProgram,
+        in_memory: bool = True,
     ) -> None:
         """Raise InputError when there is no such integrator.
 
         `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `program` is what lights
-        samples where light is shared.
+        samples where light is shared. `in_memory`: the whole picture is kept in memory, not one band.
         """
         self._settings, self._most = settings, settings.light_points
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
@@ -199,7 +151,7 @@ class Renderer:
         self._each = each_program(scene, source, settings.samples, integrator)
         self._program: Program = self._each
         self._pose = Pose.of(scene.placement)
-        self._in_memory = bands is None
+        self._in_memory = in_memory
         self._colours = colour_count(source.layout)
         self._source, self._filtered = source, is_filtered(source, settings.samples)
         #: Rays for each pixel.
@@ -207,6 +159,10 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
         self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
+        #: Seconds of all calls of `prepare`.
+        self.prepare_seconds = 0.0
+        #: How open choices were decided, as metadata.
+        self.choices: dict[str, str] = {"shading": self.shading}
 
     def _fits(self, limit_mb: float | None) -> bool:
         """Tell whether shared light is within the user's memory limit: the free memory must not change a picture."""
@@ -280,7 +236,10 @@ class Renderer:
                 tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
                 self.remark = f"{tried}: {likeness}; {verdict}"
         self._draw(range(TILE_PX), 1, self.planes(TILE_PX), 0)
-        return time.perf_counter() - started
+        self.choices["shading"] = self.shading
+        seconds = time.perf_counter() - started
+        self.prepare_seconds += seconds
+        return seconds
 
     def decide(self) -> Settings:
         """Return settings that leave nothing open, after a trial where that is needed (`remark` tells what it said).
@@ -339,21 +298,23 @@ class Renderer:
         a, b = (one.reshape(TRIAL_PARTS, side // TRIAL_PARTS, TRIAL_PARTS, -1, 3) for one in pair)
         return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
-    def render(self, number: int, progress: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
+    def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
 
-        `progress` is called with the number of tiles done after each chunk.
+        `report_rows` is called after each chunk with the number of the band's rows that are done.
         """
         rows = self.bands[number]
         planes = self.planes(len(rows))
-        lost = self.draw(number, planes, rows.start, progress)
+        lost = self.draw(number, planes, rows.start, report_rows)
         return radiance_of(planes, self._width), lost
 
     def draw(
-        self, number: int, planes: list[Any], first_row: int = 0, progress: Callable[[int], None] | None = None
+        self, number: int, planes: list[Any], first_row: int = 0, report_rows: Callable[[int], None] | None = None
     ) -> list[int]:
-        """Draw a band into planes whose first row is the image's `first_row`; return what `render` does beside it."""
-        return self._draw(self.bands[number], self.tiles_of(number), planes, first_row, progress)
+        """Draw a band into planes whose first row is the image's `first_row`; return the numbers of lost samples."""
+        rows = self.bands[number]
+        tiles = self._across * -(-len(rows) // TILE_PX)
+        return self._draw(rows, tiles, planes, first_row, report_rows)
 
     def _draw(
         self,
@@ -361,7 +322,7 @@ class Renderer:
         tiles: int,
         planes: list[Any],
         first_row: int,
-        progress: Callable[[int], None] | None = None,
+        report_rows: Callable[[int], None] | None = None,
     ) -> list[int]:
         """Draw so many tiles of some rows, from their first on."""
         mi = mitsuba()
@@ -380,8 +341,8 @@ class Renderer:
             lost.append(self._run(rows, first, count, planes, first_row, sums))
             if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
                 dr.sync_thread()
-            if progress is not None:
-                progress(count)
+            if report_rows is not None:
+                report_rows(len(rows) * (first + count) // tiles)
         if sums is not None:
             start = dr.opaque(mi.UInt32, (rows.start - first_row) * self._width)
             place = start + dr.arange(mi.UInt32, len(rows) * self._width)
@@ -389,10 +350,6 @@ class Renderer:
                 dr.scatter(plane, colour, place)
             dr.eval(planes)
         return [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
-
-    def tiles_of(self, number: int) -> int:
-        """Return the number of tiles of a band."""
-        return self._across * -(-len(self.bands[number]) // TILE_PX)
 
     def planes(self, rows: int) -> list[Any]:
         """Return black planes of red, green and blue for rows of the image (Dr.Jit)."""
@@ -445,38 +402,29 @@ def render_rays(
     source: RaySource,
     settings: Settings,
     progress: Progress | None = None,
-    note: Callable[[str], None] | None = None,
     program: type[SharedProgram] = SharedProgram,
 ) -> Rendered:
-    """Render the image of a source of rays; `progress` is called with (tiles done, tiles in all), `note` with remarks.
+    """Render the image of a source of rays; `progress` is called with (rows done, rows in all).
 
-    `program` is what lights samples where light is shared.
+    `program` is what lights samples where light is shared. What a trial of it shows goes to the log.
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
     check_memory(source.width_px, source.height_px, settings, colour_count(source.layout))
     renderer = Renderer(scene, source, settings, program=program)
     prepare_seconds = renderer.prepare()
-    if note is not None and renderer.remark is not None:
-        note(renderer.remark)
-    tiles = sum(renderer.tiles_of(number) for number in range(len(renderer.bands)))
-    done = 0
-
-    def told(count: int) -> None:
-        nonlocal done
-        done += count
-        if progress is not None:
-            progress(done, tiles)
-
+    if renderer.remark is not None:
+        logger.info("%s", renderer.remark)
+    radiance, lost = np.empty((source.height_px, source.width_px, 3), np.float32), []
     started, cpu_before = time.perf_counter(), time.process_time()
-    radiance, counts = renderer.render(0, told)
-    lost = [counts]
-    if len(renderer.bands) > 1:
-        first, radiance = radiance, np.empty((source.height_px, source.width_px, 3), np.float32)
-        radiance[: len(first)] = first
-        for number, rows in enumerate(renderer.bands[1:], 1):
-            radiance[rows.start : rows.stop], counts = renderer.render(number, told)
-            lost.append(counts)
+    for number, rows in enumerate(renderer.bands):
+
+        def report(done: int, rows: range = rows) -> None:
+            if progress is not None:
+                progress(rows.start + done, source.height_px)
+
+        radiance[rows.start : rows.stop], counts = renderer.render(number, report)
+        lost.append(counts)
     finished, cpu_after = time.perf_counter(), time.process_time()
     traced = source.width_px * source.height_px * renderer.rays
     return Rendered(
@@ -488,41 +436,6 @@ def render_rays(
         lost_percent=tuple(100.0 * sum(counts) / traced for counts in zip(*lost, strict=True)),
         shading=renderer.shading,
     )
-
-
-def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
-    """Return the memory that a picture, or a band of one, of so many samples for each colour of a pixel needs, MB."""
-    # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
-    pixels = width_px * height_px
-    needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
-    if may_share(samples, colours):
-        # Before a variant is set; a GPU has its own memory.
-        band = len(bands_of(width_px, height_px, samples, "llvm")[0])
-        needed += BYTES_A_PIXEL * band * width_px / 1e6
-    # A chunk is a tile at least.
-    needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
-    return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
-
-
-def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
-    """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
-    needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
-    what = f"an image of {width_px} x {height_px} pixels"
-    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
-
-
-def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
-    limit = 0.8 * free_memory_mb() if limit is None else limit
-    check_limit_mb(limit)
-    if not needed <= limit:
-        raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
-
-
-def check_limit_mb(limit: object) -> None:
-    """Raise InputError for a memory limit (MB) that is not a number above 0."""
-    if not isinstance(limit, int | float) or not limit > 0.0:
-        raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, Any]:
@@ -561,14 +474,13 @@ def render_integral(
     progress: Progress | None = None,
     engine: Engine = "fast",
     fraction_bits: int | None = None,
-    note: Callable[[str], None] | None = None,
 ) -> Rendered:
     """Render the integral image of a scene for a display (see `render_rays`), with the rays of an engine.
 
     Raises InputError as `render_rays` and `lippmann.engines.trace`; MissingLibraryError when an engine lacks a tool.
     """
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
-    return render_rays(scene, source, settings, progress, note)
+    return render_rays(scene, source, settings, progress)
 
 
 def render_view(

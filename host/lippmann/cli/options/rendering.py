@@ -12,9 +12,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine
-from lippmann.rendering.integral import ModelOption, RenderOptions
-from lippmann.rendering.renderer import Settings, Shading
-from lippmann.rendering.sources import Aperture
+from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
+from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import Arrange, Placement, placement_beside, usual_arrange
 
 SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)

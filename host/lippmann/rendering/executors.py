@@ -1,0 +1,316 @@
+"""Who renders the bands of plans: this process, workers that it starts, or those of a Dask scheduler.
+
+An executor is a function that takes bands and yields them rendered, in any order. A scheduler distributes them; when a
+worker is lost, what it had goes to another. Workers read the scene from the same path as this process, so the machines
+must share its folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import re
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lippmann.base import interrupts
+from lippmann.base.images import Radiance
+from lippmann.base.programs import starting_python
+from lippmann.base.variant import start_mitsuba
+from lippmann.errors import InputError, MissingLibraryError, device_error, input_error, missing_library, whole_number
+from lippmann.rendering.bands import check_band_memory
+from lippmann.rendering.cache_key import pixel_versions
+from lippmann.rendering.plan import BandRenderer, Plan
+from lippmann.rendering.shading import garbage_kept
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, Scheduler, Security
+
+logger = logging.getLogger("lippmann")
+#: Seconds in which the scheduler must answer, and a first worker must join.
+ANSWER_S = 10.0
+#: Seconds without any worker after which the log says so.
+ALONE_S = 5.0
+#: Seconds without any sign of life after which Dask gives a stopped worker's bands to another.
+STOPPED_WORKER_S = 30.0
+#: Bands submitted for each thread of the workers: one is rendered, one waits.
+AHEAD = 2
+
+#: Processes of this machine that share a render, at most.
+MAX_WORKERS = 64
+#: The command that starts a scheduler on this machine alone.
+SCHEDULER = "dask scheduler --host 127.0.0.1 --no-dashboard"
+
+#: A worker renders one band at a time on all cores, whatever its number of threads.
+_rendering = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band of a plan, for an executor."""
+
+    plan: Plan
+    number: int
+
+    @property
+    def rows(self) -> range:
+        """The rows of the picture."""
+        return self.plan.bands[self.number]
+
+    def __str__(self) -> str:
+        """Return its name for messages."""
+        return f"band {self.number} of {self.plan.name}"
+
+
+class RenderedBand(NamedTuple):
+    """A band, its radiance (rows, width, 3), how open choices were decided, and the seconds of compiling for it."""
+
+    band: Band
+    radiance: Radiance
+    choices: dict[str, str]
+    prepare_seconds: float = 0.0
+
+
+#: Renders bands, in any order. It may report how many rows are done of the band that it renders.
+Executor = Callable[[Sequence[Band], Callable[[int], None]], Iterator[RenderedBand]]
+
+
+def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> Iterator[RenderedBand]:
+    """Render bands in this process. Raises what the plans' renderers raise."""
+    for _, own in itertools.groupby(bands, lambda band: id(band.plan)):
+        renderer: BandRenderer | None = None
+        for band in own:
+            seconds = 0.0
+            if renderer is None:
+                renderer = band.plan.start()
+                seconds = 0.0 if renderer.prepare_seconds else renderer.prepare()
+            radiance, _ = renderer.render(band.number, report_rows)
+            yield RenderedBand(band, radiance, dict(renderer.choices), seconds)
+
+
+def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
+    """Return who renders: so many workers on this machine, the workers of a scheduler, or this process without both.
+
+    `device` is each worker's: "auto", "llvm" or "cuda". Raises InputError for both at once, and as
+    `render_on_cluster` where no scheduler with a worker answers.
+    """
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers and --scheduler both say who renders; leave one out")
+    if workers is not None:
+        return lambda bands, _: render_by_workers(whole_number("workers", workers, 1, MAX_WORKERS), device, bands)
+    if scheduler is not None:
+        _connected(scheduler).close()
+        return lambda bands, _: render_on_cluster(scheduler, device, bands)
+    return render_here
+
+
+def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
+    """Start up to so many workers on this machine, one a band, and render on them; see `render_on_cluster`.
+
+    Raises InputError, too, when the bands of all workers exceed the memory limit.
+    """
+    count = min(count, len(bands))
+    if not count:  # only the file is to be written
+        return
+    plan = bands[0].plan
+    check_band_memory(plan.display, plan.bands, plan.settings, count)
+    with local_workers(count) as (address, security):
+        yield from render_on_cluster(address, device, bands, security)
+
+
+def render_on_cluster(
+    address: str, device: str, bands: Sequence[Band], security: Security | None = None
+) -> Iterator[RenderedBand]:
+    """Render bands on the workers of a cluster; yield each as it arrives.
+
+    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
+    bands are distributed in their order. The log says when no worker is left. `security` is what the scheduler's
+    connections need, where the workers are this command's own (`local_workers`).
+
+    Raises InputError when no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a
+    different scene or different versions; DeviceError when the scheduler is lost, or a band crashes several workers;
+    MissingLibraryError when Dask is missing here, or Lippmann on a worker.
+    """
+    if not bands:
+        return
+    client = _connected(address, security)
+    own = security is not None
+    where, remedy = ("--workers", "") if own else (address, f" ({_worker(address)})")
+    try:
+        yield from _distribute(client, device, bands, where, remedy)
+    except ModuleNotFoundError as error:
+        raise MissingLibraryError(
+            f"{address}: a worker lacks {error.name}; run its dask worker in an environment with Lippmann"
+        ) from None
+    except (OSError, CancelledError) as error:  # of Dask's connections, and of waiting for them
+        what = f"the scheduler is lost ({type(error).__name__})"
+        remedy = "start it and run the command again: what is finished is kept"
+        raise device_error(address, what, remedy) from None
+    finally:
+        client.close()
+
+
+def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, remedy: str) -> Iterator[RenderedBand]:
+    """Keep each worker supplied with bands, and yield what arrives."""
+    from distributed import KilledWorker, wait
+
+    waiting = iter(bands)
+    running: dict[Future[tuple[Radiance, dict[str, str]]], Band] = {}
+    alone = time.monotonic()
+    heartbeats: dict[str, tuple[float, float]] = {}
+    while True:
+        threads = sum(client.nthreads().values())
+        room = max(1, AHEAD * threads) - len(running)
+        for band in itertools.islice(waiting, max(0, room)):
+            running[client.submit(_rendered, band, device, pixel_versions(), pure=False)] = band
+        if not running:
+            return
+        try:
+            done = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            done = set()
+        for future in done:
+            band = running.pop(future)
+            try:
+                radiance, choices = future.result()
+            except KilledWorker:
+                cause = "see their logs; they may lack memory" if remedy else "they may lack memory: give fewer of them"
+                raise device_error(where, f"{band} crashed several workers", cause) from None
+            future.release()
+            yield RenderedBand(band, radiance, choices)
+        _give_up_stopped_workers(client, heartbeats, where)
+        if threads:
+            alone = time.monotonic()
+        elif time.monotonic() - alone > ALONE_S:
+            logger.info("%s: no worker is left; waiting for one%s", where, remedy)
+            alone = float("inf")
+
+
+def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
+    """Remove the workers that have sent no heartbeat for `STOPPED_WORKER_S`: their bands go to others.
+
+    `heartbeats` holds the last one of each worker by the scheduler's clock, and when it was first seen by this one's.
+    """
+    now = time.monotonic()
+    for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
+        seen, since = heartbeats.get(address, (None, now))
+        if seen != state["last_seen"]:
+            heartbeats[address] = state["last_seen"], now
+        elif now - since > STOPPED_WORKER_S:
+
+            async def remove(dask_scheduler: Scheduler | None = None, address: str = address) -> None:
+                # A local function travels as code: the scheduler's environment may lack Lippmann.
+                assert dask_scheduler is not None
+                await dask_scheduler.remove_worker(address, stimulus_id="lippmann-stopped-worker")
+
+            client.run_on_scheduler(remove)
+            del heartbeats[address]
+            message = "worker %s has not answered for %.0f s; its bands go to others"
+            logger.info(f"%s: {message}", where, address, STOPPED_WORKER_S)
+
+
+@contextlib.contextmanager
+def local_workers(count: int) -> Iterator[tuple[str, Security]]:
+    """Start workers on this machine, on loopback alone; yield their scheduler's address and its `Security`.
+
+    They talk by TLS with a key that only these processes have: who reaches a port of Dask's may run programs. They run
+    no Python file of the current folder. A worker that dies is replaced. None has a limit of memory: with one, Dask
+    has those wait for ever that hold nearly their share. MissingLibraryError when Dask is missing.
+    """
+    try:
+        import dask
+        from distributed import LocalCluster, Security
+
+        security = Security.temporary()
+    except ImportError as error:
+        raise missing_library(error) from None
+    with contextlib.ExitStack() as end:
+        end.enter_context(starting_python())
+        end.enter_context(
+            dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
+        )
+        # Of a signal to all processes of a terminal, this one ends the workers; they inherit what is blocked here.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
+        try:
+            resource_tracker.ensure_running()  # which unblocks some, so now and not between
+            signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
+            cluster = LocalCluster(
+                n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=security,
+                memory_limit=0, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        end.enter_context(cluster)
+        yield cluster.scheduler_address, security
+
+
+def _worker(address: str) -> str:
+    """Return the command that starts a worker: on loopback when the scheduler is there, and without a web page."""
+    loopback = re.search(r"//(127\.|localhost|\[::1\])", address)
+    return f"dask worker {address}{' --host 127.0.0.1' if loopback else ''} --no-dashboard"
+
+
+def _connected(address: str, security: Security | None = None) -> Client:
+    """Return a client of a cluster that has at least one worker."""
+    try:
+        import distributed
+    except ImportError as error:
+        raise missing_library(error) from None
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in a line
+    try:
+        client = distributed.Client(address, timeout=ANSWER_S, security=security)
+    except (OSError, ValueError, TypeError):
+        raise input_error(
+            address, "no scheduler answers there", f"start one ({SCHEDULER}), or give its address, tcp://HOST:8786"
+        ) from None
+    try:
+        client.wait_for_workers(1, timeout=ANSWER_S)
+    except TimeoutError:
+        client.close()
+        raise input_error(address, "no worker has joined the scheduler", f"start one: {_worker(address)}") from None
+    return client
+
+
+def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radiance, dict[str, str]]:
+    """Render a band, on a worker."""
+    from distributed import get_worker
+
+    name = f"worker {get_worker().address}"
+    if pixel_versions() != expected:
+        theirs = ", ".join(f"{key} {value}" for key, value in pixel_versions().items())
+        ours = ", ".join(f"{key} {value}" for key, value in expected.items())
+        raise input_error(name, f"has {theirs}, asked for {ours}", "install the same Lippmann everywhere")
+    # Garbage that another thread collects meanwhile may be Dr.Jit's, whose lock this one holds.
+    with _rendering, garbage_kept():
+        start_mitsuba(device)
+        return render_band(band, name)
+
+
+def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dict[str, str]]:
+    """Return a band's radiance and how its open choices were decided; the plan's renderer is kept for the next band.
+
+    InputError, with the worker's name, where the plan's files are missing or different.
+    """
+    identity = band.plan.identity
+    if identity not in _kept_renderers:
+        _kept_renderers.clear()  # the scene of the last plan must go before the next one is compiled
+        band.plan.check_files(worker)
+        _kept_renderers[identity] = band.plan.start()
+    renderer = _kept_renderers[identity]
+    radiance, _ = renderer.render(band.number)
+    # Its own memory, for other threads (`radiance_of`).
+    return np.require(radiance, requirements="O"), dict(renderer.choices)
+
+
+#: The renderer of a worker's last plan, by the plan's identity.
+_kept_renderers: dict[str, BandRenderer] = {}

@@ -1,0 +1,87 @@
+"""The options of a render: lens model, engine, samples, integrator and the rest, checked when they are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from lippmann.errors import InputError, whole_number
+from lippmann.optics.model_choice import TOLERANCE
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
+from lippmann.rendering.sampling import APERTURES, Aperture
+from lippmann.rendering.surface_lattice import MOST_POINTS
+
+Shading = Literal["auto", "each", "shared"]
+SHADINGS: tuple[Shading, ...] = get_args(Shading)
+MAX_SAMPLES = 65536
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to render."""
+
+    #: Samples for each pixel (and for each of its colours, where it has sub-pixels). One goes through the centre;
+    #: more are spread over the area (anti-aliasing).
+    samples: int = 1
+    #: "chief": rays through the lenslet's centre; "full": spread over its cell.
+    aperture: Aperture = "chief"
+    #: "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
+    integrator: str = "lights"
+    #: Surfaces that a ray may meet.
+    max_depth: int = 4
+    #: The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
+    seed: int = 0
+    #: Limit; None: four fifths of the free memory.
+    memory_mb: float | None = None
+    #: Whether neighbouring rays share the light of diffuse surfaces (`Irradiance`): "auto" where it pays.
+    shading: Shading = "auto"
+    #: The most points at which shared light is known; None: what it can hold, and with "auto" fewer than rays.
+    light_points: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse settings out of range."""
+        for name, low, high in (("samples", 1, MAX_SAMPLES), ("max_depth", 1, 1000), ("seed", 0, 2**32 - 1)):
+            object.__setattr__(self, name, whole_number(name.replace("_", " "), getattr(self, name), low, high))
+        for what, name, names in (("aperture", self.aperture, APERTURES), ("shading", self.shading, SHADINGS)):
+            if name not in names:
+                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
+        if not isinstance(self.integrator, str):
+            raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
+        if self.light_points is not None:
+            whole_number("light points", self.light_points, 1, MOST_POINTS)
+        if self.memory_mb is not None:
+            check_limit_mb(self.memory_mb)
+
+
+ModelOption = Literal["auto", Model]
+MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """Lens model, engine and settings of a render."""
+
+    #: "auto": the cheapest whose error stays below `tolerance` (see `lippmann.optics.model_choice`).
+    model: ModelOption = "auto"
+    #: Error that "auto" allows, pixels of the reconstructed view.
+    tolerance: float = TOLERANCE
+    #: What traces the rays through the lenslets.
+    engine: Engine = "fast"
+    #: Word length of the engines twin and rtl; None: the longest.
+    fraction_bits: int | None = None
+    #: Samples, aperture, integrator, seed.
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        """Refuse unknown names, and a word length for an engine that has none."""
+        for what, name, names in (("model", self.model, MODEL_OPTIONS), ("engine", self.engine, ENGINES)):
+            if name not in names:
+                raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
+        if self.fraction_bits is not None and self.engine in ("golden", "fast"):
+            raise InputError(f"fraction bits belong to the engines twin and rtl; leave them out with {self.engine}")
+
+
+def check_limit_mb(limit: object) -> None:
+    """Raise InputError for a memory limit (MB) that is not a number above 0."""
+    if not isinstance(limit, int | float) or not limit > 0.0:
+        raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")

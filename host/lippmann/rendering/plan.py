@@ -1,0 +1,216 @@
+"""A plan: a picture with all that its pixels depend on, so that any process can render any of its bands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+
+from lippmann import __version__
+from lippmann.base.images import Radiance
+from lippmann.display.description import Display
+from lippmann.errors import InputError, input_error
+from lippmann.fixed.words import WIDEST
+from lippmann.optics.model_choice import choose_model
+from lippmann.optics.rays import Engine, Model
+from lippmann.rendering.cache_key import pixels_identity
+from lippmann.rendering.integral_image import metadata_of
+from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.renderer import Renderer
+from lippmann.rendering.sampling import colours_of, display_source
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene, digest_of, load_scene
+
+
+class BandRenderer(Protocol):
+    """Renders the bands of one plan, in any order."""
+
+    #: Seconds of all calls of `prepare`.
+    prepare_seconds: float
+
+    @property
+    def choices(self) -> Mapping[str, str]:
+        """How it decided what was open, as metadata; final once a band is rendered."""
+
+    def prepare(self) -> float:
+        """Compile the program; return the seconds that it took."""
+
+    def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
+        """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
+
+        `report_rows` is called with the number of the band's rows that are done.
+        """
+
+
+class Plan(Protocol):
+    """A picture that executors render and sinks store."""
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+
+    @property
+    def display(self) -> Display:
+        """The display whose panel shows the picture."""
+
+    @property
+    def bands(self) -> tuple[range, ...]:
+        """The rows of each band: chosen once, for a worker's device may prefer others."""
+
+    @property
+    def identity(self) -> str:
+        """Hash of all that the pixels depend on, 16 hexadecimal digits."""
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What the picture's file carries; a renderer's `choices` replace its own."""
+
+    @property
+    def settings(self) -> Settings:
+        """How it is sampled, and within which memory."""
+
+    @property
+    def rays(self) -> int:
+        """Rays for each pixel."""
+
+    def check_files(self, worker: str) -> None:
+        """Raise InputError, with the worker's name, where the plan's files are missing or different."""
+
+    def start(self) -> BandRenderer:
+        """Return the renderer of this plan's bands; loads what it needs."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePlan:
+    """The picture of a scene. Only a film's frames may leave the lens model "auto": it depends on their own depths."""
+
+    scene: Path
+    #: `digest_of` the scene; "" where no other process renders it and no band is kept.
+    digest: str
+    placement: Placement
+    display: Display
+    options: RenderOptions
+    bands: tuple[range, ...]
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return self.scene.name
+
+    @property
+    def settings(self) -> Settings:
+        """How it is sampled, and within which memory."""
+        return self.options.settings
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of all that the pixels depend on, 16 hexadecimal digits."""
+        return pixels_identity(self.digest, self.placement, self.display, self.options)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What the picture's file carries."""
+        options = self.options
+        return {
+            **image_metadata(options.model, options.settings, self.scene, options.engine, options.fraction_bits),
+            **metadata_of(self.display),
+        }
+
+    @property
+    def rays(self) -> int:
+        """Rays for each pixel."""
+        return self.settings.samples * colours_of(self.display.panel)
+
+    def load(self) -> Scene:
+        """Load the scene where it is placed; InputError as `load_scene`."""
+        return load_scene(self.scene, self.placement)
+
+    def check_files(self, worker: str) -> None:
+        """Raise InputError, with the worker's name, where the scene is missing or different."""
+        check_same_scene(worker, self.scene, self.digest)
+
+    def start(self) -> Renderer:
+        """Return the renderer of the bands: the one that planned them, or a new one that loads the scene."""
+        renderer: Renderer | None = self.__dict__.pop("planned_by", None)
+        return make_renderer(self.load(), self.display, self.options, self.bands) if renderer is None else renderer
+
+    def planned_with(self, renderer: Renderer) -> ScenePlan:
+        """Return the plan with its open choices as a renderer decided them, which `start` then returns in this process.
+
+        Raises InputError as `Renderer.decide`.
+        """
+        plan = replace(self, options=replace(self.options, settings=renderer.decide()))
+        plan.reuse(renderer)
+        return plan
+
+    def reuse(self, renderer: Renderer) -> None:
+        """Let the next `start` in this process return a renderer of this plan that is there already."""
+        self.__dict__["planned_by"] = renderer
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what belongs to this process."""
+        return {name: value for name, value in self.__dict__.items() if name != "planned_by"}
+
+
+@lru_cache(maxsize=8)
+def check_same_scene(worker: str, path: Path, digest: str) -> None:
+    """Raise InputError for a scene that is missing or different on a worker's machine."""
+    try:
+        own = digest_of(path)
+    except InputError as error:
+        raise InputError(f"{worker}: {error}; a cluster's machines must share the scene's folder") from None
+    if own != digest:
+        raise input_error(worker, f"{path} differs there", "share the scene's folder between the cluster's machines")
+
+
+def make_renderer(
+    scene: Scene,
+    display: Display,
+    options: RenderOptions,
+    bands: tuple[range, ...] | None = None,
+    in_memory: bool = False,
+) -> Renderer:
+    """Return the renderer of the integral image of a loaded scene, not prepared yet; `bands` as for `Renderer`.
+
+    Raises InputError as `Renderer` and `choose_model`.
+    """
+    settings, model = options.settings, chosen_model(scene, display, options)
+    source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
+    renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
+    renderer.choices["model"] = model
+    return renderer
+
+
+def chosen_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
+    """Return the lens model of a render: "auto" takes the cheapest within the tolerance.
+
+    Raises InputError as `choose_model`.
+    """
+    if options.model != "auto":
+        return options.model
+    return choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance).model
+
+
+def image_metadata(
+    model: str, settings: Settings, scene_path: Path, engine: Engine = "fast", fraction_bits: int | None = None
+) -> dict[str, str]:
+    """Return how an image was made, as metadata; `IntegralImage` adds the display."""
+    bits = {} if engine in ("golden", "fast") else {"fraction_bits": str(fraction_bits or WIDEST)}
+    return {
+        "model": model,
+        "engine": engine,
+        **bits,
+        "aperture": settings.aperture,
+        "integrator": settings.integrator,
+        "samples": str(settings.samples),
+        "max_depth": str(settings.max_depth),
+        "seed": str(settings.seed),
+        "shading": settings.shading,
+        "scene": scene_path.name,
+        "version": __version__,
+        "mitsuba": version("mitsuba"),
+        "drjit": version("drjit"),
+    }

@@ -1,0 +1,295 @@
+"""Where the bands of a picture go: into memory, or into files that outlast the command.
+
+The bands that are finished stay in a folder until the picture is written: an interrupted render goes on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import logging
+import math
+import re
+import shutil
+import time
+import warnings
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from lippmann.base.files import FolderLock, remove_stale, replacing
+from lippmann.base.images import Radiance, write_picture
+from lippmann.base.progress import Progress
+from lippmann.errors import LippmannWarning, NoSpaceError, input_error
+from lippmann.rendering.bands import check_band_memory
+from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
+from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.plan import Plan
+
+logger = logging.getLogger("lippmann")
+#: The name of a kept band: its picture's identity and its first row.
+BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
+#: Bytes of the CRC-32 that follows the rows in a kept band.
+CRC_BYTES = 4
+
+
+class Sink(Protocol):
+    """What takes rendered bands."""
+
+    @property
+    def bands(self) -> Sequence[Band]:
+        """All bands of its pictures."""
+
+    def missing_bands(self) -> Sequence[Band]:
+        """Return the bands that are to be rendered, in this order."""
+
+    def take(self, rendered: RenderedBand) -> None:
+        """Take one of them."""
+
+    def stop(self, done_rows: int) -> None:
+        """End after an error or an interruption, with so many rows of all taken."""
+
+
+class RenderTimes(NamedTuple):
+    """The cost of a render: its wall time without compilation, the compilation, and the numbers of bands."""
+
+    seconds: float
+    prepare_seconds: float
+    rays: int
+    bands: int
+    kept_bands: int
+
+    def measured(self, keeps_bands: bool = False) -> dict[str, float]:
+        """Return them by name, as `IntegralImage.measured` has them; with the bands of a sink that keeps them."""
+        bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
+        rate = self.rays / max(self.seconds, 1e-9)
+        return {
+            "seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands
+        }  # fmt: skip
+
+
+def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
+    """Render the bands that a sink lacks; return the cost.
+
+    `progress` is called with (rows there, rows in all). Raises what the executor raises, and InputError and
+    NoSpaceError when the sink cannot store a band.
+    """
+    missing = sink.missing_bands()
+    total = sum(len(band.rows) for band in sink.bands)
+    done = total - sum(len(band.rows) for band in missing)
+
+    def report(rows: int) -> None:
+        if progress is not None:
+            progress(done + rows, total)
+
+    report(0)
+    rays, prepare_seconds, started = 0, 0.0, time.perf_counter()
+    try:
+        for rendered in executor(missing, report):
+            sink.take(rendered)
+            rows = len(rendered.band.rows)
+            done += rows
+            rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
+            prepare_seconds += rendered.prepare_seconds
+            report(0)
+    except BaseException:
+        sink.stop(done)
+        raise
+    seconds = time.perf_counter() - started - prepare_seconds
+    return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
+
+
+def bands_of_plan(plan: Plan) -> list[Band]:
+    """Return all bands of a plan."""
+    return [Band(plan, number) for number in range(len(plan.bands))]
+
+
+class MemorySink:
+    """A picture in memory: (height, width, 3) float32."""
+
+    def __init__(self, plan: Plan) -> None:
+        panel = plan.display.panel
+        self.bands, self.plan = bands_of_plan(plan), plan
+        self.radiance = np.empty((panel.height_px, panel.width_px, 3), np.float32)
+        self.metadata = plan.metadata
+
+    def missing_bands(self) -> Sequence[Band]:
+        """Return all bands."""
+        return self.bands
+
+    def take(self, rendered: RenderedBand) -> None:
+        """Copy a band."""
+        rows = rendered.band.rows
+        self.radiance[rows.start : rows.stop] = rendered.radiance
+        self.metadata |= rendered.choices
+
+    def stop(self, done_rows: int) -> None:
+        """Leave nothing."""
+
+    def image(self, times: RenderTimes) -> IntegralImage:
+        """Return the picture; `times` are those of its render."""
+        return IntegralImage(self.radiance, self.plan.display, self.metadata, times.measured())
+
+
+class KeptBands:
+    """A picture whose finished bands are files in a folder; like an array of rows to what writes the picture.
+
+    One command has them, until it lets go of them (`release`) or ends.
+    """
+
+    def __init__(self, folder: Path, plan: Plan) -> None:
+        """Make the folder, and remove the bands of another render from it.
+
+        InputError when it cannot be made, another command has it, or a band exceeds the memory limit; NoSpaceError when
+        the disk has no room for the bands.
+        """
+        check_band_memory(plan.display, plan.bands, plan.settings)
+        _check_disk(folder, plan)
+        self._lock = FolderLock(folder, "choose another place with -o")
+        self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
+        panel = plan.display.panel
+        self.shape = panel.height_px, panel.width_px, 3
+        self.metadata = plan.metadata
+        self._checked: set[int] = set()
+        own = {self._path(band.number).name for band in self.bands}
+        others = [path for path in folder.iterdir() if BAND_NAME.fullmatch(path.name) and path.name not in own]
+        for path in others:
+            path.unlink(missing_ok=True)
+        if others:
+            logger.info("%s: removed %d bands left by a different render", folder, len(others))
+
+    def missing_bands(self) -> list[Band]:
+        """Return the bands that are not there, or damaged; a warning names those."""
+        return [band for band in self.bands if self._read(band.number, warn=True) is None]
+
+    def take(self, rendered: RenderedBand) -> None:
+        """Store a band; NoSpaceError when the disk is full."""
+        radiance = np.ascontiguousarray(rendered.radiance, np.dtype("<f4"))
+        with replacing(self._path(rendered.band.number)) as partial, partial.open("wb") as stream:
+            np.save(stream, radiance)
+            stream.write(zlib.crc32(radiance.data).to_bytes(CRC_BYTES, "little"))
+        self._checked.add(rendered.band.number)
+
+    def stop(self, done_rows: int) -> None:
+        """Keep the bands for the next command, and log that they are there."""
+        self.release()
+        if done_rows:
+            goes_on = "the same command goes on from there"
+            logger.info("%d of %d rows are kept in %s: %s", done_rows, self.shape[0], self.folder, goes_on)
+
+    def __getitem__(self, rows: slice) -> Radiance:
+        """Return some rows, which belong to one band."""
+        first, stop, _ = rows.indices(self.shape[0])
+        for band in self.bands:
+            if first in band.rows:
+                radiance = self._read(band.number)
+                if radiance is None:
+                    raise input_error(str(self._path(band.number)), "is gone or broken", "render again")
+                return np.array(radiance[first - band.rows.start : stop - band.rows.start])
+        return np.empty((0, *self.shape[1:]), np.float32)
+
+    def write(self, path: Path) -> None:
+        """Write the picture of all bands, and remove their folder; InputError and NoSpaceError when that fails.
+
+        The bands stay then, and the log says so.
+        """
+        panel = self.plan.display.panel
+        try:
+            write_picture(path, self, self.metadata, panel.transfer, panel.bits)
+        except BaseException:
+            self.stop(panel.height_px)
+            raise
+        self.remove()
+
+    def image(self, times: RenderTimes) -> IntegralImage:
+        """Return the picture in memory; the bands stay in their folder."""
+        radiance = np.concatenate([self[band.rows.start : band.rows.stop] for band in self.bands])
+        self.release()
+        return IntegralImage(radiance, self.plan.display, self.metadata, times.measured(keeps_bands=True))
+
+    def release(self) -> None:
+        """Let another command have the folder; it goes, unless bands are in it."""
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
+        self._lock.close()
+
+    def remove(self) -> None:
+        """Remove the bands, and the folder when nothing else is in it."""
+        for band in self.bands:
+            self._path(band.number).unlink(missing_ok=True)
+        remove_stale(self.folder)
+        self.release()
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"{self.plan.identity}-{self.plan.bands[number].start:05d}.npy"
+
+    def _read(self, number: int, warn: bool = False) -> Radiance | None:
+        """Return a band that is there and undamaged.
+
+        What numpy would write is compared, and nothing else is read. The checksum is compared once.
+        """
+        shape = (len(self.plan.bands[number]), *self.shape[1:])
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
+        path, begin = self._path(number), header.getvalue()
+        size = len(begin) + 4 * math.prod(shape)
+        try:
+            with path.open("rb") as stream:
+                is_complete = stream.read(len(begin)) == begin and path.stat().st_size == size + CRC_BYTES
+                if is_complete:
+                    stream.seek(size)
+                    crc = int.from_bytes(stream.read(CRC_BYTES), "little")
+            if is_complete:
+                radiance = np.memmap(path, np.dtype("<f4"), "r", len(begin), shape)
+                if number in self._checked or zlib.crc32(radiance.data) == crc:
+                    self._checked.add(number)
+                    return radiance
+        except OSError as error:
+            if error.errno == errno.ENOMEM:  # it is there
+                raise MemoryError from None
+            return None
+        if warn:
+            warnings.warn(f"{path}: this band is damaged, and rendered again", LippmannWarning, stacklevel=2)
+        return None
+
+
+def render_picture(
+    plan: Plan,
+    executor: Executor = render_here,
+    kept: str | Path | None = None,
+    progress: Progress | None = None,
+) -> IntegralImage:
+    """Render a plan and return its picture; `kept` is a folder for its finished bands. See `render_into`."""
+    sink: MemorySink | KeptBands = MemorySink(plan) if kept is None else KeptBands(Path(kept), plan)
+    return sink.image(render_into(sink, executor, progress))
+
+
+def _check_disk(folder: Path, plan: Plan) -> None:
+    """Raise NoSpaceError when a disk has no room for the bands of a plan that are not there yet."""
+    there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy")) if folder.is_dir() else 0
+    needed = plan.display.panel.width_px * plan.display.panel.height_px * 3 * 4 - there
+    free = shutil.disk_usage(folder.parent).free
+    if needed > free:
+        what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
+        raise NoSpaceError.at(str(folder), what, "free space or choose another place with -o")
+
+
+def bands_folder(path: Path) -> Path:
+    """Return the folder of the kept bands of a picture's file."""
+    return path.with_name(f"{path.name}.bands")
+
+
+def log_remaining_bands(path: Path) -> None:
+    """Log where bands of an unfinished render lie beside a picture that was just written."""
+    folder = bands_folder(path)
+    try:
+        count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())
+    except OSError:  # no such folder, usually
+        return
+    if count:
+        why = "remove it, unless another command is at work on them or is to go on"
+        logger.info("%s: has %d bands of a render that is not done; %s", folder, count, why)
