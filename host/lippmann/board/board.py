@@ -37,6 +37,7 @@ from lippmann.fixed.registers import (
     build_of,
     optics_writes,
     raster_writes,
+    write,
 )
 from lippmann.fixed.words import Ints
 from lippmann.rendering.integral_image import IntegralImage
@@ -149,6 +150,16 @@ class Board(Session):
         self.check_panel()
         return send_frame(self, image_frame(image, self.info, force), progress)
 
+    def write_optics(self, display: Display) -> int:
+        """Write a display's optics, which the board then uses; return the number of its registers.
+
+        Raises InputError for a display that the board's optics do not support.
+        """
+        build = self.optics_build()
+        writes = optics_writes(configuration(display, build, build.model))
+        self.write_all([*writes, write("control", apply=1)])
+        return len(writes)
+
     def check_no_pattern(self) -> None:
         """Raise DeviceError while the panel shows a test pattern in place of the frame."""
         display = BOARD_REGISTERS["display"]
@@ -241,7 +252,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
     return Check(rays, board_crc, twin_crc)
 
 
-class Found(NamedTuple):
+class AnsweringBoard(NamedTuple):
     """A board's port, and its reply to HELLO."""
 
     url: str
@@ -250,19 +261,19 @@ class Found(NamedTuple):
 
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
-) -> tuple[list[Found], list[DeviceError]]:
+) -> tuple[list[AnsweringBoard], list[DeviceError]]:
     """Send HELLO to each port; return the boards, and the errors of the other ports.
 
     Without `baud` at the rate of the port's known board (`fpga_boards.usual_baud`).
     """
-    found, others = [], []
+    boards, errors = [], []
     for url in urls:
         try:
             with Board.open(url, baud or usual_baud(url), patience_s) as board:
-                found.append(Found(url, board.info))
+                boards.append(AnsweringBoard(url, board.info))
         except DeviceError as error:
-            others.append(error)
-    return found, others
+            errors.append(error)
+    return boards, errors
 
 
 def find_board(
@@ -270,7 +281,7 @@ def find_board(
     baud: int | None = None,
     patience_s: float = SEARCH_PATIENCE_S,
     allowed: Callable[[list[str]], bool] = lambda urls: False,
-) -> Found:
+) -> AnsweringBoard:
     """Return the one board that answers.
 
     A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
@@ -278,24 +289,24 @@ def find_board(
     this machine's other ports only when no board answers there and `allowed`, called with them, returns True. Raises
     DeviceError when no board or more than one answers.
     """
-    known = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
-    rest = [url for url in ports() if url not in known] if urls is None else []
-    found, others = find_boards(known, baud, patience_s)
-    if not found and rest and allowed(rest):
-        found, more = find_boards(rest, baud, patience_s)
-        others += more
-        rest = []
-    if len(found) == 1:
-        return found[0]
-    if found:
-        names = ", ".join(board.url for board in found)
-        raise DeviceError(f"{len(found)} boards answer ({names}); name one with --port")
-    what = f"of {len(others)} ports none answers ({others[0]})" if others else "this machine has no serial port"
-    if rest:
-        what = f"{f'{what}; ' if others else ''}not tried, for they may be other devices: {', '.join(rest)}"
+    first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
+    other_urls = [url for url in ports() if url not in first_urls] if urls is None else []
+    boards, errors = find_boards(first_urls, baud, patience_s)
+    if not boards and other_urls and allowed(other_urls):
+        boards, other_errors = find_boards(other_urls, baud, patience_s)
+        errors += other_errors
+        other_urls = []
+    if len(boards) == 1:
+        return boards[0]
+    if boards:
+        names = ", ".join(board.url for board in boards)
+        raise DeviceError(f"{len(boards)} boards answer ({names}); name one with --port")
+    what = f"of {len(errors)} ports none answers ({errors[0]})" if errors else "this machine has no serial port"
+    if other_urls:
+        what = f"{f'{what}; ' if errors else ''}not tried, for they may be other devices: {', '.join(other_urls)}"
     raise DeviceError(f"no board: {what}; name its port with --port, or start a virtual board (lippmann board start)")
 
 
-def baud_of_board(url: str, bauds: Iterable[int] = COMMON_BAUDS, patience_s: float = SEARCH_PATIENCE_S) -> int | None:
+def baud_of_board(url: str) -> int | None:
     """Return the first baud rate at which a board answers at a port, or None; raise InputError for an invalid URL."""
-    return next((baud for baud in bauds if find_boards([url], baud, patience_s)[0]), None)
+    return next((baud for baud in COMMON_BAUDS if find_boards([url], baud)[0]), None)

@@ -20,8 +20,7 @@ from lippmann.board.retries import END_SCENE, UPDATE, Window
 from lippmann.board.session import SCENE_BASE
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.fixed.configuration import configuration
-from lippmann.fixed.registers import SCENE_REGISTERS, optics_writes, write
+from lippmann.fixed.registers import SCENE_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, layer_words, scene_words, slot_bytes
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
@@ -93,9 +92,9 @@ class SceneBoard:
             raise board.error(what, remedy)
         identity, version, word = board.read(SCENE_BASE, 3)
         letters = SCENE_REGISTERS["identity"].fields["letters"].reset
-        known = SCENE_REGISTERS["version"].fields["major"]
-        if identity != letters or known.value(version) != known.reset:
-            what = f"its scene's registers are 0x{identity:08X}, version {known.value(version)}, unknown to this host"
+        major = SCENE_REGISTERS["version"].fields["major"]
+        if identity != letters or major.value(version) != major.reset:
+            what = f"its scene's registers are 0x{identity:08X}, version {major.value(version)}, unknown to this host"
             raise board.error(what, UPDATE)
         #: What the board's scene can do.
         self.build = SceneBuild.of_word(word)
@@ -139,8 +138,8 @@ class SceneBoard:
         begun, written = time.monotonic(), self.board.line.written
         try:
             for turn in range(MAX_ROUNDS):
-                held = {slot << 8 | n: crc for slot in contents for n, crc in enumerate(self.crcs(slot))}
-                missing = [item for item, data in blocks.items() if held[item] != zlib.crc32(data) or not held[item]]
+                crcs = {slot << 8 | n: crc for slot in contents for n, crc in enumerate(self.crcs(slot))}
+                missing = [item for item, data in blocks.items() if crcs[item] != zlib.crc32(data) or not crcs[item]]
                 missing = missing if turn == 0 else [item for item in missing if zlib.crc32(blocks[item])]
                 if turn == 0:
                     loaded.skipped = len(blocks) - len(missing)
@@ -176,14 +175,13 @@ class SceneBoard:
         stack: LayerStack,
         slots: Sequence[int] | None = None,
         progress: Progress | None = None,
-        loaded: Loaded | None = None,
     ) -> Loaded:
         """Load the textures of a stack's layers; layer k goes into slot k, or `slots[k]`."""
         slots = self._slots(stack, slots)
         contents = {
             slot: slot_bytes(layer, self.build).tobytes() for slot, layer in zip(slots, stack.layers, strict=True)
         }
-        return self.load(contents, progress, loaded=loaded)
+        return self.load(contents, progress)
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
         """Return a slot for each content: one that holds it already, or one that can be written.
@@ -225,8 +223,8 @@ class SceneBoard:
         """Write the registers of all layers that have changed, in one request; return the number of its words."""
         hidden = [LayerWords()] * (self.build.layers - len(words.layers))
         every = [word for layer in (*words.layers, *hidden) for word in layer.words]
-        held = self._held or [-1] * len(every)
-        changed = [k for k, (old, new) in enumerate(zip(held, every, strict=True)) if old != new]
+        before = self._held or [-1] * len(every)
+        changed = [k for k, (old, new) in enumerate(zip(before, every, strict=True)) if old != new]
         if not changed:
             return 0
         first, last = changed[0], changed[-1]
@@ -238,17 +236,19 @@ class SceneBoard:
 
     def set_layer(self, display: Display, layer: Layer, number: int, slot: int | None = None) -> None:
         """Write the eight registers of a layer in one request: its place and its look; raises as `set_stack`."""
-        check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
-        words = layer_words(display, layer, self._number(number), number if slot is None else slot)
-        self._held = None
-        self.board.write(self._address(number), words.words)
+        self._write_layer(display, layer, number, number if slot is None else slot, LAYER_WORDS)
 
     def move_layer(self, display: Display, layer: Layer, number: int) -> None:
         """Write the seven registers of a layer's place; slot, brightness, visibility stay. Raises as `set_stack`."""
+        self._write_layer(display, layer, number, 0, MOVE_WORDS)
+
+    def _write_layer(self, display: Display, layer: Layer, number: int, slot: int, count: int) -> None:
         check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
-        words = layer_words(display, layer, self._number(number), 0)
+        if not 0 <= number < self.build.layers:
+            raise InputError(f"the board has no layer {number}; give 0 to {self.build.layers - 1}")
+        words = layer_words(display, layer, number, slot).words
         self._held = None
-        self.board.write(self._address(number), words.words[:MOVE_WORDS])
+        self.board.write(self._address(number), words[:count])
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
         """Write a display's optics and lattice, the background and all layers, while no scene is shown.
@@ -256,9 +256,7 @@ class SceneBoard:
         Raises as `set_stack`.
         """
         check_for_display(stack, display)
-        build = self.board.optics_build()
-        config = configuration(display, build, build.model)
-        self.board.write_all([*optics_writes(config), write("control", apply=1)])
+        self.board.write_optics(display)
         words = scene_words(display, stack, self.build, tuple(self._slots(stack, slots)))
         self.board.write(_COMMON, _common_words(words))
         self._held = None
@@ -302,11 +300,6 @@ class SceneBoard:
         if len(slots) != len(stack.layers):
             raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one")
         return slots
-
-    def _number(self, number: int) -> int:
-        if not 0 <= number < self.build.layers:
-            raise InputError(f"the board has no layer {number}; give 0 to {self.build.layers - 1}")
-        return number
 
     @staticmethod
     def _address(number: int) -> int:

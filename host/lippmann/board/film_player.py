@@ -114,9 +114,9 @@ def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: lis
     """Show a film's first frame; a scene of the same lattice and background stays on the panel until then."""
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
-    shown = scene.status().shown
-    goes_on = shown and scene.holds_common(display, stack)
-    if shown and not goes_on:
+    is_shown = scene.status().shown
+    goes_on = is_shown and scene.holds_common(display, stack)
+    if is_shown and not goes_on:
         scene.draw(False)
     line = scene.board.line
     written = line.written

@@ -106,17 +106,17 @@ def _names() -> list[str]:
 
 def _chain(path: Path) -> list[Path]:
     """Return the file of a board, then those of the boards that it is like, each like the next."""
-    found = [path]
-    while (name := load(found[-1], "board").get("like")) is not None:
-        where, boards = f"{found[-1]}: like", _names()
+    chain = [path]
+    while (name := load(chain[-1], "board").get("like")) is not None:
+        where, boards = f"{chain[-1]}: like", _names()
         if name not in boards:
-            shown = reprlib.repr(name).replace("'", '"')
-            raise input_error(where, f"{shown} is no board", f"choose from {', '.join(boards)}, or leave it out")
+            value = reprlib.repr(name).replace("'", '"')
+            raise input_error(where, f"{value} is no board", f"choose from {', '.join(boards)}, or leave it out")
         other = path.parent.parent / name / FILE
-        if other in found:
+        if other in chain:
             raise input_error(where, f"{name} is like this board", "end the circle")
-        found.append(other)
-    return found
+        chain.append(other)
+    return chain
 
 
 def _keys(path: Path) -> dict[str, Any]:
@@ -126,20 +126,15 @@ def _keys(path: Path) -> dict[str, Any]:
     """
     keys: dict[str, Any] = {}
     for one in reversed(_chain(path)):
-        own = load(one, "board")
-        tables = {name: {**keys[name], **table} for name, table in own.items() if _are_tables(table, keys.get(name))}
-        keys = {**keys, **own, **tables}
-        pins = own.get("constraints")
-        if one != path and isinstance(pins, list):
-            keys["constraints"] = [_from_beside(name, one.parent.name) for name in pins]
+        for name, value in load(one, "board").items():
+            is_table = isinstance(value, dict) and isinstance(keys.get(name), dict)
+            keys[name] = keys[name] | value if is_table else value
+            if name == "constraints" and isinstance(value, list) and one != path:
+                keys[name] = [_from_beside(pin, one.parent.name) for pin in value]
     return keys
 
 
-def _are_tables(*some: Any) -> bool:
-    return all(isinstance(one, dict) for one in some)
-
-
-def _from_beside(name: Any, folder: str) -> Any:
+def _from_beside(name: object, folder: str) -> object:
     """Return the name of a file in a folder as one beside that folder has it; what is no name stays."""
     return os.path.normpath(os.path.join("..", folder, name)) if isinstance(name, str) else name
 
@@ -147,22 +142,22 @@ def _from_beside(name: Any, folder: str) -> Any:
 @cache
 def read_boards() -> dict[str, FpgaBoard | InputError]:
     """Return each board by the name of its folder; in the place of one whose file is wrong, the error."""
-    found: dict[str, FpgaBoard | InputError] = {}
+    boards: dict[str, FpgaBoard | InputError] = {}
     for name in _names():
         path = hardware() / FOLDER / name / FILE
         try:
             board = read(FpgaBoard, _keys(path), str(path))
             if board.name != name:
                 raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{name}"')
-            found[name] = board
+            boards[name] = board
         except InputError as error:
-            found[name] = error
-    return found
+            boards[name] = error
+    return boards
 
 
 def fpga_boards() -> dict[str, FpgaBoard]:
     """Return the boards by name; raise InputError for a file that is wrong."""
-    return {name: _whole(board) for name, board in read_boards().items()}
+    return {name: fpga_board(name) for name in read_boards()}
 
 
 def fpga_board(name: str) -> FpgaBoard:
@@ -171,13 +166,9 @@ def fpga_board(name: str) -> FpgaBoard:
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
         raise input_error(name, "no such board", f"{remedy}; rtl/board/NAME/board.toml adds one")
-    return _whole(boards[name])
-
-
-def _whole(board: FpgaBoard | InputError) -> FpgaBoard:
-    """Return a board; raise the error that stands in its place, anew: it is kept and may be raised again."""
+    board = boards[name]
     if isinstance(board, InputError):
-        raise InputError(str(board))
+        raise InputError(str(board))  # anew: this one is kept, and may be raised again
     return board
 
 

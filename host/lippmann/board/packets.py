@@ -118,11 +118,11 @@ class PacketReader:
         # One byte too many is enough to refuse the packet at its end.
         self._held = unfinished[: MAX_STUFFED + 1]
         packets = []
-        for found in map(_parsed, filter(None, ended)):
-            if isinstance(found, Fault):
-                self.counts.dropped[found] += 1
+        for parsed in map(_parsed, filter(None, ended)):
+            if isinstance(parsed, Fault):
+                self.counts.dropped[parsed] += 1
             else:
-                packets.append(found)
+                packets.append(parsed)
         self.counts.accepted += len(packets)
         return packets
 

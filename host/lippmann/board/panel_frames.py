@@ -157,11 +157,11 @@ def load_frame(
 
 def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
     """Refuse an image that was rendered for another display or names none, except with `force`."""
-    wanted = f"{target.identity:016x}"
-    if identity != wanted and not force:
+    panel_identity = f"{target.identity:016x}"
+    if identity != panel_identity and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
         remedy = "render it for this display, or accept it with --force (force=True in Python)"
-        raise input_error(name, f"{what}, the panel belongs to display {wanted}", remedy)
+        raise input_error(name, f"{what}, the panel belongs to display {panel_identity}", remedy)
 
 
 def _tones_of(panel: Panel) -> Tones:
@@ -185,11 +185,11 @@ def _agreed(name: str, *sources: tuple[str, Tones]) -> Tones:
     first: dict[str, str] = {}
     for source, tones in sources:
         for key, value in tones._asdict().items():
-            known = getattr(agreed, key)
-            if value is None or value == known:
+            before = getattr(agreed, key)
+            if value is None or value == before:
                 continue
-            if known is not None:
-                names = [transfer_name(one) if key == "transfer" else one for one in (known, value)]
+            if before is not None:
+                names = [transfer_name(one) if key == "transfer" else one for one in (before, value)]
                 what = f"{key} is {names[0]} in {first[key]}, {names[1]} in {source}"
                 raise input_error(name, what, "name the display that the image was made for, or render it again")
             agreed, first[key] = agreed._replace(**{key: value}), source

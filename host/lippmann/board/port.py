@@ -151,8 +151,8 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
         case errno.ENOENT if re.fullmatch(r"[\w.-]+:\d+", url):
             return input_error(url, "is not a port", f"did you mean socket://{url}?")
         case errno.ENOENT | errno.ENODEV | errno.ENXIO:
-            known = ", ".join(ports()) or "this machine has none"
-            what, remedy = "no such port", f"plug the board in, or name another: {known}"
+            others = ", ".join(ports()) or "this machine has none"
+            what, remedy = "no such port", f"plug the board in, or name another: {others}"
         case errno.EACCES | errno.EPERM:
             what, remedy = "no permission", _permission(url)
         case errno.EBUSY | errno.EAGAIN:

@@ -140,8 +140,8 @@ class Requests:
         again = False
         while True:
             self.line.send(packet, min(SEND_S, self.patience_s))
-            sent = time.monotonic()
-            until = min(end, sent + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
+            sent_at = time.monotonic()
+            until = min(end, sent_at + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
             # Bounded by time: a line may deliver other packets without end.
             while time.monotonic() < until:
                 reply = self.line.receive(until - time.monotonic())
@@ -149,7 +149,7 @@ class Requests:
                     if again:
                         self._round_trip.ease()
                     elif not work_s:
-                        self._round_trip.sample(time.monotonic() - sent)
+                        self._round_trip.sample(time.monotonic() - sent_at)
                     return reply.body[0], reply.body[1:]
             if time.monotonic() >= end:
                 self._round_trip.give_up()

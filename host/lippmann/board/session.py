@@ -106,14 +106,14 @@ class Session(Requests):
         this host does not support.
         """
         nonce = secrets.randbits(32)
-        for asked in VERSIONS:
-            status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(asked, nonce))
+        for spoken in VERSIONS:
+            status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(spoken, nonce))
             if status != ReplyStatus.WRONG_VERSION:
                 break
         version, echo, *others = HELLO_REPLY.unpack(self.checked(Kind.HELLO, status, body, HELLO_REPLY.size))
         hello = Hello(version, *others)
-        if version != asked:
-            raise self.error(f"the board speaks version {version} of the protocol, this host {asked}", "update one")
+        if version != spoken:
+            raise self.error(f"the board speaks version {version} of the protocol, this host {spoken}", "update one")
         if echo != nonce:
             raise self.error("the reply answers another HELLO", "check that no other program uses this line")
         if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
@@ -150,8 +150,8 @@ class Session(Requests):
             raise InputError("a word does not fit into 32 bits; give 0 to 0xFFFFFFFF")
         self.ask(Kind.WRITE, ADDRESS.pack(_checked(address)) + struct.pack(f"<{len(words)}I", *words), 0)
 
-    def write_all(self, writes: Iterable[Write], base: int = OPTICS_BASE) -> None:
-        """Write registers in order, neighbours in one request; addresses count from `base`."""
+    def write_all(self, writes: Iterable[Write]) -> None:
+        """Write registers of the optics block in order, neighbours in one request."""
         runs: list[list[Write]] = []
         for one in writes:
             if runs and one.address == runs[-1][-1].address + 4 and len(runs[-1]) < MAX_WORDS:
@@ -159,7 +159,7 @@ class Session(Requests):
             else:
                 runs.append([one])
         for run in runs:
-            self.write(base + run[0].address, [one.word for one in run])
+            self.write(OPTICS_BASE + run[0].address, [one.word for one in run])
 
     def tiles(self, buffer: int) -> TileTable:
         """Return the CRCs of the tiles of a buffer, `BACK` or `FRONT`."""

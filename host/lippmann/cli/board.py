@@ -19,15 +19,12 @@ from lippmann.cli.output import emit
 from lippmann.cli.program import program_command
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
-from lippmann.fixed.configuration import configuration
 from lippmann.fixed.registers import (
     BOARD_REGISTERS,
     OPTICS_REGISTERS,
     SCENE_REGISTERS,
     Field,
     Register,
-    optics_writes,
-    write,
 )
 
 #: A register's 32 bits.
@@ -104,10 +101,8 @@ def setup_command(
     with open_board() as board:
         if not force:
             check_board(board, display, display_path, ", or set it up with --force")
-        build = board.optics_build()
-        writes = optics_writes(configuration(display, build, build.model))
-        board.write_all([*writes, write("control", apply=1)])
-        result = {"port": board.line.url, "identity": display.identity, "display": display.name, "writes": len(writes)}
+        count = board.write_optics(display)
+        result = {"port": board.line.url, "identity": display.identity, "display": display.name, "writes": count}
     emit(result, f"{result['port']}: optics of {display.name}")
 
 

@@ -68,14 +68,14 @@ def command(
         # Opening a port moves its control lines, which resets some devices.
         trouble = port_trouble(url) if url in adapters else None
         detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
-        check(url, trouble is None, f"{_known(url)}{trouble or detail}", needed=False)
+        check(url, trouble is None, f"{_board_text(url)}{trouble or detail}", needed=False)
     code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
     if port is not None:
         trouble = port_trouble(port)
-        found = None if trouble else baud_of_board(port)
-        answers = "a board answers" if port.startswith(SCHEMES) else f"a board at {found} baud"
-        check(port, found is not None, str(trouble or (answers if found else NO_ANSWER)))
-        if found is None:
+        rate = None if trouble else baud_of_board(port)
+        answers = "a board answers" if port.startswith(SCHEMES) else f"a board at {rate} baud"
+        check(port, rate is not None, str(trouble or (answers if rate else NO_ANSWER)))
+        if rate is None:
             code = code or (trouble or DeviceError).exit_code
 
     lines = [f"lippmann {__version__} on {machine_name()}"]
@@ -86,7 +86,7 @@ def command(
     return code
 
 
-def _known(url: str) -> str:
+def _board_text(url: str) -> str:
     """Return what is known of a port's board, and the number that `board program --serial` takes; else nothing."""
     board = board_of_port(url)
     if board is None:

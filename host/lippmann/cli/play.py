@@ -62,8 +62,8 @@ def command(
 
 
 def _text(loaded: Loaded, played: Played) -> Iterator[str]:
-    sent = f"{loaded.blocks - loaded.skipped} of {loaded.blocks} blocks in {loaded.seconds:.3g} s"
-    yield f"{sent}, {played.first_bytes} bytes of registers"
+    blocks = f"{loaded.blocks - loaded.skipped} of {loaded.blocks} blocks in {loaded.seconds:.3g} s"
+    yield f"{blocks}, {played.first_bytes} bytes of registers"
     if played.frames == 1:
         yield f"1 frame; {played.underflows} pixels late"
     else:

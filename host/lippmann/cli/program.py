@@ -28,16 +28,16 @@ def program_command(
     Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
     """
     path = Path(file)
-    told = read_bitfile(path)
+    header = read_bitfile(path)
     if display_path is not None:
         display = load_display(display_path)
-        if told.identity != display.identity:
-            what = f"the bitstream is for display {told.identity or 'unknown'}, {display_path} is {display.identity}"
+        if header.identity != display.identity:
+            what = f"the bitstream is for display {header.identity or 'unknown'}, {display_path} is {display.identity}"
             raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
-    found = program(path, board, serial, flash)
+    programmed = program(path, board, serial, flash)
     result = {
-        "file": file, "board": found.name, "device": told.device, "display": told.display, "identity": told.identity,
-        "design": told.design, "flash": flash,
+        "file": file, "board": programmed.name, "device": header.device, "display": header.display, "identity": header.identity,
+        "design": header.design, "flash": flash,
     }  # fmt: skip
-    what = f"{told.display} (design {told.design})" if told.display else file
-    emit(result, f"{found.name}: {'its flash memory holds' if flash else 'runs'} {what}")
+    what = f"{header.display} (design {header.design})" if header.display else file
+    emit(result, f"{programmed.name}: {'its flash memory holds' if flash else 'runs'} {what}")
