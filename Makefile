@@ -6,6 +6,8 @@ JOBS ?= $(shell expr $$(nproc) + 1)
 
 BIN := .venv/bin
 READY := .venv/.ready
+# What the demo needs is there: a part of what READY stands for.
+DEMO_READY := .venv/.demo-ready
 
 .DELETE_ON_ERROR:
 .PHONY: help setup demo test test-full test-gpu test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-content report-calibration report-hard peers mutation mutation-host scenes pictures site clean
@@ -23,20 +25,29 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 # another registry, uv may find nothing, and pip installs.
 PIP := $(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt
 UV := $(BIN)/uv pip install -q --python $(BIN)/python -c constraints.txt
-FIRST := --no-deps setuptools rayoptics
+FIRST := --no-deps setuptools
+FOR_DEMO := --no-build-isolation -e '.[render,board,simulate]'
+JUDGE := --no-deps rayoptics
 ALL := --no-build-isolation -e '.[all,rtl,test,site,lint]'
-$(READY): pyproject.toml constraints.txt host/setup.sh
+$(DEMO_READY): pyproject.toml constraints.txt host/setup.sh
 	@PYTHON=$(PYTHON) host/setup.sh system
-	@echo "setup: installing Python packages into .venv (up to a minute)"
+	@echo "setup: installing the Python packages of the product into .venv (half a minute)"
 	@$(PYTHON) -m venv .venv
 	@$(PIP) uv
-	@{ $(UV) $(FIRST) && $(UV) $(ALL); } 2> /dev/null || { $(PIP) $(FIRST) && $(PIP) $(ALL); }
-	@$(BIN)/python -m compileall -qq -j 0 -x '/(tests|scapy|pip)/' .venv/lib || true
+	@{ $(UV) $(FIRST) && $(UV) $(FOR_DEMO); } 2> /dev/null || { $(PIP) $(FIRST) && $(PIP) $(FOR_DEMO); }
 	@host/setup.sh check
+	@touch $@
+
+$(READY): $(DEMO_READY)
+	@host/setup.sh tests
+	@echo "setup: installing the Python packages of tests and tools into .venv (half a minute)"
+	@{ $(UV) $(JUDGE) && $(UV) $(ALL); } 2> /dev/null || { $(PIP) $(JUDGE) && $(PIP) $(ALL); }
+	@$(BIN)/python -m compileall -qq -j 0 -x '/(tests|scapy|pip)/' .venv/lib || true
+	@host/setup.sh check-tools
 	@touch $@
 	@echo "setup: ready"
 
-demo: $(READY) ## the whole product on the virtual board, into out/demo/
+demo: $(DEMO_READY) ## the whole product on the virtual board, into out/demo/
 	$(BIN)/lippmann demo
 
 # Workers and processes of the tests read modules that one of them has compiled, whatever this is set to outside.

