@@ -70,3 +70,19 @@ def test_rays_twin_vectors_and_regress_need_no_extra(tmp_path):
     np.savez(tmp_path / "wrong.npz", **wrong)
     done = lippmann(tmp_path, EXTRA_MODULES, "regress", "--display", DISPLAY, "--rays", "wrong.npz", "--junit", "j.xml")
     assert done.returncode == 4, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("extras", "commands"),
+    [
+        (["render"], "render layers animate capture observe view pattern export fit"),
+        (["board"], "board stream play"),
+        (["render", "board", "calibrate"], "calibrate"),
+        (["render", "board", "live"], "display live"),
+    ],
+)
+def test_the_commands_of_an_extra_start_with_it_alone(tmp_path, extras, commands):
+    """Those that pyproject.toml has an extra bring, too."""
+    for command in commands.split():
+        done = lippmann(tmp_path, [extra for extra in EXTRA_MODULES if extra not in extras], command, "--help")
+        assert done.returncode == 0, done.stderr

@@ -13,7 +13,6 @@ from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb, write_anim
 from lippmann.base.images import check_output
 from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
-from lippmann.board.panel_frames import panel_values
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
 from lippmann.cli.options.rendering import RENDERING
@@ -90,7 +89,7 @@ def command(
         render_into(frames, choose_executor(scheduler=cluster, device=device), progress)
     seconds, rendered = time.perf_counter() - started, len(frames.missing_plans)
     if video is not None:
-        values = (panel_values(image.radiance, panel.transfer, panel.bits) for image in frames.images())
+        values = (encoded_values(image.radiance, panel.transfer, min(panel.bits, 8)) for image in frames.images())
         write_video(video, values, panel.width_px, panel.height_px, film.frames_per_second)
     if view is not None and window is not None and eye is not None:
         with progress_bar("view") as progress:
