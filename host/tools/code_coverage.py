@@ -35,7 +35,9 @@ from tools.report_plots import draw_bar_charts, make_page
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
 #: What coverage.py is told: every process counts, also those that a command starts and that a signal ends.
 SETTINGS = """[run]
-source = host/lippmann
+source =
+    host/lippmann
+    host/tools
 data_file = {folder}/host
 parallel = true
 patch = subprocess
@@ -160,7 +162,7 @@ def page(
     """Return the page; `why` has the reasons by file."""
     least = sorted([*rtl, *host], key=lambda row: row["met"] - row["lines"])[:SHOWN]
     charts = {"lines that no quick test executes": [float(row["lines"] - row["met"]) for row in least]}
-    plot = draw_bar_charts("code-coverage", [row["file"].removeprefix("host/lippmann/") for row in least], charts)
+    plot = draw_bar_charts("code-coverage", [row["file"].removeprefix("host/") for row in least], charts)
     context = {
         "rtl": rtl,
         "host": host,

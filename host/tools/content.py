@@ -1,4 +1,8 @@
-"""Scenes in other tools' files, made from those that ship: one of each kind, for the gallery and its measurements."""
+"""Scenes in other tools' files on a display (`tools.bench content`).
+
+One file of each kind is made from the scenes that ship: for the gallery, and to compare the eye's view of it with the
+eye's view of the scene itself.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error of the fixed-point pipeline against golden, and its budget by step (`tools.bench fixed`).
+"""Error of the fixed-point pipeline against golden, over easy and adversarial sets of rays (`tools.bench fixed`).
 
 The twin is measured: the RTL gives the same words, bit for bit. Golden traces the rays that the words represent: pixel
 coordinates in 1/16 pixel, aperture points in the configuration's own words.

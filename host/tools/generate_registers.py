@@ -214,29 +214,30 @@ def _board_map(writable: set[int]) -> str:
     """Return the package that tells which words can be written, as ranges of addresses."""
     firsts = sorted(at for at in writable if at - 4 not in writable)
     lasts = sorted(at for at in writable if at + 4 not in writable)
-    ranges = ",\n      ".join(f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True))
-    return (
-        f"{_SPDX}// {_BY}\n/// Which words of a board with every block and layer can be written, byte addresses.\n"
-        f"package {PREFIX}board_map_pkg;\n"
-        f"  function automatic logic writable(logic [10:0] at);\n    return at inside {{\n      {ranges}\n    }};\n"
-        "  endfunction\nendpackage\n"
-    )
+    ranges = [f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True)]
+    return render_template("board_map_pkg.sv.jinja", by=_BY, prefix=PREFIX, ranges=ranges)
 
 
 def _page(template: str, top: Any, registers: dict[str, _Entry]) -> str:
     """Return the documentation's page: a table for each group of registers."""
+    return render_template(
+        template,
+        by=_BY,
+        name=top.get_property("name").lower(),
+        description=_line(top.get_property("desc")),
+        sections=[(title, list(some)) for title, some in groupby(registers.items(), lambda item: item[1]["title"])],
+    )
+
+
+def render_template(template: str, **names: Any) -> str:
+    """Return a template of the tools' folder, filled in."""
     templates = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    return templates.get_template(template).render(
-        by=_BY,
-        name=top.get_property("name").lower(),
-        description=_line(top.get_property("desc")),
-        sections=[(title, list(some)) for title, some in groupby(registers.items(), lambda item: item[1]["title"])],
-    )
+    return templates.get_template(template).render(names)
 
 
 @click.command()

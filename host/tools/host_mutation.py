@@ -27,7 +27,7 @@ from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.simulation.toolchain import repository
 
-from tools.source_faults import FEW, Fault, Scratch, options, report_faults
+from tools.source_faults import FEW, Fault, Scratch, options, read_equivalent_faults, report_faults
 
 PACKAGE = Path("host/lippmann")
 #: Rooms of the package that get as many faults as each other.
@@ -41,18 +41,8 @@ LAST = {
 TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
 MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
 
-#: Changes that no test can detect, because the program does the same: file, part of the changed line, and the reason.
-SAME = {
-    ("display/description.py", "0.5 * math.hypot(top, px + shear * top)"): "the legs of a triangle in either order",
-    ("optics/models.py", "ray._replace(z=0.0 / ray.z"): "the rays are at the last face, whose z is not 0: 0 either way",
-    ("optics/trace.py", "FARTHEST_LENSLETS = 1 << 29"): "the indices of twice that distance fit into 32 bits too",
-    (
-        "display/description.py",
-        "return pitch_mm[1] if isinstance(pitch_mm, tuple)",
-    ): "the first of two equal numbers is the second",
-    ("rendering/remarks.py", "settings.seed ^ 2"): "any other seed",
-    ("board/virtual_loop.py", "in zip(expected, shown, "): "pixels that differ, whichever frame comes first",
-}
+#: Changes that no test can detect, because the results are the same.
+SAME = read_equivalent_faults("host")
 
 #: Operators, and the wrong one in place of each.
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {

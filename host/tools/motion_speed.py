@@ -1,4 +1,7 @@
-"""Pictures of a scene that turns, and one that rests, as `lippmann live` makes them (`tools.bench live`)."""
+"""Pictures of a turning scene as `lippmann live` makes them (`tools.bench live`), and films (`tools.bench animate`).
+
+A film by two workers on this machine is compared with one process.
+"""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from lippmann.cli import run
 from lippmann.simulation.toolchain import PREFIX, repository, rtl_sources, verilator_environment
 
 from tools.lint import elaborated
-from tools.source_faults import Fault, Scratch, options, report_faults
+from tools.source_faults import Fault, Scratch, options, read_equivalent_faults, report_faults
 
 SOURCES = Path("rtl")
 #: The tests that run last. Every module of the optics is in a build that is compared with the twin, but for the
@@ -47,38 +47,8 @@ WITHIN = {
     "panel_pkg": "test_pattern",
 }
 
-#: Changes that no test can detect, because the results are the same: file, changed line, and the reason.
-SAME = {
-    ("meet_dome.sv", ".Wb(Wh), .Drop(SquareDrop), .Square(1'b0)) i_hx2 ("): "a square as a product of two equal words",
-    ("enter_flat.sv", ".Drop(SquareDrop), .Square(1'b0)) i_ty2 ("): "a square as a product of two equal words",
-    ("blend.sv", "sum_q <= (Wp + 0)'(kx)"): "kx has so many bits, and a sum extends its words",
-    ("lenslet_hex.sv", "j_q4 <= (IndexBits + 0)'(j0_q3)"): "j0_q3 has so many bits, and a sum extends its words",
-    ("delay.sv", "for (genvar k = 0; k <= Cycles; k++) begin : gen_stage"): "nobody reads a stage behind the last",
-    ("enter_dome.sv", "clamped_q <= c_q < 1 ? '0"): "0 is 0 either way",
-    ("fifo.sv", "- (AddressBits + 0)'(ask);"): "a bit is as large in a narrower word",
-    ("pixel_to_lattice.sv", "+ (2 * MulBits + 0)'(lo_v);"): "lo_v has so many bits",
-    ("unit_slope.sv", ".Drop(SquareDrop), .Square(1'b0)) i_my2 ("): "a square as a product of two equal words",
-    ("blend.sv", "sum_q + (Wp + 0)'(4)"): "4 has no more bits, and a sum extends its words",
-    ("quadratic.sv", "+ (W1 + 0)'(turn)"): "turn has no more bits, and a sum extends its words",
-    ("leave_flat.sv", "clamped_q <= c_q[Ws-1] ? '1 :"): "a reflected ray does not use the root",
-    ("scene_block.sv", "layer <= Layers"): "an access beyond the last layer is refused, and its data mean nothing",
-    ("texel_fetch.sv", "for (int m = 0; m <= Slots; m++)"): "a bit beyond the last slot has no place",
-    ("ray_access.sv", "if (exit_valid_i || exit_ready_o) exit_q"): "rays are asked for one at a time",
-    ("board_with_store.sv", "fraction_bits: 5'd17"): "a default: every board names its build",
-    ("board_with_store.sv", "ModelExact), default: '1"): "a default: every board names its build",
-    ("math_pkg.sv", "segment_bits(f) + 18 < f + 5"): "the smaller of two equal numbers is either",
-    ("optics_pkg.sv", "mul_latency(f - 2, f + 2) + 1"): "the longer word decides a product's latency",
-    ("delay.sv", "else if (Block) begin : gen_rings"): "the same delay, in the other kind of memory",
-    ("aim.sv", "(j_late) + (IndexBits + 0)'(dj)"): "a sum extends its words",
-    ("wishbone_to_apb.sv", "{3{asked}} & {ack_q, err_q}"): "the third bit has no place",
-    ("math_pkg.sv", "tree > 2 ? tree : 3"): "the larger of two equal numbers is either",
-    ("math_pkg.sv", "f + 2 - segment_bits(f) <= MulBits"): "the smaller of two equal numbers is either",
-    ("math_pkg.sv", "return f < 14 ? 5"): "an F below 14 is refused by every module",
-    ("wide_product.sv", "k <= Latency; k++) begin : gen_stage"): "nobody reads a stage behind the last",
-    ("ring.sv", "initial at_q = '1;"): "it goes round from any place",
-    ("wide_product.sv", "localparam logic [63:1] Low"): "the mask has fewer bits",
-    ("lenslet_hex.sv", "assign near = q0_q[F+0:F] == '0"): "q0 = s + t/2 is below 1 where q1 = s/2 + t is below 1/2",
-}
+#: Changes that no test can detect, because the results are the same.
+SAME = read_equivalent_faults("rtl")
 
 #: Operators, and the wrong one in place of each.
 SWAPS = {

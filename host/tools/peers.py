@@ -293,18 +293,7 @@ def shown(pair: Pair) -> Plot:
 def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -> Page:
     """Return the page."""
     rows = [row_of(pair.difference) for pair in pairs]
-    names = (
-        "SETUPS",
-        "PICTURE_PX",
-        "TIME_PX",
-        "THRESHOLD",
-        "MAP_WHITE",
-        "REFERENCE_SAMPLES",
-        "EVERY_STRIP",
-        "STRIP_ROWS",
-        "WHOLE_ROUNDS",
-    )
-    context = {"rows": rows, "times": times, **{name: globals()[name] for name in names}}
+    context = {"rows": rows, "times": times, "constants": sys.modules[__name__]}
     return make_page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context)
 
 

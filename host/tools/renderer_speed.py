@@ -1,4 +1,4 @@
-"""The renderer: time and noise, its growth with what is rendered, and its rate against Mitsuba's own camera.
+"""The renderer: time and noise, growth, stages, and rate against Mitsuba's own camera (`tools.bench render`, `stages`).
 
 Times that are compared are measured in turn, in one process, and leave out compilation.
 """
@@ -281,21 +281,9 @@ def separately(
     Raises LippmannError when the process fails, with its message.
     """
     with TemporaryDirectory() as folder:
-        command = [
-            *(
-                sys.executable,
-                "-P",
-                "-m",
-                "lippmann",
-                "render",
-                str(scene),
-                "--display",
-                str(display),
-                "--model",
-                "exact",
-            ),
-            *("--samples", str(samples), "--device", device, "-o", f"{folder}/out.exr", "--json"),
-        ]
+        words = ["render", str(scene), "--display", str(display), "--model", "exact", "--samples", str(samples)]
+        words += ["--device", device, "-o", f"{folder}/out.exr", "--json"]
+        command = [sys.executable, "-P", "-m", "lippmann", *words]
         done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode:
         message = done.stderr.strip().splitlines()[-1:]

@@ -1,4 +1,8 @@
-"""Ways to light samples, time against error: each by its own rays, one for each surface of a pixel, and shared."""
+"""Ways to light samples, time against error (`tools.bench shading`).
+
+Light is found by each sample's own rays, once for each surface of a pixel, or shared between lenslets. A further table
+tells what samples could save that go where the noise is.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The steps of the exact model, each in the twin's integers and in float64, for the error budget.
+"""The error budget of the fixed-point pipeline by step, and the page of `tools.bench fixed`.
 
 A hybrid run takes the first steps in integers and the rest in float64. When one more step is taken in integers, the ray
 that leaves moves: this is the step's share of the error. The shares, with that of the rounded configuration, add up

@@ -95,6 +95,15 @@ def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     assert len(sample.select(slice(5)).pixels) == 5
 
 
+def test_a_display_that_no_word_holds_is_measured_without_the_twin(caplog):
+    display = shipped("vga-square")
+    thin = dataclasses.replace(display, array=dataclasses.replace(display.array, index=1.05, radius_mm=0.9))
+    assert engine_speeds.engines_for(display) == ["golden", "fast", "twin", "rtl"]
+    assert caplog.text == ""
+    assert engine_speeds.engines_for(thin) == ["golden", "fast"]
+    assert "vga-square: measured without the twin and the RTL: register index: 1.05" in caplog.text
+
+
 # ---- pictures ----
 
 

@@ -21,7 +21,7 @@ from lippmann.conformance.figures import Figures, Measured
 from lippmann.conformance.ray_sets import PanelRays, random_aims
 from lippmann.conformance.ray_words import count_different_words
 from lippmann.display.description import Display, load_display
-from lippmann.errors import input_error
+from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
@@ -315,15 +315,26 @@ class Pictures:
 # ---- all engines ----
 
 
+def engines_for(display: Display) -> list[Engine]:
+    """Return the engines that trace a display: without the twin and the RTL, said once, if no words can hold it."""
+    try:
+        random_rays(display, "chief", 1, 0).trace("twin")
+    except InputError as error:
+        logger.warning("%s: measured without the twin and the RTL: %s", display.name, error)
+        return [engine for engine in ENGINES if engine in ("golden", "fast")]
+    return list(ENGINES)
+
+
 def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Measure every model with every engine on the plan's displays."""
     rows = []
     for display in plan.load_displays(scenes):
         logger.info("engines: %s ...", display.name)
+        engines_of_display = engines_for(display)
         pictures = Pictures.of(scenes, display, plan, seed)
         for aperture in APERTURES:
             # With aims the RTL would need further builds. The twin gives the same words.
-            engines = [e for e in ENGINES if e != "rtl" or (plan.simulate and aperture == "chief")]
+            engines = [e for e in engines_of_display if e != "rtl" or (plan.simulate and aperture == "chief")]
             views = _views(pictures, engines) if aperture == "chief" else {}
             for row in measure_rays(display, aperture, pictures.scene.depth_range_mm, MODELS, engines, plan, seed):
                 del row["own_other_fates"]
