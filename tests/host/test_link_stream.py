@@ -4,17 +4,21 @@ import threading
 import time
 from collections import Counter
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fault_line import Proxy
+from lippmann.base.tones import encode
 from lippmann.board import retries
 from lippmann.board.board import Board
 from lippmann.board.packets import BACK, FRONT, Kind, packed
 from lippmann.board.retries import RoundTrip
 from lippmann.board.streaming import BoardRows, Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
+from lippmann.rendering.executors import RenderedBand
 from model_board import ModelBoard
+from optics_cases import display_of
 from scene_cases import generator
 
 SEED = 4503
@@ -66,6 +70,32 @@ def test_rows_are_sent_as_they_come(reset):
     np.testing.assert_array_equal(model.shown, [image])
     assert (sent.tiles, sent.skipped, sent.sends) == (12, 0, 24 if reset else 12)
     assert set(model.tile_writes.values()) == {1 + reset}
+
+
+def test_a_render_is_sent_band_by_band():
+    """The first tiles arrive before the second band is rendered; a render that fails leaves the panel as it was."""
+    display = display_of("hex", "panel", width_px=96, height_px=72)
+    light = generator(SEED, "render").random((72, 96, 3), np.float32)
+    plan = SimpleNamespace(display=display, bands=(range(40), range(40, 72)), rays=1)
+    tiles = []
+    with joined(identity=int(display.identity, 16)) as (model, board):
+
+        def executor(bands, _, fails=False):
+            for band in bands:
+                tiles.append(len(model.tile_writes))
+                yield RenderedBand(band, light[band.rows.start : band.rows.stop], {})
+                if fails:
+                    raise DeviceError("all workers are lost; start them again")
+
+        with pytest.raises(DeviceError, match="workers"):
+            board.show_render(plan, lambda bands, report: executor(bands, report, fails=True))
+        assert (tiles, model.shown) == ([0], [])
+        sent = board.show_render(plan, executor)
+        assert tiles == [0, 3, 3]
+        assert (sent.tiles, sent.skipped + sent.sends) == (9, 9)
+    np.testing.assert_array_equal(model.shown, [np.rint(encode(light, "srgb") * 255)])
+    with joined() as (model, board), pytest.raises(InputError, match="panel belongs to display"):
+        board.show_render(plan, executor)
 
 
 def test_what_the_board_holds_is_not_sent():

@@ -23,7 +23,7 @@ from lippmann.board.panel_frames import image_frame
 from lippmann.board.port import adapter_ports, own_boards, ports
 from lippmann.board.retries import BUSY_REPLY, THIS_RUNS
 from lippmann.board.session import OPTICS_BASE, SCENE_BASE, SLOWEST_HZ, Hello, Session
-from lippmann.board.streaming import Sent, send_frame
+from lippmann.board.streaming import BoardSink, Sent, send_frame
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, LippmannError, LippmannWarning
 from lippmann.fixed.build import Build
@@ -40,7 +40,10 @@ from lippmann.fixed.registers import (
     write,
 )
 from lippmann.fixed.words import Ints
+from lippmann.rendering.executors import Executor, render_here
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.plan import Plan
+from lippmann.rendering.sinks import render_into
 
 #: Frame ends until one whole frame has begun and ended.
 FRAME_ENDS = 2
@@ -149,6 +152,19 @@ class Board(Session):
         """
         self.check_panel()
         return send_frame(self, image_frame(image, self.info, force), progress)
+
+    def show_render(
+        self, plan: Plan, executor: Executor = render_here, progress: Progress | None = None, force: bool = False
+    ) -> Sent:
+        """Render a plan and show it: a band's tiles are sent before the next band is taken.
+
+        `plan` is that of a `lippmann.rendering.job.Job`, `progress` counts rows. Raises as `show`, and what `executor`
+        raises; the panel keeps its frame then.
+        """
+        self.check_panel()
+        sink = BoardSink(self, plan, force)
+        render_into(sink, executor, progress)
+        return sink.finish()
 
     def write_optics(self, display: Display) -> int:
         """Write a display's optics, which the board then uses; return the number of its registers.

@@ -20,7 +20,7 @@ from lippmann.base.images import (
 from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
 from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
-from lippmann.display.description import Panel, TransferName
+from lippmann.display.description import Display, Panel, TransferName
 from lippmann.errors import input_error
 from lippmann.rendering.integral_image import IntegralImage, check_image
 
@@ -64,13 +64,8 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     display of the same size is accepted.
     """
     check_image(image)
-    display = image.display
-    name = f"image for display '{display.name}'"
-    _check_identity(name, display.identity, target, force)
-    shape = (target.height, target.width, 3)
-    if image.radiance.shape != shape:
-        raise input_error(name, f"its shape is {image.radiance.shape}, the panel's is {shape}", "render it again")
-    panel = display.panel
+    name = check_shape(image.radiance.shape, image.display, target, force)
+    panel = image.display.panel
     _agreed(name, ("its metadata", _tones_in(name, image.metadata, False)), ("its display", _tones_of(panel)))
     return panel_values(image.radiance, panel.transfer, panel.bits)
 
@@ -93,6 +88,19 @@ class FrameFile:
     def pixels(self) -> Pixels:
         """Read the file's pixels as a frame (height, width, 3) uint8; raise InputError for a broken file."""
         return panel_values(read_picture(self.path, self.size_px, self.accept).radiance, self.transfer, self.bits)
+
+
+def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
+    """Return the name of a display's image in messages; refuse a shape or a display that is not the panel's.
+
+    With `force`, another display of the same size is accepted.
+    """
+    name = f"image for display '{display.name}'"
+    _check_identity(name, display.identity, target, force)
+    panel_shape = (target.height, target.width, 3)
+    if shape != panel_shape:
+        raise input_error(name, f"its shape is {shape}, the panel's is {panel_shape}", "render it again")
+    return name
 
 
 def check_frame(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,10 +15,14 @@ import numpy.typing as npt
 from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
+from lippmann.board.panel_frames import check_shape, panel_values
 from lippmann.board.retries import Window
 from lippmann.board.session import Session
 from lippmann.board.tiles import TILE, Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError
+from lippmann.rendering.executors import Band, RenderedBand
+from lippmann.rendering.plan import Plan
+from lippmann.rendering.sinks import bands_of_plan
 
 #: Maximum of bytes that are sent and not yet acknowledged: about 16 raw tiles.
 WINDOW_BYTES = 50_000
@@ -230,6 +235,30 @@ class BoardRows:
     def finish(self, progress: Progress | None = None) -> Sent:
         """Send the tiles that the board lacks, show the frame, and return the counts; raises as `send_frame`."""
         return send_frame(self._session, self._frame, progress, sent=self._sent)
+
+
+class BoardSink(BoardRows):
+    """Bands of a plan, sent to a board as they are rendered: a `lippmann.rendering.sinks.Sink`."""
+
+    def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
+        """Raise InputError for a plan for another display than the board's, with `force` only for another size."""
+        panel = plan.display.panel
+        check_shape((panel.height_px, panel.width_px, 3), plan.display, session.info, force)
+        super().__init__(session)
+        self.bands = bands_of_plan(plan)
+        self._panel = panel
+
+    def missing_bands(self) -> Sequence[Band]:
+        """Return all bands."""
+        return self.bands
+
+    def take(self, rendered: RenderedBand) -> None:
+        """Send the tiles that are complete with a band."""
+        values = panel_values(rendered.radiance, self._panel.transfer, self._panel.bits)
+        self.put(rendered.band.rows.start, values)
+
+    def stop(self, done_rows: int) -> None:
+        """Leave the panel as it is: it shows a frame only when that is complete."""
 
 
 class Sender:

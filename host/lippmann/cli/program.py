@@ -36,8 +36,8 @@ def program_command(
             raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
     programmed = program(path, board, serial, flash)
     result = {
-        "file": file, "board": programmed.name, "device": header.device, "display": header.display, "identity": header.identity,
-        "design": header.design, "flash": flash,
+        "file": file, "board": programmed.name, "device": header.device, "display": header.display,
+        "identity": header.identity, "design": header.design, "flash": flash,
     }  # fmt: skip
     what = f"{header.display} (design {header.design})" if header.display else file
     emit(result, f"{programmed.name}: {'its flash memory holds' if flash else 'runs'} {what}")
