@@ -111,7 +111,7 @@ def command(
     emit(result, lines + [f"warning: {warning}" for warning in derived.warnings])
 
 
-def _as_json(view: EyeView) -> dict[str, Any]:
+def _as_json(view: EyeView) -> dict[str, object]:
     zone = view.zone_mm
     return {**dataclasses.asdict(view), "zone_mm": None if zone is None else zone._asdict()}
 

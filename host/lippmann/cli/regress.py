@@ -6,7 +6,6 @@ import dataclasses
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -113,15 +112,17 @@ class _Output:
         if self.maps is not None:
             self.maps.add(foreign, bounds)
 
-    def write(self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: dict[str, Any]) -> None:
+    def write(
+        self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: Mapping[str, object]
+    ) -> None:
         """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
-        about = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
+        texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit is not None:
-            write_junit(self.junit, verdicts, ended, about)
+            write_junit(self.junit, verdicts, ended, texts)
         if self.report is not None and self.maps is not None:
             from lippmann.conformance.regress_page import errors_page
 
-            origin = provenance("lippmann regress", ("numpy",)) | about
+            origin = provenance("lippmann regress", ("numpy",)) | texts
             errors_page(origin, verdicts, self.maps.maps, words, ended).write(self.report, as_html=True)
 
 
@@ -178,7 +179,11 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
     lines = [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", line]
     lines = [*lines, *[f"stream: {reader.hash}"] * bool(reader.hash)] if verdicts else ["nothing was judged"]
-    about: dict[str, Any] = {"made": reader.command, "hash": reader.hash or None, "bounds": dataclasses.asdict(bounds)}
+    about = {
+        "made": reader.command,
+        "hash": reader.hash or None,
+        "bounds": dataclasses.asdict(bounds),
+    }
     output.write(verdicts, words, ended, about)
     # As of any command that fails.
     failure = {"error": ended, "exit_code": code} if ended is not None else {}

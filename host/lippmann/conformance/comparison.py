@@ -12,14 +12,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key
-from lippmann.conformance.coverage_points import POINTS, tied
+from lippmann.conformance.coverage_points import POINTS
 from lippmann.conformance.faults import FIELDS, Arrays, golden
 from lippmann.conformance.ray_sets import Bools, PanelRays
 from lippmann.conformance.ray_words import ForeignRays
@@ -150,11 +150,6 @@ class Comparison:
         """The arrays in which some ray is wrong."""
         return [name for name, wrong in self.wrong_by.items() if wrong.any()]
 
-    @property
-    def ties(self) -> Bools:
-        """The panel points exactly on an edge that two cells share, which only one of them owns."""
-        return tied(self.inputs)
-
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
         """Return how far values of an array are from another's, as `distance`; 0 where they are not given."""
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
@@ -167,13 +162,12 @@ class Comparison:
 
     def select(self, rays: npt.NDArray[np.intp]) -> Comparison:
         """Return the comparison of the rays of these indices."""
-
-        def part(arrays: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-            return {name: array[rays] for name, array in arrays.items()}
-
-        fields, golden, limits = part(self.fields), part(self.golden), part(self.limits)
-        edge, alone, wrong_on_edge = self.edge[rays], self.alone[rays], part(self.wrong_on_edge)
-        return Comparison(self.inputs.select(rays), fields, golden, limits, edge, alone, wrong_on_edge)
+        fields, golden, limits = (
+            {name: array[rays] for name, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
+        )
+        wrong_on_edge = {name: wrong[rays] for name, wrong in self.wrong_on_edge.items()}
+        inputs, edge, alone = self.inputs.select(rays), self.edge[rays], self.alone[rays]
+        return Comparison(inputs, fields, golden, limits, edge, alone, wrong_on_edge)
 
     def later(self, lag: int) -> Comparison:
         """Return the comparison of each ray with the values that stand `lag` rays after it."""

@@ -44,6 +44,8 @@ GLASS = "another glass, of the same focal length: array.index"
 #: Errors of a fault that leaves no display, or no rays.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
 
+#: What a fault puts in place of a number of the display, or of a word such as the grid.
+Number = Any
 #: Rays as arrays by name.
 Arrays = dict[str, Floats]
 
@@ -86,12 +88,12 @@ def golden(inputs: PanelRays) -> Arrays:
     }
 
 
-def _with(stage: str, name: str, number: str, value: Any) -> Variant:
+def _with(stage: str, name: str, number: str, value: Number) -> Variant:
     """Return the variant with another number of the display."""
     return Variant(stage, name, partial(with_number, number, value))
 
 
-def with_number(name: str, value: Any, inputs: PanelRays) -> PanelRays:
+def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
     """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index.
 
     `GLASS` is another index with the radius that keeps the focal length, radius / (index - 1).
@@ -379,6 +381,6 @@ def change_direction(name: str, bend: Callable[[Floats], Floats]) -> Variant:
     return Variant("exit", name, bend=lambda rays: {"direction": bend(rays["direction"])})
 
 
-def add_constant(stage: str, name: str, arrays: tuple[str, ...], constant: Any) -> Variant:
+def add_constant(stage: str, name: str, arrays: tuple[str, ...], constant: Floats | tuple[float, ...]) -> Variant:
     """Return the variant with a constant added to some arrays."""
     return Variant(stage, name, bend=lambda rays: {array: rays[array] + constant for array in arrays})

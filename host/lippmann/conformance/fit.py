@@ -107,16 +107,15 @@ def gap(samples: int, sides: Pair) -> float:
     places = (first + steps * step) % (1 << 32) * 2.0**-32
     worst = 0.0
     for points in (places * sides, places[:, ::-1] * sides):
-        reflected = [np.where(np.arange(2) == axis, 2.0 * at - points, points) for axis, at in _sides(sides)]
+        reflected = [
+            np.where(np.arange(2) == axis, 2.0 * side - points, points)
+            for axis in range(2)
+            for side in (0.0, sides[axis])
+        ]
         corners = Voronoi(np.concatenate([points, *reflected])).vertices
         inside = (np.abs(corners - np.divide(sides, 2)) <= np.divide(sides, 2) * (1 + 1e-9)).all(axis=1)
         worst = max(worst, float(KDTree(points).query(corners[inside])[0].max()))
     return worst
-
-
-def _sides(sides: Pair) -> list[tuple[int, float]]:
-    """Return a rectangle's sides, each as the axis that it crosses and the place there."""
-    return [(axis, at) for axis in range(2) for at in (0.0, sides[axis])]
 
 
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from lippmann.conformance.ray_sets import (
+    Bools,
     PanelRays,
     WorldRays,
     cell_steps,
@@ -159,8 +160,8 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
     """Pixels exactly on edges and corners, at coordinates that float64 holds exactly: the tie rule decides."""
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
-    plain: dict[str, Any] = {"shear": 0.0, "extent_mm": None, "rotation_deg": 0.0, "offset_mm": (0.0, 0.0)}
-    tied = changed(display, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5, **plain)
+    plain = changed(display, shear=0.0, extent_mm=None, rotation_deg=0.0, offset_mm=(0.0, 0.0))
+    tied = changed(plain, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5)
     tied = replace(without_eye(tied), panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
@@ -185,8 +186,8 @@ def _flips(
     With `centres` they are whole pixels, which every word holds exactly.
     """
 
-    def has(aims: Floats) -> Any:
-        return trace(display, pixels, aims).status == int(status)
+    def has(aims: Floats) -> Bools:
+        return np.asarray(trace(display, pixels, aims).status == int(status))
 
     many = 400 * count
     pixels = pixels_at(display, random_aims(display, random, many))[0]

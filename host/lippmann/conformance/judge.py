@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare, distance
-from lippmann.conformance.coverage_points import covered, tied_sides
+from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
 from lippmann.conformance.faults import (
     FIELDS,
@@ -451,7 +451,7 @@ def _diagnose_words(
     moved = np.full_like(foreign.inputs.pixels, place)
     wide = Bounds(direction_urad=1e6 * WORD_UNITS * unit, point_nm=1e6 * place)
     compared = compare(foreign, wide, (moved, moved))
-    ties = lenslets & (compared.edge | compared.ties)
+    ties = lenslets & (compared.edge | tied(foreign.inputs))
     if (ties == wrong).all():
         return Finding("lenslet", f"{TIE_RULE}: points on an edge have the other owner", 1.0)
     if not compared.wrong.any():

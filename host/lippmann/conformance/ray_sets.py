@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +22,8 @@ from lippmann.optics.rays import Engine, Floats, Model, Rays
 from lippmann.optics.system import System
 
 Bools = npt.NDArray[np.bool_]
+#: Which of N rays: their indices, a mask (N,), or a slice.
+Selection = npt.NDArray[np.intp] | Bools | slice
 
 #: Bisections that bring any two floats next to each other.
 BISECTIONS = 64
@@ -47,7 +48,7 @@ class PanelRays:
         """Trace the rays with an engine."""
         return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
 
-    def select(self, rays: Any) -> PanelRays:
+    def select(self, rays: Selection) -> PanelRays:
         """Return the rays of these indices, or of this mask."""
         aperture = None if self.aperture is None else self.aperture[rays]
         return replace(self, pixels=self.pixels[rays], aperture=aperture)
@@ -74,7 +75,7 @@ class WorldRays:
     origin_mm: Floats
     direction: Floats
 
-    def select(self, rays: Any) -> WorldRays:
+    def select(self, rays: Selection) -> WorldRays:
         """Return the rays of these indices, or of this mask."""
         return replace(self, origin_mm=self.origin_mm[rays], direction=self.direction[rays])
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -183,7 +182,7 @@ def errors_page(
         for name, one in verdicts
     ]  # fmt: skip
     met, coverage = summary((one.covered for _, one in verdicts), words)
-    context: dict[str, Any] = {
+    context: dict[str, object] = {
         "arrays": arrays,
         "wrong": [one for one in sets if one["wrong"]],
         "rays": sum(one.rays for _, one in verdicts),

@@ -43,6 +43,9 @@ from lippmann.optics.rays import Model
 
 logger = logging.getLogger(__name__)
 
+#: What `vectors.json` says of a set.
+Entry = dict[str, Any]
+
 #: Arrays of `rays.npz`, with their meaning.
 ARRAYS = {
     "pixel": "(N, 2) pixel coordinates of the rays' starts",
@@ -82,7 +85,7 @@ def write_vectors(
     seed: int,
     count: int,
     origin: dict[str, str],
-) -> list[dict[str, Any]]:
+) -> list[Entry]:
     """Write the sets of a case, or of "all", into a new or empty folder; returns what `vectors.json` lists.
 
     The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `origin` is the
@@ -107,12 +110,12 @@ def write_vectors(
     return entries
 
 
-def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bits: int) -> dict[str, Any]:
+def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bits: int) -> Entry:
     name = rays.name.replace("/", "-")
     place = top / name
     place.mkdir()
     (place / "display.toml").write_text(display_text(rays.display), encoding="utf-8")
-    entry: dict[str, Any] = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
+    entry: Entry = {"set": name, "case": rays.name.split("/")[0], "identity": rays.display.identity}
     if isinstance(rays, WorldRays):
         hits = true_hits(rays)
         shift = condition(rays, hits).shift_mm
@@ -146,15 +149,13 @@ def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bi
 
 def _save(place: Path, **arrays: Any) -> None:
     """Write rays.npz: numbers of 50 digits are rounded once, statuses are bytes."""
-    rounded: dict[str, Any] = {
-        name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()
-    }
-    rounded["status"] = rounded["status"].astype(np.uint8)
-    np.savez(place / "rays.npz", **rounded)
+    arrays = {name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()}
+    arrays["status"] = arrays["status"].astype(np.uint8)
+    np.savez(place / "rays.npz", **arrays)
 
 
 def _write_header(
-    top: Path, entries: list[dict[str, Any]], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
+    top: Path, entries: list[Entry], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
 ) -> None:
     described = {
         word: {"word": word, "bits": bits, "fraction_bits": behind}
