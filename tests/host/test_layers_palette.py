@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lippmann.layers.palette import Picture, nearest, quantise
+from lippmann.layers.stack import Picture, nearest, quantise
 from PIL import Image
 from scene_cases import generator
 

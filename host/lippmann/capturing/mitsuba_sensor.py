@@ -61,12 +61,7 @@ def _sensor_class() -> type:
             if not path:
                 raise InputError("sensor 'integral': no display; give the path of a display file (.toml)")
             self.display = load_display(str(mi.file_resolver().resolve(path)))
-            layout = layout_of(self.display.panel.subpixels)
-            if layout is not None and layout.borrows:
-                raise InputError(
-                    "sensor 'integral': pixels of this panel lack a colour, and a film's pixel has its own rays only; "
-                    "take lippmann render, or a display with other subpixels"
-                )
+            _check_subpixels(self.display)
             self.model = cast(Model, _choice(props, "model", "exact", MODELS))
             self.full = _choice(props, "aperture", "chief", APERTURES) == "full"
             self.near_mm = float(props.get("near_mm", 0.0))
@@ -122,6 +117,16 @@ def _subpixel_weight(b: DrJitBackend, display: Display, u: Arr, v: Arr) -> Arr:
         if k < 3:
             weights[k] = weights[k] + dr.select(inside, mi.Float(gain), 0.0)
     return mi.Color3f(weights)
+
+
+def _check_subpixels(display: Display) -> None:
+    """Refuse a panel whose pixels lack a colour, which they take from their neighbours' rays."""
+    layout = layout_of(display.panel.subpixels)
+    if layout is not None and layout.borrows:
+        raise InputError(
+            "sensor 'integral': pixels of this panel lack a colour, and a film's pixel has its own rays only; "
+            "take lippmann render, or a display with other subpixels"
+        )
 
 
 def _check_pose(to_world: npt.NDArray[np.float64]) -> None:

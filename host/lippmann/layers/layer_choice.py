@@ -6,13 +6,14 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.images import Radiance
-from lippmann.base.progress import Progress
+from lippmann.base.progress import Progress, report_each
 from lippmann.base.toml import documented, key
 from lippmann.base.tones import decode, psnr_db
 from lippmann.display.description import Display
@@ -80,7 +81,7 @@ def full_views(scene: Scene, display: Display, settings: Settings) -> list[Radia
     return views_of(np.minimum(render_integral(scene, display, "exact", settings).radiance, 1.0), display)
 
 
-def views_of(radiance: Any, display: Display) -> list[Radiance]:
+def views_of(radiance: Radiance, display: Display) -> list[Radiance]:
     """Return the moving eye's views of a display's panel that shows linear light, a pixel for each lenslet."""
     window = whole_window(display)
     return [observe(radiance, display, eye, window, EYE_SAMPLES).radiance for eye in eyes_of(reach_of(display))]
@@ -113,7 +114,7 @@ def streamed(
     return frame, _against(decode(frame / np.float64(255.0), display.panel.transfer), display, full)
 
 
-def _against(light: npt.NDArray[Any], display: Display, full: Sequence[Radiance]) -> list[float]:
+def _against(light: npt.NDArray[np.floating], display: Display, full: Sequence[Radiance]) -> list[float]:
     views = views_of(light.astype(np.float32), display)
     return [psnr_db(view, wanted) for view, wanted in zip(views, full, strict=True)]
 
@@ -134,11 +135,9 @@ def measured_cuts(
     `filter` nothing is measured.
     """
     full = [] if filter is None else full_views(scene, display, settings)
-    for place, count in enumerate(counts):
+    for count in report_each(counts, progress):
         cut = cut_scene(parts[0], display, count, slot, settings, parts[1])
         yield cut, [] if filter is None else decibels(cut.stack, display, full, filter)
-        if progress is not None:
-            progress(place + 1, len(counts))
 
 
 def row_of(cut: Cut, seen: Sequence[float], slot: tuple[int, int], filter: Filter) -> dict[str, Any]:
@@ -158,6 +157,8 @@ SLOTS = ((64, 48), (128, 96), (256, 192), (512, 384))
 BLOCK_RAMS, MULTIPLIERS = 208 - 47, 156 - 57
 
 Limit = Literal["render", "hardware", "depths", "sizes"]
+#: What layers cost and are worth, by name (`row_of`), and of those that were tried `filter` and `slot`.
+Row = dict[str, Any]
 
 
 @documented
@@ -165,15 +166,15 @@ Limit = Literal["render", "hardware", "depths", "sizes"]
 class LayerChoice:
     """The chosen layers; those that were tried, from the cheapest on, and if none suffices the reason."""
 
-    chosen: Annotated[dict[str, Any] | None, key("the cheapest layers within the tolerance; None: none suffices")]
-    tried: Annotated[list[dict[str, Any]], key("`filter`, `slot` and the cost of all that were drawn")]
+    chosen: Annotated[Row | None, key("the cheapest layers within the tolerance; None: none suffices")]
+    tried: Annotated[list[Row], key("`filter`, `slot` and the cost of all that were drawn")]
     limit: Annotated[Limit | None, key("what keeps the best from the tolerance; None when one is chosen")]
     render_db: Annotated[
         float | None, key("worst view of a full render with other samples; None when layers are chosen")
     ]
 
     @property
-    def best(self) -> dict[str, Any]:
+    def best(self) -> Row:
         """The layers with the best view at the eye's worst place."""
         return max(self.tried, key=lambda row: row["worst_db"])
 
@@ -219,36 +220,43 @@ def choose_layers(
     for slot in slots:
         check_slot(slot)
     settings = Settings(samples=16) if settings is None else settings
-    every = sorted(_candidates(slots), key=lambda one: (one[0].block_rams, one[0].load_bytes, one[0].multipliers))
-    fitting = [one for one in every if one[0].block_rams <= block_rams and one[0].multipliers <= multipliers]
-    if not fitting:
-        what = f"no layer fits {block_rams} block RAMs and {multipliers} multipliers"
-        raise InputError(f"{what}; give at least {every[0][0].block_rams} and {every[0][0].multipliers}")
+    affordable, dearer = _candidates(slots, block_rams, multipliers)
     full, lines = full_views(scene, display, settings), list(exit_lines(display))
-    cuts: dict[tuple[int, tuple[int, int]], Cut] = {}
-    tried: list[dict[str, Any]] = []
+    cut_into = cache(lambda count, slot: cut_scene(scene, display, count, slot, settings))
+    tried: list[Row] = []
     depths = MAX_LAYERS
-    for number, (cost, slot, filter) in enumerate(fitting, 1):
+    for cost, slot, filter in report_each(affordable, progress):
         if cost.layers <= depths:
-            place = cost.layers, slot
-            cut = cuts[place] = cuts.get(place) or cut_scene(scene, display, cost.layers, slot, settings)
+            cut = cut_into(cost.layers, slot)
             depths = min(depths, len(cut.stack.layers)) if len(cut.stack.layers) < cost.layers else depths
         if cost.layers <= depths:  # more layers than the scene has depths would be these again
             seen = decibels(cut.stack, display, full, filter, lines)
             tried.append({"filter": filter, "slot": list(slot), **row_of(cut, seen, slot, filter)})
             if min(seen) >= tolerance_db:
                 return LayerChoice(tried[-1], tried, None, None)
-        if progress is not None:
-            progress(number, len(fitting))
     render_db = min(streamed(scene, display, full, settings)[1])
-    larger = any(one not in fitting and one[0].layers <= depths for one in every)
+    larger = any(cost.layers <= depths for cost, _, _ in dearer)
     limit: Limit = "hardware" if larger else "depths" if depths < MAX_LAYERS else "sizes"
     return LayerChoice(None, tried, "render" if render_db < tolerance_db else limit, render_db)
 
 
-def _candidates(slots: Sequence[tuple[int, int]]) -> Iterator[tuple[Cost, tuple[int, int], Filter]]:
-    for slot in dict.fromkeys(slots):
-        for filter in FILTERS:
-            if filter == "nearest" or slot[1] % 2 == 0:  # the banks of bilinear take pairs of rows
-                for count in range(1, MAX_LAYERS + 1):
-                    yield cost_of(count, slot, filter), slot, filter
+Candidate = tuple[Cost, tuple[int, int], Filter]
+
+
+def _candidates(
+    slots: Sequence[tuple[int, int]], block_rams: int, multipliers: int
+) -> tuple[list[Candidate], list[Candidate]]:
+    """Return the layers and builds that take at most so many of both, the cheapest first, and those that take more."""
+    every = [
+        (cost_of(count, slot, filter), slot, filter)
+        for slot in dict.fromkeys(slots)
+        for filter in FILTERS
+        if filter == "nearest" or slot[1] % 2 == 0  # the banks of bilinear take pairs of rows
+        for count in range(1, MAX_LAYERS + 1)
+    ]
+    every.sort(key=lambda one: (one[0].block_rams, one[0].load_bytes, one[0].multipliers))
+    affordable = [one for one in every if one[0].block_rams <= block_rams and one[0].multipliers <= multipliers]
+    if not affordable:
+        what = f"no layer fits {block_rams} block RAMs and {multipliers} multipliers"
+        raise InputError(f"{what}; give at least {every[0][0].block_rams} and {every[0][0].multipliers}")
+    return affordable, [one for one in every if one not in affordable]

@@ -13,7 +13,7 @@ import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from lippmann.errors import InputError, input_error, likely_file, not_there, pat
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.zones import viewing_distance
+
+if TYPE_CHECKING:
+    import PIL.Image
 
 #: The file that makes a folder one of layers.
 FILE = "layers.toml"
@@ -193,30 +196,38 @@ def check_depth(depth_mm: float, display: Display, where: str) -> None:
         raise input_error(where, what, f"give less than {eye:g}")
 
 
-def _read_png(path: Path) -> tuple[Bytes, Bytes]:
-    """Return the indices (height, width) and the palette (256, 4) of a PNG with a palette."""
+@contextlib.contextmanager
+def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.Image]:
+    """Open a PNG picture for a block, and refuse one that is missing or that cannot be read there.
+
+    `if_missing` and `if_broken` are the remedies.
+    """
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
-        remedy = likely_file(path, (".png",)) or "mend its name in layers.toml"
-        raise input_error(str(path), not_there(path, "picture"), remedy)
+        raise input_error(str(path), not_there(path, "picture"), likely_file(path, (".png",)) or if_missing)
     try:
         with Image.open(path, formats=("PNG",)) as picture:
-            size = f"{picture.width} x {picture.height}"
-            if max(picture.size) > MAX_SIDE:
-                what = f"has {size} texels, more across or down than a board's slot can have"
-                raise input_error(str(path), what, f"make each side at most {MAX_SIDE}")
-            if picture.mode != "P" or picture.palette is None:
-                kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
-                what = f"is a {kind} picture without a palette"
-                raise input_error(str(path), what, "cut it into a layer with lippmann layers, which gives it one")
-            clear = picture.info.get("transparency", b"")
-            texels = np.asarray(picture, np.uint8)
-            colours = np.array(picture.getpalette("RGB"), np.uint8).reshape(-1, 3)
+            yield picture
     except UnidentifiedImageError:
-        raise input_error(str(path), "is not a whole PNG picture", "write it again") from None
+        raise input_error(str(path), "is not a whole PNG picture", if_broken) from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise input_error(str(path), f"cannot be read ({reason(error)})", "write it again") from None
+
+
+def _read_png(path: Path) -> tuple[Bytes, Bytes]:
+    """Return the indices (height, width) and the palette (256, 4) of a PNG with a palette."""
+    with opened_png(path, "mend its name in layers.toml", "write it again") as picture:
+        if max(picture.size) > MAX_SIDE:
+            what = f"has {picture.width} x {picture.height} texels, more across or down than a board's slot can have"
+            raise input_error(str(path), what, f"make each side at most {MAX_SIDE}")
+        if picture.mode != "P" or picture.palette is None:
+            kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
+            what = f"is a {kind} picture without a palette"
+            raise input_error(str(path), what, "cut it into a layer with lippmann layers, which gives it one")
+        clear = picture.info.get("transparency", b"")
+        texels = np.asarray(picture, np.uint8)
+        colours = np.array(picture.getpalette("RGB"), np.uint8).reshape(-1, 3)
     palette = np.zeros((COLOURS, 4), np.uint8)
     palette[: len(colours), :3], palette[: len(colours), 3] = colours, 255
     if isinstance(clear, int):  # Pillow's form of a palette with one transparent colour

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -15,12 +17,11 @@ from lippmann.base import toml
 from lippmann.base.toml import documented, key
 from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
-from lippmann.errors import input_error, likely_file, not_there, reason
-from lippmann.layers.layers_folder import Depth, Sky, check_depth
-from lippmann.layers.palette import Picture, quantise
-from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, check_slot, reach_of, texels_for
+from lippmann.errors import input_error
+from lippmann.layers.layers_folder import Depth, Light, Sky, check_depth, opened_png
+from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.slab_depths import Slab
-from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack
+from lippmann.layers.stack import MAX_LAYERS, Floats, LayerStack, Picture
 
 #: The file that makes a folder one of pictures.
 FILE = "pictures.toml"
@@ -30,7 +31,6 @@ MAX_PIXELS = 1 << 25
 ROWS = 256
 #: Red, green, blue and opacity of a picture's pixels, (height, width, 4).
 Rgba = npt.NDArray[np.float32]
-Light = Annotated[float, key("", low=0.0, high=1.0)]
 Width = Annotated[float, key("", above=0.0, high=1e6)]
 
 
@@ -70,7 +70,7 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
     keys = toml.read(PicturesFile, toml.load(file, "pictures"), str(file))
     reach = reach_of(display)
-    made = []
+    entries = []
     for place, one in enumerate(keys.picture):
         where = f"{file}: picture[{place}]"
         if one.depth_mm == "sky" and (one.width_mm is not None or one.centre_mm != (0.0, 0.0)):
@@ -84,19 +84,16 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
         light = _resized(reached, texels_for(area, display, slot))
         opacity = np.clip(light[..., 3], 0.0, 1.0)
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
-        texels, palette, error_db = quantise(Picture(colour, opacity).rgba)
-        layer = Layer(texels, palette, depth, area.matrix(texels.shape[1], texels.shape[0]))
+        layer, error_db = layer_of(area, Picture(colour, opacity))
         z = -math.inf if layer.sky else depth
-        made.append((-z, place, layer, Slab(z, z, z), error_db, one.file.stem))
-    made.sort(key=lambda entry: entry[:2])
-    stack = LayerStack(tuple(entry[2] for entry in made), np.array(keys.background))
-    cut = Cut(stack, tuple(entry[3] for entry in made), tuple(entry[4] for entry in made))
-    return cut, _different([entry[5] for entry in made])
+        entries.append((-z, place, layer, Slab(z, z, z), error_db, one.file.stem))
+    _, _, layers, slabs, errors, names = zip(*sorted(entries, key=lambda entry: entry[:2]), strict=True)
+    return Cut(LayerStack(layers, np.array(keys.background)), slabs, errors), _different(names)
 
 
-def _different(names: list[str]) -> tuple[str, ...]:
+def _different(names: Sequence[str]) -> tuple[str, ...]:
     """Return names made of the characters that layers' names have, each one once."""
-    plain = ["".join(c if c.isascii() and (c.isalnum() or c in "_-") else "_" for c in name)[:48] for name in names]
+    plain = [re.sub(r"[^\w-]", "_", name, flags=re.ASCII)[:48] for name in names]
     folded = [name.casefold() for name in plain]  # as files: some systems do not tell the case
     taken = set(folded)
     for k, name in enumerate(plain):
@@ -108,24 +105,14 @@ def _different(names: list[str]) -> tuple[str, ...]:
 
 def _read(path: Path) -> Rgba:
     """Return a picture's linear light, multiplied by its opacity, and the opacity: (height, width, 4)."""
-    from PIL import Image, UnidentifiedImageError
-
-    if not path.is_file():
-        remedy = likely_file(path, (".png",)) or "mend its name in the file"
-        raise input_error(str(path), not_there(path, "picture"), remedy)
-    try:
-        with Image.open(path, formats=("PNG",)) as picture:
-            if picture.width * picture.height > MAX_PIXELS:
-                what = f"has {picture.width} x {picture.height} pixels"
-                raise input_error(str(path), what, f"make it smaller, at most {MAX_PIXELS} pixels")
-            if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
-                numbers, white = np.asarray(picture)[..., None], 65535.0
-            else:
-                numbers, white = np.asarray(picture.convert("RGBA")), 255.0
-    except UnidentifiedImageError:
-        raise input_error(str(path), "is not a whole PNG picture", "give a PNG") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise input_error(str(path), f"cannot be read ({reason(error)})", "write it again") from None
+    with opened_png(path, "mend its name in the file", "give a PNG") as picture:
+        if picture.width * picture.height > MAX_PIXELS:
+            what = f"has {picture.width} x {picture.height} pixels"
+            raise input_error(str(path), what, f"make it smaller, at most {MAX_PIXELS} pixels")
+        if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
+            numbers, white = np.asarray(picture)[..., None], 65535.0
+        else:
+            numbers, white = np.asarray(picture.convert("RGBA")), 255.0
     light = np.ones((*numbers.shape[:2], 4), np.float32)
     for first in range(0, len(light), ROWS):  # in parts: many times the memory of the file's numbers is taken
         rows, part = numbers[first : first + ROWS] / white, light[first : first + ROWS]

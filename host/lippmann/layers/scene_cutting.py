@@ -11,19 +11,30 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.progress import Progress
+from lippmann.base.progress import Progress, report_each
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, whole_number
-from lippmann.layers.palette import Picture, quantise
 from lippmann.layers.slab_depths import Slab, slabs_of
-from lippmann.layers.stack import BLOCK_BYTES, MAX_LAYERS, MAX_SIDE, MIN_ROW, Floats, Layer, LayerStack
+from lippmann.layers.stack import (
+    BLOCK_BYTES,
+    MAX_LAYERS,
+    MAX_SIDE,
+    MIN_ROW,
+    Floats,
+    Layer,
+    LayerStack,
+    Picture,
+    quantise,
+)
+from lippmann.optics.backend import Arr
 from lippmann.optics.rays import Status
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.optics.zones import half_width, middle_eye, viewing_distance
@@ -148,35 +159,34 @@ def cut_scene(
     check_slot(slot)
     settings = Settings(samples=16) if settings is None else settings
     reach = reach_of(display)
-    own = None if apart is None else scene_slabs(apart, reach, 1, settings)[0]
-    slabs = scene_slabs(scene, reach, count - (own is not None), settings)
-    slabs = slabs if own is None else sorted([own, *slabs], key=lambda slab: -slab.depth_mm)
-    layers, errors, used = [], [], []
-    background = np.zeros(3)
-    before: Slab | None = None
-    for place, slab in enumerate(slabs):
-        if apart is not None and slab is own:
-            picture = _picture(apart, display, reach, slab, None, slot, settings)
-        else:
-            picture = _picture(scene, display, reach, slab, before, slot, settings)
-            before = slab
-        if picture is not None:
-            area, seen = picture
-            texels, palette, error_db = quantise(seen.rgba)
-            matrix = area.matrix(texels.shape[1], texels.shape[0])
-            layers.append(Layer(texels, palette, area.depth_mm, matrix))
-            errors.append(error_db)
-            used.append(slab)
-            # What shows beside the last layer's texture.
-            weight = seen.opacity.sum()
-            background = (seen.opacity[..., None] * seen.light).sum(axis=(0, 1)) / max(weight, 1e-9)
-        if progress is not None:
-            progress(place + 1, len(slabs))
+    parts = [] if apart is None else [(scene_slabs(apart, reach, 1, settings)[0], apart)]
+    parts += [(slab, scene) for slab in scene_slabs(scene, reach, count - len(parts), settings)]
+    parts.sort(key=lambda part: -part[0].depth_mm)
+    layers, slabs, errors = list[Layer](), list[Slab](), list[float]()
+    background, before, apart_number = np.zeros(3), None, None
+    for slab, part in report_each(parts, progress):
+        shown = _picture(part, display, reach, slab, before if part is scene else None, slot, settings)
+        before = slab if part is scene else before
+        if shown is None:
+            continue
+        apart_number = apart_number if part is scene else len(layers)
+        layer, error_db = layer_of(*shown)
+        layers.append(layer)
+        slabs.append(slab)
+        errors.append(error_db)
+        # What shows beside the last layer's texture.
+        opacity, light = shown[1].opacity, shown[1].light
+        background = (opacity[..., None] * light).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
     if not layers:
         raise InputError(f"{scene.path}: no layer has any texel; place the scene with --fit")
-    alone = [place for place, slab in enumerate(used) if slab is own]
     stack = LayerStack(tuple(layers), np.clip(background, 0.0, 1.0))
-    return Cut(stack, tuple(used), tuple(errors), alone[0] if alone else None)
+    return Cut(stack, tuple(slabs), tuple(errors), apart_number)
+
+
+def layer_of(area: Area, picture: Picture) -> tuple[Layer, float]:
+    """Return the layer that shows a picture in an area, and the error of its palette, dB."""
+    texels, palette, error_db = quantise(picture.rgba)
+    return Layer(texels, palette, area.depth_mm, area.matrix(texels.shape[1], texels.shape[0])), error_db
 
 
 def scene_slabs(scene: Scene, reach: Reach, count: int, settings: Settings) -> list[Slab]:
@@ -288,7 +298,7 @@ class Area:
         a, d = width / self.size[0], -height / self.size[1]
         return np.array([[a, 0.0, -a * self.left], [0.0, d, -d * self.top]])
 
-    def cells(self, width: int, height: int, mask: Any, margin: tuple[float, float]) -> Area:
+    def cells(self, width: int, height: int, mask: npt.NDArray[np.bool_], margin: tuple[float, float]) -> Area:
         """Return the part that the true cells of a mask (height, width) cover, larger by margins, within this area."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         across, down = self.size[0] / width, self.size[1] / height
@@ -388,7 +398,7 @@ def _chunks(texels: int, samples: int) -> Iterator[tuple[int, int]]:
         yield first, min(step, texels - first)
 
 
-def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Any, sample: Any, settings: Settings) -> Lines:
+def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Arr, sample: Arr, settings: Settings) -> Lines:
     """Return the lines from samples of an area's texels to an eye; of an area of slopes, through the origin."""
     mi = mitsuba()
     import drjit as dr

@@ -2,6 +2,10 @@
 
 A palette's red, green and blue are square roots of linear light, its fourth byte is the opacity (`light_of`,
 `opacity_of`). These bytes are what a board stores, so that golden, twin and RTL draw the same colours.
+
+A picture with opacity becomes texels and a palette of 256 colours, with the least mean square error. Pillow chooses the
+first palette; Lloyd's steps then move each colour to the mean of its texels. Distances are those of what is seen: of
+the square roots of light times the opacity, and of the opacity.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Any
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +22,7 @@ from lippmann.errors import InputError
 
 Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
+Number = TypeVar("Number", bound=np.generic)
 
 #: Most layers of a stack.
 MAX_LAYERS = 8
@@ -33,23 +38,23 @@ BLOCK_BYTES = 1024
 MAX_DEPTH_MM = 1e6
 
 
-def light_of(bytes_: npt.NDArray[Any]) -> Floats:
+def light_of(bytes_: npt.ArrayLike) -> Floats:
     """Return the linear light, 0 to 1, of a palette's red, green or blue: (c / 255)^2."""
     return (np.asarray(bytes_, np.float64) / 255.0) ** 2
 
 
-def bytes_of(light: npt.NDArray[Any]) -> Bytes:
+def bytes_of(light: npt.ArrayLike) -> Bytes:
     """Return the palette bytes nearest to linear light; the inverse of `light_of`."""
     return np.asarray(np.rint(255.0 * np.sqrt(np.clip(light, 0.0, 1.0))), np.uint8)
 
 
-def opacity_of(alpha: npt.NDArray[Any]) -> Floats:
+def opacity_of(alpha: npt.ArrayLike) -> Floats:
     """Return the opacity, 0 to 1, of a palette's fourth byte: (a + [a >= 128]) / 256, so that 255 is opaque."""
     a = np.asarray(alpha, np.float64)
     return (a + (a >= 128)) / 256.0
 
 
-def alpha_of(opacity: npt.NDArray[Any]) -> Bytes:
+def alpha_of(opacity: npt.ArrayLike) -> Bytes:
     """Return the palette bytes nearest to an opacity; the inverse of `opacity_of`."""
     steps = np.rint(256.0 * np.clip(opacity, 0.0, 1.0))
     return np.asarray(steps - (steps >= 129.0), np.uint8)
@@ -189,15 +194,15 @@ class LayerStack:
         return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
 
 
-def _bytes(name: str, values: Any) -> Bytes:
+def _bytes(name: str, values: npt.ArrayLike) -> Bytes:
     """Return values as read-only uint8; refuse other types, which would have lost their fractions or high bits."""
     array = np.asarray(values)
     if array.dtype != np.uint8:
         raise InputError(f"layer: {name} has type {array.dtype}; give uint8")
-    return _kept(array)
+    return _read_only(array)
 
 
-def _finite(name: str, values: Any, shape: tuple[int, ...], what: str) -> Floats:
+def _finite(name: str, values: npt.ArrayLike, shape: tuple[int, ...], what: str) -> Floats:
     """Return values as read-only float64 of a shape."""
     try:
         array = np.asarray(values, np.float64)
@@ -207,7 +212,7 @@ def _finite(name: str, values: Any, shape: tuple[int, ...], what: str) -> Floats
         raise InputError(f"{what}: {name} has shape {array.shape}; give {shape}")
     if not np.isfinite(array).all():
         raise InputError(f"{what}: {name} contains a value that is not finite; give finite numbers")
-    return _kept(array)
+    return _read_only(array)
 
 
 def _number(name: str, value: object) -> float:
@@ -217,8 +222,104 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _read_only(array: npt.NDArray[Number]) -> npt.NDArray[Number]:
     """Return a copy that cannot be written."""
     copy = array.copy()
     copy.setflags(write=False)
     return copy
+
+
+#: Lloyd's steps; each makes the error smaller, the last ones by less than 1 %.
+STEPS = 12
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Linear light (height, width, 3) float64, not multiplied by the opacity (height, width) float64; both 0 to 1."""
+
+    light: Floats
+    opacity: Floats
+
+    @property
+    def rgba(self) -> Bytes:
+        """(height, width, 4) uint8, as a palette's colours; where nothing is opaque, 0."""
+        alpha = alpha_of(self.opacity)
+        colours = np.where(alpha[..., None] > 0, bytes_of(self.light), 0)
+        return np.concatenate([colours, alpha[..., None]], axis=-1).astype(np.uint8)
+
+
+class Quantised(NamedTuple):
+    """Texels and palette of a picture, and the error that they add, dB: its peak signal over the noise."""
+
+    texels: Bytes
+    palette: Bytes
+    error_db: float
+
+
+def quantise(rgba: Bytes) -> Quantised:
+    """Quantise a picture (height, width, 4), bytes as in a palette, to 256 colours.
+
+    Colour 0 is transparent, so that a smaller texture can fill a slot. A picture of at most 255 other colours keeps
+    them all. Opaque texels stay opaque.
+    """
+    height, width = rgba.shape[:2]
+    flat = np.where(rgba[..., 3:] > 0, rgba, 0).reshape(-1, 4).astype(np.uint8)
+    every, index, counts = np.unique(flat, axis=0, return_inverse=True, return_counts=True)
+    visible = every[:, 3] > 0
+    colours = every[visible] if visible.sum() < COLOURS else _palette(every[visible], counts[visible])
+    palette = np.zeros((COLOURS, 4), np.uint8)
+    palette[1 : 1 + len(colours)] = colours
+    place = np.zeros(len(every), np.int64)
+    if len(colours):
+        place[visible] = 1 + nearest(every[visible], colours)
+    error = float(((_seen(every) - _seen(palette[place]))[:, :3] ** 2).mean(axis=1) @ counts) / counts.sum()
+    texels = place[index.ravel()].reshape(height, width).astype(np.uint8)
+    return Quantised(texels, palette, float("inf") if error == 0.0 else float(-10.0 * np.log10(error)))
+
+
+def _seen(rgba: Bytes) -> Floats:
+    """Return colours (N, 4) as points whose distances are the errors that an eye sees: premultiplied, and opacity."""
+    share = rgba / 255.0
+    return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
+
+
+def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
+    """Return the palette's colour nearest to each colour; opaque ones take opaque ones only."""
+    from scipy.spatial import KDTree  # at its first use: it takes as long to load as all of render
+
+    place = KDTree(_seen(palette)).query(_seen(rgba))[1]
+    opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
+    if len(solid) and opaque.any():
+        place[opaque] = solid[KDTree(_seen(palette[solid])).query(_seen(rgba[opaque]))[1]]
+    return np.asarray(place, np.int64)
+
+
+def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
+    """Return 255 colours for many (N, 4), none transparent; `counts` tells how many texels have each."""
+    from PIL import Image
+
+    # The first palette: Pillow's octree knows opacity. A row of one picture, each colour once.
+    start = Image.fromarray(colours[None], "RGBA").quantize(COLOURS - 1, Image.Quantize.FASTOCTREE)
+    palette = np.array(start.getpalette("RGBA"), np.uint8).reshape(-1, 4)
+    palette = palette[np.unique(np.asarray(start))]
+    points, opaque = _seen(colours), colours[:, 3] == 255
+    for _ in range(STEPS):
+        place = nearest(colours, palette)
+        weight = np.bincount(place, counts, len(palette))
+        # Colours without texels move to those that are worst.
+        error = ((points - _seen(palette)[place]) ** 2).sum(axis=1) * counts
+        worst = np.argsort(-error)[: COLOURS - 1 - int((weight > 0).sum())]
+        sums = np.stack([np.bincount(place, counts * points[:, k], len(palette)) for k in range(4)], axis=1)
+        solid = np.bincount(place, opaque, len(palette)) > 0
+        palette = np.concatenate(
+            [_colours_at(sums[weight > 0] / weight[weight > 0, None], solid[weight > 0]), colours[worst]]
+        )
+    return palette
+
+
+def _colours_at(points: Floats, solid: np.ndarray) -> Bytes:
+    """Return points of `_seen` as colours; `solid` ones become opaque."""
+    opacity = np.where(solid, 1.0, points[:, 3:].ravel())
+    colour = points[:, :3] / np.maximum(points[:, 3:], 1e-9)
+    rgba = np.concatenate([colour, opacity[:, None]], axis=1)
+    return np.asarray(np.maximum(np.rint(255.0 * np.clip(rgba, 0.0, 1.0)), [0, 0, 0, 1]), np.uint8)
