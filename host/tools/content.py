@@ -19,7 +19,7 @@ from lippmann.base.variant import mitsuba
 from lippmann.conformance.figures import Rows
 from lippmann.conformance.pages import Page
 from lippmann.display.description import Display, load_display
-from lippmann.eye.many_views import eyes_of, of_scene
+from lippmann.eye.many_views import eyes_of, scene_viewer
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.zones import viewing_distance
 from lippmann.rendering.job import Job
@@ -141,7 +141,7 @@ def write_views(
 ) -> Path:
     """Write the views of a scene from the display's viewing zone, and views.json; return the folder."""
     window = whole_window(display, width)
-    sight = of_scene(scene, window, Settings(samples=16, seed=seed))
+    sight = scene_viewer(scene, window, Settings(samples=16, seed=seed))
     folder.mkdir()
     eyes = eyes_of(display, across, down)
     for number, eye in enumerate(eyes):

@@ -11,7 +11,7 @@ from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.eye.many_views import eyes_of, of_scene
+from lippmann.eye.many_views import eyes_of, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import first_depths
@@ -153,9 +153,9 @@ def test_a_focal_stack_is_sharp_at_its_depths(mi, place, capfd):
     """The ball in focus is as a pinhole sees it; another one is a disk as wide as the pupil's cone at the window."""
     scene, window = load_scene("balls.xml"), whole_window(load_display("d.toml"), 230)
     settings, at, pupil = Settings(samples=64), (0.0, 0.0, 250.0), 6.0
-    sharp = of_scene(scene, window, settings)(Eye(at))
+    sharp = scene_viewer(scene, window, settings)(Eye(at))
     for number, (colour, z) in enumerate(DEPTHS_MM.items()):
-        blurred = of_scene(scene, window, settings)(Eye(at, pupil, z))
+        blurred = scene_viewer(scene, window, settings)(Eye(at, pupil, z))
         picture = np.zeros_like(sharp)
         picture[..., number] = sharp[..., number]
         only = np.zeros_like(blurred)

@@ -53,13 +53,9 @@ class Pattern:
     @property
     def stem(self) -> str:
         """Name of its file without extension."""
-        if self.kind == "marks":
-            name = "marks" if self.number == 0 else "marks-again"
-        elif self.kind in ("gray", "phase"):
-            name = f"{self.kind}-{'xy'[self.axis]}-{self.number}"
-        else:
-            name = self.kind
-        return f"{self.place:02d}-{name}"
+        coded = f"-{'xy'[self.axis]}-{self.number}" if self.kind in ("gray", "phase") else ""
+        again = "-again" if self.kind == "marks" and self.number > 0 else ""
+        return f"{self.place:02d}-{self.kind}{coded}{again}"
 
 
 @dataclass(frozen=True)
@@ -148,11 +144,6 @@ class PatternSet:
         line = self.level(pattern, along).astype(np.float32)
         return np.broadcast_to(line[None] if pattern.axis == 0 else line[:, None], shape)
 
-    def image(self, pattern: Pattern, display: Display) -> IntegralImage:
-        """Return a picture as an image for the display, which `stream` and `display` accept."""
-        light = np.broadcast_to(self.light(pattern)[..., None], (self.height_px, self.width_px, 3))
-        return IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__})
-
     def panel_values(self, pattern: Pattern, display: Display) -> Pixels:
         """Return a picture as values for the panel, (height, width, 3) uint8."""
         panel = display.panel
@@ -186,7 +177,8 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
     files = []
     for pattern in patterns.patterns:
         files.append(folder / f"{pattern.stem}.png")
-        patterns.image(pattern, display).save(files[-1])
+        light = np.broadcast_to(patterns.light(pattern)[..., None], (patterns.height_px, patterns.width_px, 3))
+        IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__}).save(files[-1])
     with replacing(folder / FILE) as partial:
         partial.write_text(patterns.text(display), encoding="utf-8")
     return files

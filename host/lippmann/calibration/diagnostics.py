@@ -1,13 +1,13 @@
-"""Doubts about photographs, each named with the photograph: order, exposure, blur, a moved camera, an edge out of view.
+"""Diagnostics of photographs, each named: order, exposure, blur, a moved camera, a panel partly out of view.
 
-They are judged by some thousand camera pixels whose values in all photographs are kept.
+They use some thousand camera pixels, whose values in all photographs are kept.
 """
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -53,17 +53,10 @@ class Samples:
         black, white = (one[self.rows, self.columns] for one in (self.black, self.white))
         self.shares[pattern] = (light[self.rows, self.columns] - black) / np.maximum(white - black, 1e-6)
 
-    @property
-    def photo_px(self) -> npt.NDArray[np.float32]:
-        """(N, 2): the pixels' centres."""
-        return np.stack([self.columns + 0.5, self.rows + 0.5], axis=1).astype(np.float32)
-
 
 class Fit(NamedTuple):
     """How well photographs agree with each other."""
 
-    #: Points (N, 2), pixels of the panel.
-    points: npt.NDArray[np.float32]
     #: Median amplitude of the phase pictures, a share of the range's.
     modulation: float
     #: Residual of each phase photograph to the cosine, a share of the amplitude.
@@ -72,7 +65,7 @@ class Fit(NamedTuple):
     disagree: float
     #: Share of the points on the plane of the panel; the plane's map from the photograph.
     on_plane: float
-    panel_from_photo: npt.NDArray[np.float64] | None
+    panel_from_photo: cv2.typing.MatLike
 
     @property
     def bad(self) -> float:
@@ -106,11 +99,10 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
         disagree.append(float((inside[strong] > 0.75).mean()) if strong.any() else 1.0)
         points.append(point)
     panel = np.stack(points, axis=1).astype(np.float32)
-    photo = samples.photo_px
-    found: Any
-    found, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
-    share = 0.0 if found is None else float(np.mean(mask))
-    return Fit(panel, min(modulations), residuals, max(disagree), share, found)
+    photo = np.stack([samples.columns + 0.5, samples.rows + 0.5], axis=1).astype(np.float32)
+    plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
+    share = float(np.mean(mask)) if np.size(plane) == 9 else 0.0
+    return Fit(min(modulations), residuals, max(disagree), share, plane)
 
 
 def check_samples(samples: Samples, pitch_px: float) -> float:
@@ -177,7 +169,7 @@ def _exchanged(samples: Samples, found: Fit, pitch_px: float) -> tuple[Pattern, 
 def _check_view(samples: Samples, found: Fit) -> None:
     """Refuse a panel that is partly out of the photographs, or mirrored."""
     position, patterns = samples.position, samples.patterns
-    if found.panel_from_photo is None:
+    if np.size(found.panel_from_photo) != 9:
         return
     path = position.of(patterns.patterns[0])
     if np.linalg.det(found.panel_from_photo[:2, :2]) < 0.0:
@@ -198,10 +190,6 @@ def _check_view(samples: Samples, found: Fit) -> None:
         raise input_error(str(path), what, "move the camera back or turn it, so that the whole panel is in view")
 
 
-def _blurred(light: Light) -> Light:
-    return np.asarray(cv2.GaussianBlur(np.ascontiguousarray(light), (0, 0), BLUR_PX), np.float32)
-
-
 def check_marks(
     position: Position, first: Pattern, last: Pattern, before: Light, after: Light, seen: npt.NDArray[np.bool_]
 ) -> None:
@@ -210,7 +198,10 @@ def check_marks(
     if len(rows) < 8 or len(columns) < 8:
         return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    before, after = (_blurred(one[part]) for one in (before, after))
+    before, after = (
+        np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), BLUR_PX), np.float32)
+        for one in (before, after)
+    )
     scale = float(after.mean()) / max(1e-9, float(before.mean()))
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"

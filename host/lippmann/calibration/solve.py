@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
+from lippmann.base.progress import Progress
 from lippmann.calibration.bundle_adjustment import (
     BOW,
     LENS,
@@ -97,7 +97,7 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     return float(brentq(off, low, high, rtol=1e-5))
 
 
-Progress = Callable[[str, int, int], None]
+logger = logging.getLogger("lippmann")
 #: Lenslets of each position in trial fits.
 TRIAL = 400
 #: Pixels of a position among which its lattice is looked for: tens for each of 100,000 lenslets.
@@ -127,7 +127,7 @@ def calibrate(
     nominal: Display,
     bow: bool = False,
     radius: bool = False,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress = lambda done, total: None,
 ) -> Calibration:
     """Return the calibration that the photographs of a folder give for a nominal display.
 
@@ -143,7 +143,7 @@ def calibrate(
     views: list[Lenslets] = []
     seen: list[SeenLattice] = []
     for position in positions(folder, patterns):
-        decoded = decode_position(position, patterns, pitch_px, shape, partial(progress, position.name))
+        decoded = decode_position(position, patterns, pitch_px, shape, progress)
         shape = decoded.shape
         rng = np.random.default_rng(1907)
         some = rng.permutation(len(decoded.panel_px))[:MOST_POINTS]
@@ -159,19 +159,20 @@ def solve_views(
     seen: list[SeenLattice],
     bow: bool = False,
     radius: bool = False,
-    progress: Progress = lambda what, done, total: None,
+    progress: Progress = lambda done, total: None,
 ) -> Calibration:
     """Return the calibration that the lenslets seen from some positions give; see `calibrate`."""
     whole, x, landing = _number_lenslets(nominal, views, seen, progress)
-    progress("least squares", 0, 3)
+    logger.info("least squares")
+    progress(0, 3)
     whole, solution = _refine(whole, x, landing)
     round_lens, doubt = None, np.zeros_like(solution.x)
     if radius:
         whole, solution, round_lens, doubt = _fit_radius(whole, solution, landing)
-    progress("least squares", 1, 3)
+    progress(1, 3)
     bowed = _with_bow(solution)
     _check_zoom(bowed)
-    progress("least squares", 2, 3)
+    progress(2, 3)
     if whole.held:
         solution, bowed = released(solution), released(bowed)
     if round_lens is not None:
@@ -179,7 +180,7 @@ def solve_views(
     remarks = _bow_remarks(bowed, bow)
     solution = bowed if bow else solution
     result = _result(nominal, replace(solution.problem, views=whole.views), solution, remarks, round_lens)
-    progress("least squares", 3, 3)
+    progress(3, 3)
     return result
 
 
@@ -188,10 +189,11 @@ def _number_lenslets(
 ) -> tuple[Problem, Floats, LensProjection]:
     """Return the problem with the likeliest numbering, its first values, and the projection of the nominal lenslets."""
     shape = views[0].shape
+    logger.info("numbering")
     likely, landing = starts(nominal, views, seen, shape)
     trials = []
     for number, start in enumerate(likely):
-        progress("numbering", number, len(likely))
+        progress(number, len(likely))
         problem = Problem(nominal, [landing] * len(views), start.views, shape)
         few = problem.thinned(TRIAL)
         trial = solve(few, first_fit(few, start.x), robust_only=True)

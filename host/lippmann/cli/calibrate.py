@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import click
 
 from lippmann.base.files import make_folder
 from lippmann.base.fullscreen import full_screen
+from lippmann.base.images import check_output
 from lippmann.base.progress import report_each
 from lippmann.base.variant import own_variant
 from lippmann.board.board import Board
@@ -178,23 +178,11 @@ def solve_command(
     """
     from lippmann.calibration.solve import calibrate
 
-    nominal, path = load_display(display_path), Path(output)
-    if path.suffix.lower() != ".toml":
-        raise input_error(output, f"unknown extension '{path.suffix}'", "give a .toml file")
-    if not path.parent.is_dir():
-        raise input_error(output, f"the folder {path.parent} does not exist", "make it first")
-    if path.is_dir() or not os.access(path.parent, os.W_OK):
-        raise input_error(output, "cannot be written", "choose another name or folder")
+    nominal, path = load_display(display_path), check_output(output, (".toml",))
     if path.exists() and path.samefile(display_path):
         raise input_error(output, "is the nominal display file", "give the calibrated one another name")
     with progress_bar("photographs") as progress:
-
-        def told(what: str, done: int, total: int) -> None:
-            if done == 0:
-                log(what)
-            progress(done, total)
-
-        found = calibrate(Path(photos), nominal, bow, radius, told)
+        found = calibrate(Path(photos), nominal, bow, radius, progress)
     beside = found.save(path)
     lines = [
         f"{one.name:<10}{one.value:+12.6f} +- {one.uncertainty:.6f} {one.unit}"

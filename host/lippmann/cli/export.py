@@ -28,7 +28,7 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.eye.many_views import Sight, eyes_of, focus_depths, of_image, of_scene
+from lippmann.eye.many_views import Viewer, eyes_of, focus_depths, image_viewer, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.rays import Model
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
@@ -113,7 +113,7 @@ class _Seen:
 
     display: Display
     window: Window
-    sight: Sight
+    view_from: Viewer
     scene: Scene | None
 
     @property
@@ -140,11 +140,11 @@ def _seen(
             raise InputError(f"--{name.replace('_', '-')} is for scenes; leave it out with an image")
         image = IntegralImage.load(source, display)
         start_mitsuba(device)
-        return _Seen(display, window, of_image(image, window, samples, seed), None)
+        return _Seen(display, window, image_viewer(image, window, samples, seed), None)
     path = check_scene_file(source)
     start_mitsuba(device)
     scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
-    return _Seen(display, window, of_scene(scene, window, Settings(samples=samples, seed=seed)), scene)
+    return _Seen(display, window, scene_viewer(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 
 #: The options of all views.
@@ -183,7 +183,7 @@ def quilt(
         "give a smaller --width or fewer views",
     )
     with progress_bar("views") as progress:
-        picture = tiled(map(seen.sight, report_each(eyes, progress)), columns, rows)
+        picture = tiled(map(seen.view_from, report_each(eyes, progress)), columns, rows)
     note = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
     write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name, **note})
     result = {
@@ -306,7 +306,7 @@ def _write_folder(seen: _Seen, eyes: Sequence[Eye], folder: Path, stem: str, lin
         )
     with progress_bar("views") as progress:
         for name, eye in zip(names, report_each(eyes, progress), strict=True):
-            write_picture(folder / name, seen.sight(eye), {})
+            write_picture(folder / name, seen.view_from(eye), {})
     return names
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lippmann.base.images import Radiance
+from lippmann.base.progress import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
@@ -27,24 +28,29 @@ CONE_DEG = 20.0
 #: Widest cone, degrees.
 MAX_CONE_DEG = 120.0
 
+#: Eyes of the grid, across and down; the middle one is on the axis.
+GRID = (7, 3)
+#: Width of a render, pixels, and its samples.
+WIDTH_PX = 400
+SAMPLES = 16
+#: Half width of the grid for a display without a viewing zone, as a share of the viewing distance.
+LEAST_REACH = 0.05
 #: Returns what an eye sees.
-Sight = Callable[[Eye], Radiance]
+Viewer = Callable[[Eye], Radiance]
 
 
-def of_scene(scene: Scene, window: Window, settings: Settings) -> Sight:
-    """Return the sight of a scene, without a display; an eye with a pupil sees depths out of focus blurred."""
+def scene_viewer(scene: Scene, window: Window, settings: Settings) -> Viewer:
+    """Return the viewer of a scene, without a display; an eye with a pupil sees depths out of focus blurred."""
 
-    def seen(eye: Eye) -> Radiance:
-        rendered = render_view(
-            scene, eye.position_mm, window, settings, pupil_mm=eye.pupil_mm, focus_z_mm=eye.focus_z_mm
-        )
-        return rendered.radiance
+    def view(eye: Eye) -> Radiance:
+        place, pupil, focus = eye.position_mm, eye.pupil_mm, eye.focus_z_mm
+        return render_view(scene, place, window, settings, pupil_mm=pupil, focus_z_mm=focus).radiance
 
-    return seen
+    return view
 
 
-def of_image(image: IntegralImage, window: Window, samples: int, seed: int = 0) -> Sight:
-    """Return the sight of the display that shows an image."""
+def image_viewer(image: IntegralImage, window: Window, samples: int, seed: int = 0) -> Viewer:
+    """Return the viewer of the display that shows an image."""
     return lambda eye: observe(image.radiance, image.display, eye, window, samples, seed=seed).radiance
 
 
@@ -73,11 +79,16 @@ def eyes_of(
         if not 0.0 <= cone_deg <= MAX_CONE_DEG:
             raise InputError(f"the cone of {cone_deg:g} degrees is out of range; give 0 to {MAX_CONE_DEG:g}")
         reach_x = reach_y = math.tan(math.radians(0.5 * cone_deg)) * distance
+    return _grid((x, y, z), (across, down), (reach_x, reach_y))
 
-    def steps(count: int, reach: float) -> list[float]:
-        return [0.0] if count == 1 else np.linspace(-reach, reach, count).tolist()
 
-    return [(x + right, y + up, z) for up in steps(down, reach_y) for right in steps(across, reach_x)]
+def _grid(
+    middle_mm: tuple[float, float, float], counts: tuple[int, int], reaches_mm: tuple[float, float]
+) -> list[tuple[float, float, float]]:
+    """Return eyes around a middle one, row by row from the bottom, up to a reach to each side."""
+    (x, y, z), (reach_x, reach_y) = middle_mm, reaches_mm
+    rights, ups = _spaced(-reach_x, reach_x, counts[0]), _spaced(-reach_y, reach_y, counts[1])
+    return [(x + right, y + up, z) for up in ups for right in rights]
 
 
 def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
@@ -85,35 +96,22 @@ def focus_depths(scene_range_mm: Sequence[float], count: int) -> list[float]:
     far, near = scene_range_mm
     if not (math.isfinite(far) and math.isfinite(near)):
         raise InputError("the scene has no bounded depth; give --depths")
-    return [0.5 * (far + near)] if count == 1 else np.linspace(far, near, count).tolist()
+    return _spaced(far, near, count)
 
 
-#: Eyes of the grid, across and down; the middle one is on the axis.
-GRID = (7, 3)
-#: Width of a render, pixels, and its samples.
-WIDTH_PX = 400
-SAMPLES = 16
-#: Half width of the grid for a display without a viewing zone, as a share of the viewing distance.
-LEAST_REACH = 0.05
+def _spaced(first: float, last: float, count: int) -> list[float]:
+    """Return numbers in equal steps; a single one is in the middle."""
+    return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
 def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
     """Return eyes across the viewing zone, mm, at the viewing distance."""
-    x, y, z = middle_eye(display, viewing_distance(display))
-    reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * z)
-    across, down = (np.linspace(-reach, reach, count).tolist() for count in GRID)
-    return [(x + right, y + up, z) for up in down for right in across]
+    middle = middle_eye(display, viewing_distance(display))
+    reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * middle[2])
+    return _grid(middle, GRID, (reach, reach))
 
 
-def render_directs(
-    scene: Scene, display: Display, seed: int = 0, progress: Callable[[int, int], None] | None = None
-) -> list[Direct]:
+def render_directs(scene: Scene, display: Display, seed: int = 0, progress: Progress | None = None) -> list[Direct]:
     """Render a scene from the grid's eyes."""
-    window = whole_window(display, WIDTH_PX)
-    eyes = grid_of_eyes(display)
-    directs = []
-    for k, eye in enumerate(eyes):
-        directs.append(Direct(eye, render_view(scene, eye, window, Settings(samples=SAMPLES, seed=seed)).radiance))
-        if progress is not None:
-            progress(k + 1, len(eyes))
-    return directs
+    view = scene_viewer(scene, whole_window(display, WIDTH_PX), Settings(samples=SAMPLES, seed=seed))
+    return [Direct(eye, view(Eye(eye))) for eye in report_each(grid_of_eyes(display), progress)]
