@@ -68,6 +68,22 @@ class Faults:
 
 #: A line without faults.
 NO_FAULTS = Faults()
+#: Faults of a bad line that still lets something through.
+FAULTS = {
+    "flip": Faults(flip=1e-4),
+    "drop": Faults(drop=1e-4),
+    "insert": Faults(insert=1e-4),
+    "duplicate": Faults(duplicate=1e-4),
+    "garble": Faults(garble=1e-4),
+    "reorder": Faults(reorder=1e-4, run=32),
+    "cut": Faults(cut=3e-5, run=2000),
+    "stall": Faults(stall=2e-5, stall_s=0.3),
+    "delay": Faults(delay_s=0.01),
+    "lose": Faults(lose=0.1),
+    "repeat": Faults(repeat=0.3),
+    "swap": Faults(swap=0.2),
+    "all": Faults(3e-5, 3e-5, 3e-5, 3e-5, 3e-5, 1e-5, 1e-5, 1e-5, 0.02, 0.05, 0.05, stall_s=0.05),
+}
 
 
 class Mangler:

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from fault_line import NO_FAULTS, Faults, Mangler, Proxy
+from fault_line import FAULTS, NO_FAULTS, Faults, Mangler, Proxy
 from lippmann.board.board import Board
 from lippmann.board.port import SEND_S
 from lippmann.board.streaming import send_frame
@@ -21,21 +21,6 @@ PATIENCE_S = 8.0
 #: Bound of a frame on a bad line that still lets something through; what is measured is a tenth.
 FRAME_S = 30.0
 
-FAULTS = {
-    "flip": Faults(flip=1e-4),
-    "drop": Faults(drop=1e-4),
-    "insert": Faults(insert=1e-4),
-    "duplicate": Faults(duplicate=1e-4),
-    "garble": Faults(garble=1e-4),
-    "reorder": Faults(reorder=1e-4, run=32),
-    "cut": Faults(cut=3e-5, run=2000),
-    "stall": Faults(stall=2e-5, stall_s=0.3),
-    "delay": Faults(delay_s=0.01),
-    "lose": Faults(lose=0.1),
-    "repeat": Faults(repeat=0.3),
-    "swap": Faults(swap=0.2),
-    "all": Faults(3e-5, 3e-5, 3e-5, 3e-5, 3e-5, 1e-5, 1e-5, 1e-5, 0.02, 0.05, 0.05, stall_s=0.05),
-}
 #: Replies are short: a byte of theirs is hit often enough to matter.
 UP = {
     "flip": Faults(flip=0.004),

@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
-from fault_line import NO_FAULTS, Faults, Proxy
+from fault_line import FAULTS, NO_FAULTS, Proxy
 from lippmann.board.board import Board
 from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
 from lippmann.cli import run
@@ -76,21 +76,7 @@ def test_a_stack_is_loaded_whole(model):
     assert sum(model.block_writes.values()) == 12 + 8 + 1
 
 
-FAULTS = {
-    "flip": Faults(flip=1e-4),
-    "drop": Faults(drop=1e-4),
-    "insert": Faults(insert=1e-4),
-    "duplicate": Faults(duplicate=1e-4),
-    "garble": Faults(garble=1e-4),
-    "reorder": Faults(reorder=1e-4, run=32),
-    "cut": Faults(cut=3e-5, run=2000),
-    "lose": Faults(lose=0.1),
-    "repeat": Faults(repeat=0.3),
-    "swap": Faults(swap=0.2),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", [name for name in FAULTS if name not in ("stall", "delay", "all")])
 @pytest.mark.parametrize("window", [1100, 8000])
 def test_a_bad_line_loads_what_was_sent(model, fault, window):
     rng = generator(SEED, fault, window)

@@ -11,12 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import (
-    ENCODED_SUFFIXES,
-    SUFFIXES,
-    check_header,
-    read_picture,
-)
+from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, check_header, read_picture
 from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
 from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
