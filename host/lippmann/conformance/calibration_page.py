@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.tones import psnr_db
 from lippmann.calibration.check import rings
+from lippmann.conformance.figures import Row, Rows
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display, parse_display
@@ -27,7 +27,7 @@ SAMPLES = 64
 Floats = npt.NDArray[np.float64]
 
 
-def residual_plot(field: Floats, cameras: list[dict[str, Any]]) -> Plot:
+def draw_residuals(field: Floats, cameras: Rows) -> Plot:
     """Draw the residuals of the panel points over the array, one picture for each position."""
     picture, axes = make_axes(1, max(1, len(cameras)))
     rng = np.random.default_rng(1)
@@ -44,32 +44,32 @@ def residual_plot(field: Floats, cameras: list[dict[str, Any]]) -> Plot:
     return Plot("calibration-residuals", finish_picture(picture))
 
 
-def histogram_plot(field: Floats) -> Plot:
+def draw_histogram(field: Floats) -> Plot:
     """Draw how the residuals of the panel points are distributed."""
     picture, axes = make_axes(1, 2)
-    kept = field[field[:, KEPT] > 0]
+    used = field[field[:, KEPT] > 0]
     for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("right", "down"), strict=True):
-        axis.hist(kept[:, column], bins=60, color=COLOURS[0])
+        axis.hist(used[:, column], bins=60, color=COLOURS[0])
         axis.set(xlabel=f"residual to the {label}, panel pixels" if label == "right" else "residual down, panel pixels")
         axis.set_ylabel("lenslets")
     return Plot("calibration-histogram", finish_picture(picture))
 
 
-def views(nominal: Display, display: Display, eye: Eye) -> Plot:
+def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
     """Draw what an eye sees of the rings: made for the nominal file, for the calibrated one, and on a perfect display.
 
     The first two are seen through the calibrated array; their titles give the decibels against the last.
     """
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
-    seen = {}
-    for name, made, through in (
+    lights = {}
+    for name, described, through in (
         ("before", nominal, display), ("after", display, display), ("ideal", nominal, nominal),
     ):  # fmt: skip
-        seen[name] = observe(rings(made), through, eye, window, SAMPLES).radiance
-    for axis, (name, light) in zip(axes[0], seen.items(), strict=True):
+        lights[name] = observe(rings(described), through, eye, window, SAMPLES).radiance
+    for axis, (name, light) in zip(axes[0], lights.items(), strict=True):
         axis.imshow(np.clip(light, 0.0, 1.0) ** (1.0 / 2.2))
-        title = name if name == "ideal" else f"{name}: {psnr_db(light, seen['ideal']):.1f} dB"
+        title = name if name == "ideal" else f"{name}: {psnr_db(light, lights['ideal']):.1f} dB"
         axis.set(title=title, xticks=[], yticks=[])
     return Plot("calibration-views", finish_picture(picture))
 
@@ -83,7 +83,7 @@ def digits(number: float, half: float) -> str:
 def calibration_page(
     origin: Mapping[str, str],
     display: Display,
-    summary: Mapping[str, Any],
+    summary: Row,
     field: Floats,
     nominal_text: str,
     eye_mm: tuple[float, float, float] | None = None,
@@ -91,7 +91,7 @@ def calibration_page(
     """Return the page of a calibration; the eye is the first camera's place, unless it is given."""
     nominal = parse_display(nominal_text, "nominal")
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
-    seen = views(nominal, display, Eye((place[0], place[1], place[2])))
+    views_plot = draw_views(nominal, display, Eye((place[0], place[1], place[2])))
     rows = []
     for one in summary["parameters"]:
         half = one["uncertainty"]
@@ -112,5 +112,5 @@ def calibration_page(
         "nominal": nominal,
         "eye": place,
     }
-    plots = [seen, residual_plot(field, summary["cameras"]), histogram_plot(field)]
+    plots = [views_plot, draw_residuals(field, summary["cameras"]), draw_histogram(field)]
     return Page("calibration", origin, plots, {"calibration-residuals": table}, context)

@@ -78,9 +78,9 @@ def make_report(
         **more(tables),
     }
     drawn = [draw(tables[section.name]) for section in sections for draw in section.draws]
-    kept = {table.name: table.flat() for table in tables.values()}
-    kept["report-moved"] = [move.flat() for move in comparison.moved]
-    return Page(PAGE, origin, drawn, kept, context, templates), comparison
+    csv_tables = {table.name: table.flat() for table in tables.values()}
+    csv_tables["report-moved"] = [move.flat() for move in comparison.moved]
+    return Page(PAGE, origin, drawn, csv_tables, context, templates), comparison
 
 
 # ---- comparison with an earlier run ----

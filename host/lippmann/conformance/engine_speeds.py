@@ -6,18 +6,19 @@ import itertools
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
-from lippmann.conformance.figures import Figures, Measured
+from lippmann.conformance.figures import Figures, Measured, Value
 from lippmann.conformance.ray_sets import PanelRays, random_aims
 from lippmann.conformance.ray_words import count_different_words
 from lippmann.display.description import Display, load_display
@@ -46,6 +47,8 @@ EYE_MM = (20.0, -20.0, 600.0)
 #: Samples a pixel of a view.
 VIEW_SAMPLES = 64
 logger = logging.getLogger("lippmann.report")
+#: What names a work that is timed.
+Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -89,26 +92,28 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)
-    alive = same & gets_through(rays.status)
-    true_local, true_way = truth.local_mm[alive], truth.direction[alive]
-    local, way = rays.local_mm[alive], rays.direction[alive]
-    if true_way.dtype == object:
-        local, way = exact_array(local), exact_array(way)
+    compared = same & gets_through(rays.status)
+    true_points, true_directions = truth.local_mm[compared], truth.direction[compared]
+    points, directions = rays.local_mm[compared], rays.direction[compared]
+    if true_directions.dtype == object:
+        points, directions = exact_array(points), exact_array(directions)
 
-    def lengths(vectors: Any) -> Floats:
+    def lengths(vectors: npt.NDArray[np.generic]) -> Floats:
         return size(vectors) if vectors.dtype == object else np.asarray(np.linalg.norm(vectors, axis=1))
 
     def apart(z_mm: float) -> Floats:
-        return lengths(crossing(true_local, true_way, z_mm) - crossing(local, way, z_mm))
+        return lengths(crossing(true_points, true_directions, z_mm) - crossing(points, directions, z_mm))
 
-    found = {
-        "urad": 1e6 * lengths(true_way - way),
+    distances = {
+        "urad": 1e6 * lengths(true_directions - directions),
         "nm": 1e6 * apart(0.0),
         "mm": np.maximum(*(apart(z) for z in depths_mm)),
     }
-    most = {f"max_{unit}": float(values.max(initial=0.0)) for unit, values in found.items()}
-    rms = {f"rms_{unit}": math.sqrt(float((values**2).sum()) / max(len(values), 1)) for unit, values in found.items()}
-    return {**most, **rms, "other_fates": float((~same).sum())}
+    maxima = {f"max_{unit}": float(values.max(initial=0.0)) for unit, values in distances.items()}
+    rms = {
+        f"rms_{unit}": math.sqrt(float((values**2).sum()) / max(len(values), 1)) for unit, values in distances.items()
+    }
+    return {**maxima, **rms, "other_fates": float((~same).sum())}
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
@@ -127,13 +132,13 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 # ---- rates ----
 
 
-def in_turn(works: Mapping[Any, Callable[[], float]], rounds: int) -> dict[Any, list[float]]:
+def in_turn(works: Mapping[Name, Callable[[], float]], rounds: int) -> dict[Name, list[float]]:
     """Call all works one after the other, `rounds` times; return what each returned in each round.
 
     Other programs then slow all works alike: a ratio within one round is more reliable than a ratio of two medians.
     """
-    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
-    return {name: [times[name] for times in found] for name in works}
+    results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: [times[name] for times in results] for name in works}
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
@@ -231,7 +236,7 @@ def measure_rays(
     engines: Sequence[Engine],
     plan: Plan,
     seed: int,
-) -> list[dict[str, Any]]:
+) -> list[dict[str, Value]]:
     """Return a row for each model and engine: its rates, its errors against golden with the exact model, and its own.
 
     The own errors, `own_...`, are those against golden with the same model; golden's own are against 50 digits.
@@ -249,7 +254,7 @@ def measure_rays(
                 own = errors(true_rays(some), some.trace(), depths_mm) if plan.digits_rays else {}
             else:
                 own = errors(golden, rays, depths_mm)
-            whole = own if own and (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)
+            to_exact = own if own and (model, engine) == ("exact", "golden") else errors(exact, rays, depths_mm)
             relative = (a / b for a, b in zip(rates[model, engine], rates[models[-1], "golden"], strict=True))
             rows.append(
                 {
@@ -260,7 +265,7 @@ def measure_rays(
                     "engine": engine,
                     "rays_per_second": Measured.of(rates[model, engine]),
                     "relative": Measured.of(relative),
-                    **{key: Measured(value) for key, value in whole.items()},
+                    **{key: Measured(value) for key, value in to_exact.items()},
                     **{f"own_{key}": Measured(value) for key, value in own.items()},
                 }
             )
@@ -301,7 +306,7 @@ class Pictures:
         settings = Settings(aperture=aperture, seed=self.seed)
         return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
 
-    def seen(self, integral: Radiance) -> Radiance:
+    def view(self, integral: Radiance) -> Radiance:
         """Return the eye's view of an integral image, through exact lenslets."""
         window = whole_window(self.display)
         return observe(integral, self.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
@@ -345,6 +350,6 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], tuple[float, float]]:
     """Return the PSNR of each view against the view by golden and the exact model, and against the scene itself."""
-    views = {(m, e): pictures.seen(pictures.integral(m, e)) for m in MODELS for e in engines}
+    views = {(m, e): pictures.view(pictures.integral(m, e)) for m in MODELS for e in engines}
     true, direct = views["exact", "golden"], pictures.direct()
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}

@@ -174,9 +174,9 @@ def _broken(path: Path, what: str) -> InputError:
 # ---- tables ----
 
 
-def where(rows: Rows, **wanted: Value) -> list[Row]:
-    """Return the rows whose columns have the wanted values."""
-    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+def where(rows: Rows, **requested: Value) -> list[Row]:
+    """Return the rows whose columns have the requested values."""
+    return [row for row in rows if all(row[key] == value for key, value in requested.items())]
 
 
 def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
@@ -193,8 +193,8 @@ def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[st
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
     """Return the range of the numbers that are not None, such as "21.5 to 23.3"; "-" when there are none."""
-    given = [number for number in numbers if number is not None]
-    ends = [f"{number:.{digits}f}" for number in (min(given), max(given))] if given else ["-"]
+    present = [number for number in numbers if number is not None]
+    ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import jinja2
 from markdown_it import MarkdownIt
@@ -21,7 +21,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from lippmann.base.files import make_folder, replacing
-from lippmann.conformance.figures import columns, figure, spanned, table, values, where, write_csv
+from lippmann.conformance.figures import Row, Rows, columns, figure, spanned, table, values, where, write_csv
 from lippmann.conformance.plots import Plot
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -36,26 +36,26 @@ class Page:
     origin: Mapping[str, str]
     plots: Sequence[Plot] = ()
     #: Rows that are kept as CSV, by the name of the file.
-    tables: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    tables: Mapping[str, Rows] = field(default_factory=dict)
     #: Further names that the template uses.
-    context: Mapping[str, Any] = field(default_factory=dict)
+    context: Row = field(default_factory=dict)
     #: The folder of the template.
     templates: Path = TEMPLATES
 
     @cached_property
     def _environment(self) -> jinja2.Environment:
-        made = jinja2.Environment(
+        environment = jinja2.Environment(
             loader=jinja2.FileSystemLoader([self.templates, TEMPLATES]),
             undefined=jinja2.StrictUndefined,
             trim_blocks=True,
             lstrip_blocks=True,
         )
         for function in (figure, where, values, columns, spanned):
-            made.filters[function.__name__] = function
-        made.filters["escaped"] = lambda words: html.escape(str(words), quote=False)
-        made.filters |= {"markdown_table": table, "base64": lambda data: base64.b64encode(data).decode()}
-        made.globals |= {"zip": zip}
-        return made
+            environment.filters[function.__name__] = function
+        environment.filters["escaped"] = lambda words: html.escape(str(words), quote=False)
+        environment.filters |= {"markdown_table": table, "base64": lambda data: base64.b64encode(data).decode()}
+        environment.globals |= {"zip": zip}
+        return environment
 
     def text(self, form: Literal["markdown", "html"] = "markdown") -> str:
         """Return the page in Markdown; as "html" with plots and tables in HTML."""

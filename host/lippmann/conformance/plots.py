@@ -61,9 +61,9 @@ def draw_engines(data: Figures) -> Plot:
         ("full", "max_mm", "full aperture: largest error in the scene, mm", "log"),
         ("chief", "view_db", "the eye's view, dB", "linear"),
     )
-    shown = [rows[0]["display"] for rows in groups(data.rows, "grid")]
-    picture, axes = make_axes(len(kinds), len(shown))
-    for across, display in enumerate(shown):
+    displays = [rows[0]["display"] for rows in groups(data.rows, "grid")]
+    picture, axes = make_axes(len(kinds), len(displays))
+    for across, display in enumerate(displays):
         for axis, (aperture, key, label, scale) in zip(axes[:, across], kinds, strict=True):
             for row in where(data.rows, display=display, rays=aperture):
                 if row[key] is not None:
