@@ -21,7 +21,7 @@ from lippmann.calibration.lattice_search import find_lattice, steps_of, within
 from lippmann.calibration.lens_projection import fit_projection, inner_rays, movement
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings, regular
 from lippmann.calibration.photographs import positions
-from lippmann.calibration.result import DoubtError, load_calibration
+from lippmann.calibration.result import ContradictionError, load_calibration
 from lippmann.calibration.shooting import average_frames, open_webcam, shoot
 from lippmann.calibration.solve import calibrate, radius_of
 from lippmann.calibration.subpixel_intervals import Moved, blur_of, interval, movement_of, read
@@ -700,14 +700,14 @@ def test_a_zoom_is_that_of_the_odd_position(case, monkeypatch, zooms, says):
     problem = Problem(case.nominal, [], views, (1, 1))
     found = SimpleNamespace(value=dict(zip(("zoom_1", "zoom_2"), zooms, strict=True)).get, deviation=lambda name: 0.001)
     monkeypatch.setattr(solver, "solve", lambda problem, x: found)
-    refused = pytest.raises(DoubtError, match=says) if says else contextlib.nullcontext()
+    refused = pytest.raises(ContradictionError, match=says) if says else contextlib.nullcontext()
     with refused:
         solver._check_zoom(SimpleNamespace(problem=problem, x=np.zeros(3)))
 
 
 def test_what_is_in_doubt_is_not_written(case, tmp_path, monkeypatch, capfd):
     def doubt(*_):
-        raise DoubtError("the lens was zoomed")
+        raise ContradictionError("the lens was zoomed")
 
     monkeypatch.setattr(solver, "calibrate", doubt)
     assert "the lens was zoomed" in refused_solve(tmp_path, case.nominal, tmp_path, capfd)

@@ -152,20 +152,20 @@ def seam_powers(grid: Grid) -> tuple[tuple[int, int], ...]:
 class Rays(NamedTuple):
     """Of N lenslets that a position sees: the middles of outlines (N, 3) and the panel points (N, 2), mm.
 
-    `bends` (N, 2, M) is what each number of the seams moves a middle by, in pitches.
+    `seam_terms` (N, 2, M) is what each number of the seams moves a middle by, in pitches.
     """
 
     middles: Floats
     points: Floats
-    bends: Floats
+    seam_terms: Floats
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: a nominal display, and of each position the landing of rays and the lenslets."""
+    """What is fitted: a nominal display, and of each position the lenslets' projection and the lenslets."""
 
     display: Display
-    landings: Sequence[LensProjection]
+    projections: Sequence[LensProjection]
     views: Sequence[Lenslets]
     shape: tuple[int, int]
     bow: bool = False
@@ -238,13 +238,13 @@ class Problem:
     def rays(self, x: Floats, k: int) -> Rays:
         """Trace the rays of view k, which need neither the lens nor the camera's turn."""
         place = self.pose(x, k)[2]
-        landing, centres = self.landings[k], self.centres(x, self.places[k])
+        projection, centres = self.projections[k], self.centres(x, self.places[k])
         high = self.heights(x, centres)
-        z = landing.outline_mm + high
+        z = projection.outline_mm + high
         slope = (place[:2] - centres) / np.reshape(place[2] - z, (-1, 1))
-        outline, point, bends = landing.traced(slope, x[6] + high, seam_powers(self.display.array.grid))
+        outline, point, seam_terms = projection.traced(slope, x[6] + high, seam_powers(self.display.array.grid))
         middles = np.column_stack([centres + outline, np.broadcast_to(z, len(centres))])
-        return Rays(middles, centres + point, bends)
+        return Rays(middles, centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
         """Return how far the places that were read are from the outlines' middles (N, 3), in cells of pitch 1."""
@@ -255,7 +255,7 @@ class Problem:
         rays = rays or self.rays(x, k)
         moved = np.einsum("np,npa->na", self.aside(x, k, rays.middles), self.views[k].moves)
         middles = rays.middles.copy()
-        middles[:, :2] += x[0] * (rays.bends @ self.seams(x))
+        middles[:, :2] += x[0] * (rays.seam_terms @ self.seams(x))
         return rays.points + moved, projected(middles, *self.pose(x, k))
 
     def residuals(self, x: Floats, k: int) -> Floats:
@@ -414,12 +414,12 @@ def _minimised(
             matrix[rows] = one.whitened_rows(matrix[rows])
         return matrix
 
-    found = least_squares(
+    fit = least_squares(
         residuals, x[chosen], slopes, x_scale="jac",
         loss="soft_l1" if robust else "linear", f_scale=ROBUST, ftol=SETTLED, xtol=1e-12, gtol=1e-12,
         max_nfev=MOST_STEPS,
     )  # fmt: skip
-    return whole(found.x)
+    return whole(fit.x)
 
 
 def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
@@ -440,14 +440,14 @@ def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
     factors = [problem.gains(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
     first = np.concatenate([[0], np.cumsum(sizes)])
     matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
-    here = [problem.rays(x, k) for k in range(len(sizes))]
+    base_rays = [problem.rays(x, k) for k in range(len(sizes))]
     for at, (name, step) in enumerate(zip(problem.names, problem.steps, strict=True)):
         up, down = x.copy(), x.copy()
         up[at] += step
         down[at] -= step
         own = range(len(sizes)) if at < problem.shared else [int(name.rpartition("_")[2])]
         for k in own:
-            rays = here[k] if name.startswith(STILL) else None
+            rays = base_rays[k] if name.startswith(STILL) else None
             change = problem.offsets(up, k, rays)[kept[k]] - problem.offsets(down, k, rays)[kept[k]]
             matrix[first[k] : first[k + 1], at] = (factors[k] * change / (2.0 * step)).ravel()
         if at < problem.shared or problem.zoom:
@@ -484,12 +484,12 @@ def _judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
             moved = np.einsum("nr,nrp->rp", errors, part)
             meat += moved.T @ moved
     inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
-    few = groups / max(1.0, groups - float(len(x)))
-    sandwich = few * inverse @ meat @ inverse
+    correction = groups / max(1.0, groups - float(len(x)))
+    sandwich = correction * inverse @ meat @ inverse
     # Never less than the scatter of single lenslets promises.
     promised = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    found = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
-    raised = np.maximum(promised, found) / np.maximum(found, 1e-300)
+    estimated = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
+    raised = np.maximum(promised, estimated) / np.maximum(estimated, 1e-300)
     covariance = sandwich * np.outer(raised, raised) / np.outer(scale, scale)
     rms_panel_px, rms_photo_px = np.sqrt(squares / max(1, count)).tolist()
     return Solution(problem, x, covariance, weights, rms_panel_px, rms_photo_px)

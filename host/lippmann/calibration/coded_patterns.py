@@ -194,8 +194,8 @@ def read_patterns(path: Path, display: Display) -> PatternSet:
             f"'{display.name}' has {panel.width_px} x {panel.height_px}"
         )
         raise input_error(str(path), what, "name the display file that the patterns were drawn for")
-    made = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
-    expected = [f"{one.stem}.png" for one in made.patterns]
+    patterns = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
+    expected = [f"{one.stem}.png" for one in patterns.patterns]
     if list(raw.files) != expected:
         raise InputError(f"{path}: files: the list is not that of its code; draw the patterns again")
-    return made
+    return patterns

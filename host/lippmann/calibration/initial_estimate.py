@@ -82,7 +82,7 @@ def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:
 def starts(
     display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice], shape: tuple[int, int]
 ) -> tuple[list[Start], LensProjection]:
-    """Return the likeliest numberings with first values, the best first, and the landing of rays that all use."""
+    """Return the likeliest numberings with first values, the best first, and the lenslets' projection that all use."""
     planes = [np.column_stack([one.points(view.index), np.zeros(len(view.index))])
               for one, view in zip(seen, views, strict=True)]  # fmt: skip
     lens = first_lens(planes, [view.photo_px for view in views], shape)
@@ -90,7 +90,7 @@ def starts(
     places = [place for _, place in poses]
     slopes = [(place[:2] - plane[:, :2]) / place[2] for plane, place in zip(planes, places, strict=True)]
     steepest = 1.1 * max(float(np.hypot(*slope.T).max()) for slope in slopes)
-    landing = fit_projection(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
+    projection = fit_projection(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
 
     found: dict[tuple[int, ...], tuple[float, Start]] = {}
     for share in GAPS:
@@ -98,8 +98,8 @@ def starts(
         zeros, steps, true_places = [], [], []
         for one, place in zip(seen, places, strict=True):
             slope = ((place[:2] - one.origin) / place[2])[None]
-            moved = landing.point(slope, gap)[0]
-            small = landing.point(np.array([[1e-3, 0.0]]), gap)[0, 0] / -1e-3 / place[2]
+            moved = projection.point(slope, gap)[0]
+            small = projection.point(np.array([[1e-3, 0.0]]), gap)[0, 0] / -1e-3 / place[2]
             zeros.append(one.origin - moved)
             steps.append(one.basis / (1.0 + small))
             # The camera as far from the lenslet's centre as from the point seen, but for the lattice's growth.
@@ -126,4 +126,4 @@ def starts(
         found[key] = rank, Start(renumbered, np.array([*array, gap, *seams, *lens, *camera_poses]))
     ranked = sorted(found.values(), key=lambda one: one[0])
     likely = [start for rank, start in ranked[:MOST_NUMBERINGS] if rank < ranked[0][0] + WORSE]
-    return likely, landing
+    return likely, projection

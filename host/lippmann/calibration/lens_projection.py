@@ -38,9 +38,9 @@ FOLDS = {"square": 4, "hex": 6}
 DEGREES = range(1, 12)
 #: Rays across the inner cell; slopes; their directions, a prime number: no fold repeats one.
 ACROSS, SLOPES, DIRECTIONS = 13, 9, 17
-#: An outline: points across the middle of the cell, those on the edge, halvings that find them, rounds, and twice the
+#: An outline: points across the middle of the cell, those on the edge, bisections that find them, rounds, and twice the
 #: distance within which the edge is, in pitches.
-INSIDE, EDGE_POINTS, HALVINGS, ROUNDS, AROUND = 12, 96, 11, 3, 2.4
+INSIDE, EDGE_POINTS, BISECTIONS, ROUNDS, AROUND = 12, 96, 11, 3, 2.4
 
 
 def outline_mm(display: Display) -> float:
@@ -175,7 +175,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
         found = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(seen)]
         centre, moves, shift = (np.array(part) for part in zip(*found, strict=True))
         low, high = np.zeros(angles.shape), np.full(angles.shape, 0.5 * AROUND * display.array.coarsest_mm)
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             half = 0.5 * (low + high)
             points = ways * half[..., None]
             seen, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)

@@ -72,36 +72,36 @@ def _number(folder: Path) -> tuple[int, str]:
 
 
 def _photographs(folder: Path) -> dict[str, Path]:
-    found: dict[str, Path] = {}
+    photographs: dict[str, Path] = {}
     for one in sorted(folder.iterdir()):
         if one.suffix.lower() in SUFFIXES:
-            if one.stem in found:
-                what = f"{found[one.stem].name} and {one.name} are photographs of one pattern"
+            if one.stem in photographs:
+                what = f"{photographs[one.stem].name} and {one.name} are photographs of one pattern"
                 raise input_error(str(folder), what, "keep one of them")
-            found[one.stem] = one
-    return found
+            photographs[one.stem] = one
+    return photographs
 
 
 def _position(folder: Path, patterns: PatternSet) -> Position:
-    found = _photographs(folder)
-    if not found:
+    photographs = _photographs(folder)
+    if not photographs:
         remedy = f"put one photograph of each pattern there, such as {patterns.patterns[0].stem}.jpg"
         raise input_error(str(folder), "holds no photographs", remedy)
-    wanted = [one.stem for one in patterns.patterns]
-    missing = [stem for stem in wanted if stem not in found]
-    extra = [stem for stem in found if stem not in wanted]
-    if missing and extra:
-        what = f"{found[extra[0]].name} belongs to no pattern, and the photograph of {missing[0]} is missing"
+    stems = [one.stem for one in patterns.patterns]
+    absent = [stem for stem in stems if stem not in photographs]
+    unknown = [stem for stem in photographs if stem not in stems]
+    if absent and unknown:
+        what = f"{photographs[unknown[0]].name} belongs to no pattern, and the photograph of {absent[0]} is missing"
         remedy = "name each photograph as its pattern; use the patterns of this display's panel"
         raise input_error(str(folder), what, remedy)
-    if missing:
-        more = f" (and {len(missing) - 1} others)" if missing[1:] else ""
-        raise input_error(str(folder), f"the photograph of {missing[0]} is missing{more}", "take it, and name it so")
-    if extra:
-        what = f"{found[extra[0]].name} belongs to no pattern"
-        remedy = f"draw the patterns again: this panel has {len(wanted)}, the last is {wanted[-1]}"
+    if absent:
+        more = f" (and {len(absent) - 1} others)" if absent[1:] else ""
+        raise input_error(str(folder), f"the photograph of {absent[0]} is missing{more}", "take it, and name it so")
+    if unknown:
+        what = f"{photographs[unknown[0]].name} belongs to no pattern"
+        remedy = f"draw the patterns again: this panel has {len(stems)}, the last is {stems[-1]}"
         raise input_error(str(folder), what, remedy)
-    return Position(folder.name, tuple(found[stem] for stem in wanted))
+    return Position(folder.name, tuple(photographs[stem] for stem in stems))
 
 
 #: Light of each value of a camera's file. Cameras encode as sRGB does, but for each maker's taste.

@@ -30,7 +30,7 @@ ENOUGH_POSITIONS = 3
 FIELD_COLUMNS = 8
 
 
-class DoubtError(LippmannError):
+class ContradictionError(LippmannError):
     """The photographs contradict each other, or the model of the display: no result can be trusted."""
 
     exit_code = 4
@@ -112,13 +112,13 @@ class Calibration:
 
     def save(self, path: Path) -> Path:
         """Write the display file, and beside it a .npz with all else, which `report` reads; return the latter."""
-        beside = path.with_suffix(".npz")
+        sidecar = path.with_suffix(".npz")
         with replacing(path) as partial:
             partial.write_text(display_text(self.display), encoding="utf-8")
-        with replacing(beside) as partial:
+        with replacing(sidecar) as partial:
             summary, nominal = _bytes(json.dumps(self.summary())), _bytes(display_text(self.nominal))
             np.savez_compressed(partial, field=self.field, summary=summary, nominal=nominal)
-        return beside
+        return sidecar
 
 
 def _bytes(text: str) -> npt.NDArray[np.uint8]:
@@ -135,27 +135,27 @@ def _text(array: npt.NDArray[Any]) -> str:
 def load_calibration(path: Path) -> tuple[Display, dict[str, Any], Floats, str]:
     """Return a calibrated file's display, and from its .npz the summary, the field, and the nominal file's text."""
     display = load_display(path)
-    beside = path.with_suffix(".npz")
+    sidecar = path.with_suffix(".npz")
     remedy = "give a display file that lippmann calibrate solve wrote"
-    kept, _ = load_arrays(beside, ("summary", "nominal", "field"), remedy)
+    arrays, _ = load_arrays(sidecar, ("summary", "nominal", "field"), remedy)
     try:
-        summary = json.loads(_text(kept["summary"]))
+        summary = json.loads(_text(arrays["summary"]))
         msgspec.convert(summary, Summary)
-        field, nominal = np.asarray(kept["field"], np.float64), _text(kept["nominal"])
+        field, nominal = np.asarray(arrays["field"], np.float64), _text(arrays["nominal"])
         if field.ndim != 2 or field.shape[1] != FIELD_COLUMNS or len(field) != summary["lenslets"]:
             raise ValueError(f"the field has the shape {field.shape}")
     except (KeyError, ValueError, RecursionError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else reason(error)
-        raise input_error(str(beside), f"cannot be read ({why})", remedy) from None
+        raise input_error(str(sidecar), f"cannot be read ({why})", remedy) from None
     if summary["identity"] != display.identity:
-        raise input_error(str(beside), "belongs to another display file", "solve again, and keep both files together")
+        raise input_error(str(sidecar), "belongs to another display file", "solve again, and keep both files together")
     return display, summary, field, nominal
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
     """Return the display with the array and the gap that were found.
 
-    Raises DoubtError when it cannot be built: the file's optics contradict the photographs.
+    Raises ContradictionError when it cannot be built: the file's optics contradict the photographs.
     """
     value, array = solution.value, nominal.array
     px, py = value("pitch_x"), value("pitch_y")
@@ -167,12 +167,12 @@ def display_of(nominal: Display, solution: Solution) -> Display:
     if gap < 0.0:
         limit = 3.0 * solution.deviation("gap")
         if gap < -limit:
-            raise DoubtError(
+            raise ContradictionError(
                 f"the gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct thickness_mm or "
                 "index in the display file"
             )
         gap = 0.0
-    made: Array = replace(
+    mounted: Array = replace(
         array,
         pitch_mm=(px, py),
         shear=value("shear"),
@@ -181,11 +181,11 @@ def display_of(nominal: Display, solution: Solution) -> Display:
         extent_mm=extent,
     )
     try:
-        check_radius(made, "array.radius_mm")
-        made = replace(made, thickness_mm=max(made.thickness_mm, made.sag_mm))
+        check_radius(mounted, "array.radius_mm")
+        mounted = replace(mounted, thickness_mm=max(mounted.thickness_mm, mounted.sag_mm))
     except InputError as error:
-        raise DoubtError(f"the array that was found cannot be built ({error})") from None
-    return replace(nominal, array=made, gap_mm=gap)
+        raise ContradictionError(f"the array that was found cannot be built ({error})") from None
+    return replace(nominal, array=mounted, gap_mm=gap)
 
 
 def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]:
@@ -218,9 +218,9 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
 
 def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
     """Return what the photographs leave open, and what would determine it."""
-    left = [one.name for one in parameters if not one.determined]
+    undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
-    if not left:
+    if not undetermined:
         return ()
     remarks = []
     pairs = [("pitch_x", "gap"), ("pitch_y", "gap"), ("gap", "focal"), ("pitch_x", "focal")]
@@ -228,9 +228,9 @@ def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[s
     pairs += [(f"offset_{axis}", f"middle_{axis}") for axis in "xy"]
     alike = [(a, b, r) for a, b in pairs if abs(r := solution.correlation(a, b)) > ALIKE]
     words = {"place": "the camera's place", "middle": "the lens's principal point", "focal": "the lens's focal length"}
-    told = sorted({f"{a} and {words.get(b.split('_')[0], b)}" for a, b, _ in alike})
-    text = f"not determined: {', '.join(left)}"
-    remarks.append(text + (f"; the photographs cannot tell apart {', '.join(told)}" if told else ""))
+    pairs_text = sorted({f"{a} and {words.get(b.split('_')[0], b)}" for a, b, _ in alike})
+    text = f"not determined: {', '.join(undetermined)}"
+    remarks.append(text + (f"; the photographs cannot tell apart {', '.join(pairs_text)}" if pairs_text else ""))
     if views < ENOUGH_POSITIONS:
         more = ENOUGH_POSITIONS - views
         remarks.append(

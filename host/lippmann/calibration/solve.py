@@ -30,7 +30,7 @@ from lippmann.calibration.photographs import pattern_set, positions
 from lippmann.calibration.result import (
     OPEN,
     Calibration,
-    DoubtError,
+    ContradictionError,
     FoundCamera,
     Parameter,
     display_of,
@@ -133,7 +133,7 @@ def calibrate(
 
     With `bow` and `radius` tilts and curvatures of the array, and the lenslets' radius, are found too.
 
-    Raises InputError for photographs that cannot be used, with the photograph and a remedy; DoubtError when the
+    Raises InputError for photographs that cannot be used, with the photograph and a remedy; ContradictionError when the
     photographs contradict each other or the display file.
     """
     patterns = pattern_set(folder, nominal)
@@ -162,13 +162,13 @@ def solve_views(
     progress: Progress = lambda done, total: None,
 ) -> Calibration:
     """Return the calibration that the lenslets seen from some positions give; see `calibrate`."""
-    whole, x, landing = _number_lenslets(nominal, views, seen, progress)
+    whole, x, projection = _number_lenslets(nominal, views, seen, progress)
     logger.info("least squares")
     progress(0, 3)
-    whole, solution = _refine(whole, x, landing)
-    round_lens, doubt = None, np.zeros_like(solution.x)
+    whole, solution = _refine(whole, x, projection)
+    round_lens, radius_effect = None, np.zeros_like(solution.x)
     if radius:
-        whole, solution, round_lens, doubt = _fit_radius(whole, solution, landing)
+        whole, solution, round_lens, radius_effect = _fit_radius(whole, solution, projection)
     progress(1, 3)
     bowed = _with_bow(solution)
     _check_zoom(bowed)
@@ -176,7 +176,7 @@ def solve_views(
     if whole.held:
         solution, bowed = released(solution), released(bowed)
     if round_lens is not None:
-        solution, bowed = (_widened(one, doubt) for one in (solution, bowed))
+        solution, bowed = (_widened(one, radius_effect) for one in (solution, bowed))
     remarks = _bow_remarks(bowed, bow)
     solution = bowed if bow else solution
     result = _result(nominal, replace(solution.problem, views=whole.views), solution, remarks, round_lens)
@@ -190,19 +190,19 @@ def _number_lenslets(
     """Return the problem with the likeliest numbering, its first values, and the projection of the nominal lenslets."""
     shape = views[0].shape
     logger.info("numbering")
-    likely, landing = starts(nominal, views, seen, shape)
+    likely, projection = starts(nominal, views, seen, shape)
     trials = []
     for number, start in enumerate(likely):
         progress(number, len(likely))
-        problem = Problem(nominal, [landing] * len(views), start.views, shape)
-        few = problem.thinned(TRIAL)
-        trial = solve(few, first_fit(few, start.x), robust_only=True)
+        problem = Problem(nominal, [projection] * len(views), start.views, shape)
+        sample = problem.thinned(TRIAL)
+        trial = solve(sample, first_fit(sample, start.x), robust_only=True)
         trials.append((_cost(trial), problem, trial.x))
     _, problem, x = min(trials, key=lambda one: one[0])
-    return problem, x, landing
+    return problem, x, projection
 
 
-def _refine(whole: Problem, x: Floats, landing: LensProjection) -> tuple[Problem, Solution]:
+def _refine(whole: Problem, x: Floats, projection: LensProjection) -> tuple[Problem, Solution]:
     """Solve, and make the panel points finer than pixels by what was found, as long as the fit gets no worse."""
     solution = solve(whole, x, robust_only=True)
     if 1.96 * solution.deviation("gap") > GAP_KNOWN * whole.display.aperture_distance_mm:
@@ -210,7 +210,7 @@ def _refine(whole: Problem, x: Floats, landing: LensProjection) -> tuple[Problem
         whole = replace(whole, held=True)
         solution = solve(whole, solution.x, robust_only=True)
     for _ in range(REFINEMENTS):
-        finer = seen_again(solution, whole, landing)
+        finer = seen_again(solution, whole, projection)
         again = solve(finer, solution.x)
         if _scatter(again) > COARSER * _scatter(solution) + FINE_PX:
             break
@@ -219,46 +219,46 @@ def _refine(whole: Problem, x: Floats, landing: LensProjection) -> tuple[Problem
 
 
 def _fit_radius(
-    whole: Problem, solution: Solution, landing: LensProjection
+    whole: Problem, solution: Solution, projection: LensProjection
 ) -> tuple[Problem, Solution, Radius, Floats]:
     """Fit the radius too; return the problem, its solution, the radius, and what its uncertainty changes there."""
     nominal = whole.display
     for _ in range(RADIUS_ROUNDS):
         found = radius_of(display_of(whole.display, solution), solution)
-        whole = _with_radius(whole, nominal, found.value_mm, solution, landing)
+        whole = _with_radius(whole, nominal, found.value_mm, solution, projection)
         solution = solve(whole, solution.x)
     # What the radius leaves open, the other numbers leave open with it.
-    beside = _with_radius(whole, nominal, found.value_mm + found.deviation_mm, solution, landing)
-    return whole, solution, found, solve(beside, solution.x).x - solution.x
+    wider = _with_radius(whole, nominal, found.value_mm + found.deviation_mm, solution, projection)
+    return whole, solution, found, solve(wider, solution.x).x - solution.x
 
 
 def _with_radius(
-    whole: Problem, nominal: Display, radius_mm: float, solution: Solution, landing: LensProjection
+    whole: Problem, nominal: Display, radius_mm: float, solution: Solution, projection: LensProjection
 ) -> Problem:
     array = replace(nominal.array, radius_mm=radius_mm)
-    return seen_again(solution, replace(whole, display=replace(nominal, array=array)), landing)
+    return seen_again(solution, replace(whole, display=replace(nominal, array=array)), projection)
 
 
-def seen_again(solution: Solution, whole: Problem, landing: LensProjection) -> Problem:
+def seen_again(solution: Solution, whole: Problem, projection: LensProjection) -> Problem:
     """Return the problem with rays traced through the display that was found, from where each camera stands.
 
     The panel points become finer than pixels, too. The problem stays as it is when there can be no such display.
-    Rays are traced for slopes as steep as those of `landing`.
+    Rays are traced for slopes as steep as those of `projection`.
     """
     try:
         built = display_of(whole.display, solution)
-    except DoubtError:
+    except ContradictionError:
         return whole
     turn, height = np.rad2deg(solution.value("rotation")), outline_mm(built)
-    landings, views = [], []
+    projections, views = [], []
     for k, view in enumerate(whole.views):
         place = whole.pose(solution.x, k)[2]
         distance = max(1.0, float(place[2]))
-        landings.append(fit_projection(built, landing.steepest, distance))
+        projections.append(fit_projection(built, projection.steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
         aside = whole.aside(solution.x, k, whole.rays(solution.x, k).middles)
         views.append(refined(view, built, slopes, aside, movement_of(built, turn, slopes, distance)))
-    return replace(whole, landings=landings, views=views)
+    return replace(whole, projections=projections, views=views)
 
 
 def _scatter(solution: Solution) -> float:
@@ -293,7 +293,7 @@ def _check_zoom(solution: Solution) -> None:
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
     odd, zoom = (views[0], -zooms[worst]) if first else (views[problem.zooms.index(worst) + 1], zooms[worst])
-    raise DoubtError(
+    raise ContradictionError(
         f"{odd}: the lens magnifies {100.0 * abs(zoom):.1f} % {'more' if zoom > 0.0 else 'less'} than in "
         f"{'the other positions' if first else views[0]}; fix zoom and focus, and take all positions again"
     )
@@ -326,7 +326,7 @@ def _result(
     scatter = _scatter(solution)
     limit = max(MOST_SCATTER_PX, MOST_SCATTER * pitch_px)
     if scatter > limit or outliers > MOST_OUTLIERS:
-        raise DoubtError(
+        raise ContradictionError(
             f"the photographs do not fit a display like '{nominal.name}': panel points scatter by {scatter:.2f} px, "
             f"{100.0 * outliers:.0f} % are outliers; use one lens without zoom, and check plano_side, thickness_mm, "
             "index and focal length in the file"

@@ -22,7 +22,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +34,7 @@ from lippmann.display.description import Display
 from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, Indices
 
-Values = npt.NDArray[np.floating[Any]]
+Values = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]
 #: The a and the c of the module's formula.
 Blur = tuple[float, float]
@@ -47,8 +46,8 @@ WIDE = 0.17
 FIRST_BLUR, LEAST_BLUR = (0.02, 0.03), 1e-3
 #: Steps to the point of a lenslet that is nearest to its readings.
 NEAREST = 4
-#: Halvings of an interval of two pixels.
-HALVINGS = 11
+#: Bisections of an interval of two pixels.
+BISECTIONS = 11
 #: Lenslets of a view through which rays are traced.
 TRACED = 60
 #: Readings whose movement is computed at once.
@@ -243,7 +242,7 @@ def interval(panel_px: Singles, shift: Singles, edge: Singles, group: Indices, c
     sides = []
     for wanted in (mean - TOLERANCE, mean + TOLERANCE):
         low, high = mean - 1.0, mean + 1.0
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
             step = read((middle - whole).astype(np.float32)[group] + shift, edge)
             above = whole + np.bincount(group, weights=step, minlength=count) / number + 0.5 > wanted

@@ -182,20 +182,20 @@ def solve_command(
     if path.exists() and path.samefile(display_path):
         raise input_error(output, "is the nominal display file", "give the calibrated one another name")
     with progress_bar("photographs") as progress:
-        found = calibrate(Path(photos), nominal, bow, radius, progress)
-    beside = found.save(path)
+        calibration = calibrate(Path(photos), nominal, bow, radius, progress)
+    sidecar_path = calibration.save(path)
     lines = [
         f"{one.name:<10}{one.value:+12.6f} +- {one.uncertainty:.6f} {one.unit}"
         + ("" if one.determined else "   (not determined)")
-        for one in found.parameters
+        for one in calibration.parameters
     ]
     lines += [
-        f"panel points within {found.rms_panel_px:.3f} px rms, {100.0 * found.outliers:.1f} % outliers, "
-        f"{len(found.cameras)} positions, {len(found.field)} lenslets",
-        *(f"note: {one}" for one in found.remarks),
-        f"{output}: {found.display.name}, identity {found.display.identity}",
+        f"panel points within {calibration.rms_panel_px:.3f} px rms, {100.0 * calibration.outliers:.1f} % outliers, "
+        f"{len(calibration.cameras)} positions, {len(calibration.field)} lenslets",
+        *(f"note: {one}" for one in calibration.remarks),
+        f"{output}: {calibration.display.name}, identity {calibration.display.identity}",
     ]
-    emit({**found.summary(), "output": output, "kept": str(beside)}, lines)
+    emit({**calibration.summary(), "output": output, "kept": str(sidecar_path)}, lines)
 
 
 #: Least share of the panel that an eye sees through the lenslets in front, for a picture that proves something.
@@ -247,13 +247,13 @@ def check_command(
     folder = Path(output)
     make_folder(folder)
     with own_variant(device):
-        made = pictures(display, eye)
-    for name, image in made.items():
+        images = pictures(display, eye)
+    for name, image in images.items():
         image.save(folder / f"{name}.png")
     if own < WHOLE:
         log(f"{100.0 * (1.0 - own):.0f} % of the panel stays dark in 1-white: the eye sees neighbours' pixels there")
-    result = {"folder": output, "pictures": list(made), "eye_mm": eye, "own_share": own, "identity": display.identity}
-    emit(result, f"{output}: {', '.join(made)}; look from {eye[0]:g},{eye[1]:g},{eye[2]:g} mm")
+    result = {"folder": output, "pictures": list(images), "eye_mm": eye, "own_share": own, "identity": display.identity}
+    emit(result, f"{output}: {', '.join(images)}; look from {eye[0]:g},{eye[1]:g},{eye[2]:g} mm")
     return 0
 
 

@@ -96,16 +96,16 @@ def _page_path(image_path: str, output: str | None, serve: bool, tcp_port: int) 
     if serve:
         return None
     image = Path(image_path)
-    beside = (image.resolve() if image.is_dir() else image).with_suffix(".html")
-    return check_output(output or beside, api.PAGE_SUFFIXES)
+    default_path = (image.resolve() if image.is_dir() else image).with_suffix(".html")
+    return check_output(output or default_path, api.PAGE_SUFFIXES)
 
 
 def frames_of(path: str) -> list[str | Path]:
     """Return the files of a film's frames in a folder, in their order; of an image, itself."""
     if not Path(path).is_dir():
         return [path]
-    found = sorted(Path(path).glob(f"{FRAME_STEM}*"))
-    frames = [one for one in found if one.suffix.lower() in SUFFIXES]
+    files = sorted(Path(path).glob(f"{FRAME_STEM}*"))
+    frames = [one for one in files if one.suffix.lower() in SUFFIXES]
     if not frames:
         raise input_error(
             path, f"is a folder without frames ({FRAME_STEM}0000.exr ...)", "render them: lippmann animate"

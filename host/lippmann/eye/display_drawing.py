@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +16,12 @@ from lippmann.display.subpixels import layout_of
 from lippmann.engines import trace
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.display_properties import percent
-from lippmann.optics.rays import Floats, Status, gets_through
+from lippmann.optics.rays import Floats, Indices, Status, gets_through
 from lippmann.optics.system import System
 from lippmann.optics.zones import middle_eye, status_share, status_shares, viewing_distance, zones
 
-Ints = npt.NDArray[np.int64]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Colours of Okabe and Ito, which all kinds of colour vision tell apart.
 GLASS, LENSLET, IMAGE, RAY = "#56b4e9", "#0072b2", "#d55e00", "#e69f00"
@@ -32,7 +33,7 @@ PLACES, MAP_RAYS = 41, 256
 
 
 @contextmanager
-def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[Any]:
+def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[npt.NDArray[np.object_]]:
     """Provide the axes of a picture of `size` inches, and write it to the path."""
     import matplotlib as mpl
 
@@ -96,8 +97,7 @@ def draw_display(display: Display, path: Path) -> None:
         x, y = _lenslets(system, (0.0, 0.0), span, every)
         inside = (abs(x) <= half[0]) & (abs(y) <= half[1])
         whole.plot(x[inside], y[inside], ".", color=LENSLET, markersize=3)
-        _edge(whole, half)
-        _border(whole, display, system)
+        _draw_edges(whole, display, system)
         if display.array.extent_mm is not None:
             whole.legend(loc="upper right")
         whole.set(
@@ -109,15 +109,16 @@ def draw_display(display: Display, path: Path) -> None:
             ylim=(-1.06 * half[1], 1.06 * half[1]),
         )
         _draw_section(section, display)
-        end = np.minimum(half, _end(display, system))
+        end = half
+        if display.array.extent_mm is not None:
+            end = np.minimum(half, system.frame.panel_from_array(*(0.5 * np.array(display.array.extent_mm))))
         name = "top right corner" if (end == half).all() else "top right corner of the array"
         for axis, what, place in (
             (centre, "middle", (0.0, 0.0)),
             (corner, name, end - display.array.coarsest_mm),
         ):
             _draw_close(axis, display, system, np.array(place))
-            _edge(axis, half)
-            _border(axis, display, system)
+            _draw_edges(axis, display, system)
             axis.set_title(f"{what}: pixels, lenslets (blue), their elemental images (red)")
         for axis in (whole, centre, corner):
             axis.set(xlabel="x, mm", ylabel="y, mm")
@@ -133,30 +134,18 @@ def _lenslets(system: System, place: Sequence[float] | Floats, span: int, every:
     return x, y
 
 
-def _edge(axis: Any, half: Floats) -> None:
-    x, y = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
+def _draw_edges(axis: Axes, display: Display, system: System) -> None:
+    """Draw the panel's edges, and where an array with an extent ends."""
+    corners = 0.5 * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
+    x, y = np.reshape((display.panel.width_mm, display.panel.height_mm), (2, 1)) * corners
     axis.plot(x, y, color="black", scalex=False, scaley=False)
+    if display.array.extent_mm is not None:
+        x, y = system.frame.panel_from_array(*(np.reshape(display.array.extent_mm, (2, 1)) * corners))
+        (line,) = axis.plot(x, y, color=LENSLET, linestyle="--", label="end of the array", scalex=False, scaley=False)
+        line.set_gid("border")
 
 
-def _end(display: Display, system: System) -> Floats:
-    """Return the top right corner of an array that ends, mm on the panel; without an end, infinity."""
-    if display.array.extent_mm is None:
-        return np.full(2, np.inf)
-    width, height = display.array.extent_mm
-    return np.array(system.frame.panel_from_array(0.5 * width, 0.5 * height))
-
-
-def _border(axis: Any, display: Display, system: System) -> None:
-    """Draw where an array with an extent ends."""
-    if display.array.extent_mm is None:
-        return
-    half = 0.5 * np.array(display.array.extent_mm)
-    sides = half[:, None] * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
-    x, y = system.frame.panel_from_array(*sides)
-    axis.plot(x, y, color=LENSLET, linestyle="--", gid="border", label="end of the array", scalex=False, scaley=False)
-
-
-def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> None:
+def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> None:
     """Draw the pixels, the cells of the lenslets and their elemental images around a place of the panel."""
     panel, pitch = display.panel, display.array.coarsest_mm
     reach = 0.5 * CLOSE * pitch
@@ -185,7 +174,7 @@ def _draw_close(axis: Any, display: Display, system: System, place: Floats) -> N
         axis.plot(*image, color=IMAGE, linewidth=1.0, scalex=False, scaley=False)
 
 
-def _draw_subpixels(axis: Any, display: Display, system: System, columns: Ints, rows: Ints) -> None:
+def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indices, rows: Indices) -> None:
     """Draw the sub-pixels of the pixels in some columns and rows; white ones grey."""
     from matplotlib.collections import PolyCollection
 
@@ -205,7 +194,7 @@ def _draw_subpixels(axis: Any, display: Display, system: System, columns: Ints, 
         axis.add_collection(boxes, autolim=False)
 
 
-def _draw_section(axis: Any, display: Display) -> None:
+def _draw_section(axis: Axes, display: Display) -> None:
     """Draw the panel, three lenslets and rays of the middle one's pixels, in the plane of the array's rows."""
     array, system = display.array, System.of(display)
     pitch, gap, thickness, reach = array.pitches_mm[0], display.gap_mm, array.thickness_mm, 1.5 * array.focal_length_mm

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -41,17 +41,17 @@ IN_PIXEL = 17 / 32
 #: Number of rows that are computed at once.
 BAND_ROWS = 64
 #: Panel values from 0 to 1; their shape broadcasts to (rows, columns, 3).
-Values = npt.NDArray[Any]
+Values = npt.NDArray[np.generic]
 
 
 class Places(NamedTuple):
     """Of pixels: lenslet (i, j), whether the lenslet's centre is in the pixel, and the place in the cell, 0 to 255."""
 
-    i: npt.NDArray[Any]
-    j: npt.NDArray[Any]
+    i: npt.NDArray[np.number]
+    j: npt.NDArray[np.number]
     centre: npt.NDArray[np.bool_]
-    right: npt.NDArray[Any]
-    up: npt.NDArray[Any]
+    right: npt.NDArray[np.number]
+    up: npt.NDArray[np.number]
     #: Whether the lenslet is there: beside the array the mount is opaque, and its pixels stay black.
     present: npt.NDArray[np.bool_]
 

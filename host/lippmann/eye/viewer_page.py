@@ -14,8 +14,8 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.images import png_bytes
@@ -182,15 +182,15 @@ class Direct:
     """
 
     eye_mm: tuple[float, float, float]
-    radiance: npt.NDArray[Any]
+    radiance: npt.NDArray[np.floating]
 
 
 def page_html(
     display: Display,
-    radiance: npt.NDArray[Any],
+    radiance: npt.NDArray[np.floating],
     title: str,
     directs: Sequence[Direct] = (),
-    later: Sequence[npt.NDArray[Any]] = (),
+    later: Sequence[npt.NDArray[np.floating]] = (),
     frames_per_second: float = FRAMES_PER_SECOND,
 ) -> str:
     """Return the viewer page of an integral image, with direct renders beside the view.
@@ -257,7 +257,7 @@ def check_direct(direct: Direct, display: Display) -> None:
         )
 
 
-def _tiles(radiance: npt.NDArray[Any], frame: int) -> Iterator[str]:
+def _tiles(radiance: npt.NDArray[np.floating], frame: int) -> Iterator[str]:
     """Yield a frame's pictures, row by row, all of one size but those at the right and at the bottom."""
     height, width = (-(-side // -(-side // TILE_PX)) for side in radiance.shape[:2])
     for top in range(0, radiance.shape[0], height):
@@ -266,12 +266,12 @@ def _tiles(radiance: npt.NDArray[Any], frame: int) -> Iterator[str]:
             yield f'<script type="text/plain" class="panel-tile" data-frame="{frame}">{tile}</script>'
 
 
-def png_base64(radiance: npt.NDArray[Any]) -> str:
+def png_base64(radiance: npt.NDArray[np.floating]) -> str:
     """Return linear light as a PNG, 8 bits sRGB, in base64."""
     return base64.b64encode(png_bytes(radiance)).decode("ascii")
 
 
-def script_json(value: Any) -> str:
+def script_json(value: object) -> str:
     """Return JSON for a `<script>` element: without `<`, which could end it."""
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
