@@ -16,7 +16,7 @@ from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
 from lippmann.cli.options.rendering import RENDERING
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
@@ -30,7 +30,7 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sampling import Window, colours_of
 from lippmann.rendering.sinks import render_into
-from lippmann.scenes.placement import SCALE_RANGE, unplaced_note
+from lippmann.scenes.placement import SCALE_RANGE, warn_if_unplaced
 from lippmann.scenes.scene import check_scene_file
 
 MAX_VIEW_PX = 4096
@@ -72,9 +72,9 @@ def command(
     display = load_display(display_path)
     panel, folder = display.panel, Path(output)
     check_memory(panel.width_px, panel.height_px, options.settings, colours_of(panel))
-    unplaced = unplaced_note(check_scene_file(film.scene))
-    if unplaced is not None and not fit:
-        log(unplaced)
+    scene_path = check_scene_file(film.scene)
+    if not fit:
+        warn_if_unplaced(scene_path)
     check_folder(folder, film.frames)
     if video is not None:
         check_output(video, LOSSLESS_SUFFIXES)

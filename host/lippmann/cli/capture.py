@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,13 @@ from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, SEED
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import display_text
 from lippmann.errors import input_error
 from lippmann.rendering.options import Shading
 from lippmann.rendering.sampling import Aperture
-from lippmann.scenes.placement import unplaced_note
+from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
 
 
@@ -59,19 +60,14 @@ def command(
 
     Example: lippmann capture scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o fish.exr
     """
-    path = check_output(output)
-    setup = load_setup(setup_path)
-    if size is not None:
-        setup = setup.resized(size)
+    path, setup = check_output(output), load_setup(setup_path)
+    setup = setup if size is None else setup.resized(size)
     if display_out is not None:
         _check_display_out(check_output(display_out, (".toml",)), setup)
-    if rotate is None:
-        rotate = not setup.concave
-    panel, path_of_scene = setup.display.panel, check_scene_file(scene_path)
-    unplaced = unplaced_note(path_of_scene)
-    if unplaced is not None:
-        log(unplaced)
-    scene = api.load_scene(path_of_scene, placement_before(setup, path_of_scene, setup_path), device)
+    rotate = not setup.concave if rotate is None else rotate
+    scene_file = check_scene_file(scene_path)
+    warn_if_unplaced(scene_file)
+    scene = api.load_scene(scene_file, placement_before(setup, scene_file, setup_path), device)
     with progress_bar("capture") as progress:
         image = api.capture(
             scene, setup, samples, rotate=rotate, aperture=aperture, integrator=integrator, max_depth=max_depth,
@@ -79,9 +75,9 @@ def command(
         )  # fmt: skip
     image.save(path)
     if display_out is not None:
-        with replacing(Path(display_out)) as partial:
-            partial.write_text(display_text(setup.display), encoding="utf-8")
-    result = _geometry(setup, scene, rotate) | {
+        _write_display(Path(display_out), setup)
+    result = {
+        **_geometry(setup, scene, rotate),
         "output": str(path),
         "display_out": display_out,
         **image.measured,
@@ -92,22 +88,30 @@ def command(
         "device": current_device(),
         "peak_memory_mb": peak_memory_mb(),
     }
+    emit(result, _text(result))
 
+
+def _text(result: Mapping[str, Any]) -> str:
     low, high = result["shown_depth_mm"]
-    text = (
-        f"{path}: {panel.width_px} x {panel.height_px}, {'shared light, ' if result['shading'] == 'shared' else ''}"
+    shading = "shared light, " if result["shading"] == "shared" else ""
+    return (
+        f"{result['output']}: {result['width_px']} x {result['height_px']}, {shading}"
         f"{result['image']} {result['relief']} image from "
-        f"{low:.1f} to {high:.1f} mm on '{setup.display.name}', vignetting {result['vignetting_percent']:.2f} %, "
+        f"{low:.1f} to {high:.1f} mm on '{result['display']}', vignetting {result['vignetting_percent']:.2f} %, "
         f"lost in the array {result['array_loss_percent']:.2f} %, "
         f"{result['seconds']:.2f} s ({result['samples_per_second'] / 1e6:.2f} M samples/s)"
     )
-    emit(result, text)
 
 
 def _check_display_out(path: Path, setup: Setup) -> None:
     """Refuse to overwrite any file but this display's own."""
     if path.exists() and path.read_bytes() != display_text(setup.display).encode():
         raise input_error(str(path), "exists already and is not the display of this image", "give another name")
+
+
+def _write_display(path: Path, setup: Setup) -> None:
+    with replacing(path) as partial:
+        partial.write_text(display_text(setup.display), encoding="utf-8")
 
 
 def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:

@@ -18,13 +18,13 @@ from lippmann.base.progress import report_each
 from lippmann.base.variant import start_mitsuba
 from lippmann.capturing.capture import check_placement, placement_before
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.capturing.povray_export import POVRAY, Exported, check_folder, export_display, write_folder
+from lippmann.capturing.povray_export import POVRAY, check_folder, export_display, write_folder
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
 from lippmann.cli.options.rendering import MOVED, Moved
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
@@ -33,10 +33,10 @@ from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.rays import Model
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
+from lippmann.rendering.job import place_scene
 from lippmann.rendering.options import MAX_SAMPLES, Settings
 from lippmann.rendering.renderer import first_depths
 from lippmann.rendering.sampling import Window
-from lippmann.scenes.arrange import load_placed
 from lippmann.scenes.formats import kind_of
 from lippmann.scenes.scene import Scene, check_scene_file, load_scene
 from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
@@ -73,11 +73,9 @@ def povray(
     path = check_scene_file(scene_path)
     if kind_of(path) != "mitsuba":
         raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")
-    exported: Exported
     if setup_path is not None:
         setup = load_setup(setup_path)
-        view = setup_view(setup)
-        panel = setup.display.panel
+        view, panel = setup_view(setup), setup.display.panel
         start_mitsuba(device)
         scene = load_scene(path, placement_before(setup, path, setup_path))
         check_placement(scene, setup)
@@ -143,7 +141,7 @@ def _seen(
         return _Seen(display, window, image_viewer(image, window, samples, seed), None)
     path = check_scene_file(source)
     start_mitsuba(device)
-    scene = load_placed(path, display, moved.placement(path), moved.arrange(path), log)
+    scene = place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
     return _Seen(display, window, scene_viewer(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,14 @@ from lippmann.base.images import check_output
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Slot
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.layer_choice import row_of
+from lippmann.layers.layer_choice import Row, row_of
 from lippmann.layers.layer_drawing import Filter, scene_build_of
-from lippmann.layers.layers_folder import check_for_display, depth_remarks, save_layers, texture_remarks
+from lippmann.layers.layers_folder import check_for_display, save_layers, warn_of_depths, warn_of_textures
 from lippmann.layers.pictures_folder import cut_pictures, is_pictures
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
@@ -88,17 +89,22 @@ def command(
     file = save_layers(output, cut.stack, names)
     rows = [row_of(one, seen, slot, filter) for one, seen in cuts]
     if table is not None:
-        with replacing(table) as partial, partial.open("w", newline="") as stream:
-            writer = csv.DictWriter(stream, rows[-1])
-            writer.writeheader()
-            writer.writerows(rows)
+        _write_table(table, rows)
     depths = [(name, layer.depth_mm) for name, layer in zip(names, cut.stack.layers, strict=True)]
-    for remark in (*texture_remarks(cut.stack, names), *depth_remarks(depths, display), *_undrawn(cut, display, names)):
-        log(remark)
+    warn_of_textures(cut.stack, names)
+    warn_of_depths(depths, display)
+    _warn_if_undrawable(cut, display, names)
     emit(
         {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
         _text(file, cut, names, rows),
     )
+
+
+def _write_table(path: Path, rows: list[Row]) -> None:
+    with replacing(path) as partial, partial.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[-1])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def _json(cut: Cut, names: tuple[str, ...]) -> dict[str, Any]:
@@ -114,7 +120,7 @@ def _json(cut: Cut, names: tuple[str, ...]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any]]) -> Iterator[str]:
+def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[Row]) -> Iterator[str]:
     yield f"{file}: {_layers(len(names))}, front to back"
     for name, layer, palette_db in zip(names, cut.stack.layers, cut.palette_db, strict=True):
         where = "sky" if layer.sky else f"z = {layer.depth_mm:+.1f} mm"
@@ -126,12 +132,12 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[dict[str, Any
         yield f"{_layers(row['layers'])}: {seen}{spent}"
 
 
-def _undrawn(cut: Cut, display: Display, names: tuple[str, ...]) -> Iterator[str]:
-    """Yield a line when the registers of a board cannot hold the layers, which golden draws."""
+def _warn_if_undrawable(cut: Cut, display: Display, names: tuple[str, ...]) -> None:
+    """Warn when the registers of a board cannot hold the layers, which golden draws."""
     try:
         scene_words(display, cut.stack, scene_build_of(cut.stack, "nearest", 1), names=names)
     except InputError as error:
-        yield f"note: no board can draw this: {error}"
+        warnings.warn(f"no board can draw this: {error}", LippmannWarning, stacklevel=2)
 
 
 def _layers(count: int) -> str:

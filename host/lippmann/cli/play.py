@@ -12,11 +12,11 @@ from lippmann.board.film_player import Played, load_textures, play_film
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DISPLAY
 from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display
 from lippmann.errors import input_error
-from lippmann.layers.layers_folder import check_for_display, depth_remarks
+from lippmann.layers.layers_folder import check_for_display, warn_of_depths
 from lippmann.motion.layer_film import check_keys, load_layer_film
 
 
@@ -40,8 +40,7 @@ def command(
     film = load_layer_film(film_path)
     check_for_display(film.stack, display, film_path)
     check_keys(film, display, film_path)
-    for remark in depth_remarks(film.depths_mm(), display):
-        log(remark)
+    warn_of_depths(film.depths_mm(), display)
     with open_board() as board:
         if not force:
             check_board(board, display, display_path, ", or play with --force")

@@ -16,13 +16,13 @@ from lippmann.base.variant import current_device
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
 from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
-from lippmann.cli.output import emit, log
+from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import Filter
 from lippmann.layers.layer_plan import plan_layers
-from lippmann.layers.layers_folder import check_depth, depth_remarks, is_layers, load_named_layers
+from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
 from lippmann.rendering.bands import check_display_memory, is_long_render
 from lippmann.rendering.executors import MAX_WORKERS, choose_executor, render_here
 from lippmann.rendering.job import Job, open_scene
@@ -161,8 +161,7 @@ def _open_layers(path: str, display: Display, options: RenderOptions, moved: Mov
             options.fraction_bits,
         )
         depths = [(name, layer.depth_mm) for name, layer in zip(named.names, stack.layers, strict=True)]
-        for remark in depth_remarks(depths, display):
-            log(remark)
+        warn_of_depths(depths, display)
         yield plan
     except InputError as error:
         raise InputError(f"{path}: {error}") from None

@@ -10,6 +10,7 @@ import contextlib
 import math
 import re
 import struct
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import check_output
 from lippmann.base.toml import documented, key, toml_text
 from lippmann.display.description import Display
-from lippmann.errors import InputError, input_error, likely_file, not_there, path_of, reason
+from lippmann.errors import InputError, LippmannWarning, input_error, likely_file, not_there, path_of, reason
 from lippmann.layers.stack import COLOURS, MAX_DEPTH_MM, MAX_LAYERS, MAX_SIDE, Bytes, Layer, LayerStack
 from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.zones import viewing_distance
@@ -255,18 +256,19 @@ def _write_png(path: Path, layer: Layer) -> None:
 FEW_TEXELS = 4
 
 
-def texture_remarks(stack: LayerStack, names: Sequence[str]) -> Iterator[str]:
-    """Yield a line for each layer of so few texels that its place is in doubt, and for each one without a picture."""
+def warn_of_textures(stack: LayerStack, names: Sequence[str]) -> None:
+    """Warn of layers of so few texels that their place is in doubt, and of those without a picture."""
     for name, layer in zip(names, stack.layers, strict=True):
         if min(layer.width, layer.height) < FEW_TEXELS:
             size = f"{layer.width} x {layer.height} texels"
-            yield f"note: layer '{name}' has {size} only: check the size and place of what it shows"
+            text = f"layer '{name}' has {size} only: check the size and place of what it shows"
+            warnings.warn(text, LippmannWarning, stacklevel=2)
         if not layer.palette[layer.texels, 3].any():
-            yield f"note: layer '{name}' is transparent all over: it shows nothing"
+            warnings.warn(f"layer '{name}' is transparent all over: it shows nothing", LippmannWarning, stacklevel=2)
 
 
-def depth_remarks(depths_mm: Iterable[tuple[str, float]], display: Display) -> Iterator[str]:
-    """Yield a line with the layers that leave the display's depth range, and how far each one goes.
+def warn_of_depths(depths_mm: Iterable[tuple[str, float]], display: Display) -> None:
+    """Warn of the layers that leave the display's depth range, and say how far each one goes.
 
     `depths_mm` are (name, z), mm; of a layer that moves one for each place. A sky, at infinity, is meant to be far.
     """
@@ -277,4 +279,5 @@ def depth_remarks(depths_mm: Iterable[tuple[str, float]], display: Display) -> I
             worst[name] = max(worst.get(name, 0.0), depth, key=abs)
     if worst:
         places = ", ".join(f"'{name}' ({depth:+.4g} mm)" for name, depth in worst.items())
-        yield f"note: fine detail is lost in {places}: the display's depth range is z = {far:.4g} to {near:.4g} mm"
+        depth_range = f"the display's depth range is z = {far:.4g} to {near:.4g} mm"
+        warnings.warn(f"fine detail is lost in {places}: {depth_range}", LippmannWarning, stacklevel=2)

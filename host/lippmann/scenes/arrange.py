@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -15,21 +13,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.zones import viewing_distance
 from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement
-from lippmann.scenes.scene import Scene, box_of, depths_of, in_front_of, load_scene
-
-
-def load_placed(
-    path: Path, display: Display, placement: Placement, arrange: Arrange | None, note: Callable[[str], None]
-) -> Scene:
-    """Load a scene, and let the display place it where that is asked for; `note` is called with where it stands then.
-
-    InputError as for `load_scene` and `arranged`.
-    """
-    scene = load_scene(path, placement)
-    if arrange is not None:
-        scene = arranged(scene, display, arrange)
-        note(f"placed by {scene.placement}")
-    return scene
+from lippmann.scenes.scene import Scene, box_of, depths_of, in_front_of
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:

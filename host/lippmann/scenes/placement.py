@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from lippmann.base import toml
 from lippmann.base.toml import check_fields, documented, key
-from lippmann.errors import InputError
+from lippmann.errors import InputError, LippmannWarning
 from lippmann.optics.panel_frame import exact_rotation
 from lippmann.scenes.formats import Kind, kind_of, usual_rotation
 
@@ -153,12 +154,12 @@ def usual_arrange(path: Path) -> Arrange | None:
     return usual.get(kind_of(path)) if _placement_file(path) is None else None
 
 
-def unplaced_note(path: Path) -> str | None:
-    """Return what to tell of a scene that is placed by its units alone, though they mean nothing here."""
-    if usual_arrange(path) is None:
-        return None
-    beside = path.with_suffix(".toml").name
-    return f"note: nothing places {path.name}: its units are taken as mm, its origin as the display's; write {beside}"
+def warn_if_unplaced(path: Path) -> None:
+    """Warn of a scene that is placed by its units alone, though they mean nothing here."""
+    if usual_arrange(path) is not None:
+        what = "its units are taken as mm, its origin as the display's"
+        text = f"nothing places {path.name}: {what}; write {path.with_suffix('.toml').name}"
+        warnings.warn(text, LippmannWarning, stacklevel=2)
 
 
 def _placement_file(path: Path) -> Path | None:
