@@ -47,9 +47,9 @@ def random_display(
     array = Array(
         grid=grid,
         **random_lattice(random, pitch, shear),
-        radius_mm=np.nan,
+        radius_mm=1.0,
         index=float(random.uniform(1.17, 2.19)),
-        thickness_mm=np.nan,
+        thickness_mm=1.0,
         plano_side="viewer" if viewer else "panel",
         rotation_deg=float(random.choice([0.0, 30.0, 90.0, random.uniform(0.0, 360.0)])),
         offset_mm=(float(random.uniform(-pitch, pitch)), float(random.uniform(-pitch, pitch))),

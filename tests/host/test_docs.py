@@ -8,6 +8,7 @@ reason why it is not; the pages in `SLOW` are run by `make test-full`.
 import ast
 import contextlib
 import csv
+import importlib
 import importlib.util
 import io
 import itertools
@@ -69,7 +70,7 @@ NOT_RUN = {
     r"lippmann export povray .* -o out/pov$|cd out/pov && povray|lippmann capture scenes/seed/full\.xml": (
         "in the report of `make peers`, which runs them (fifteen minutes); test_povray_scene.py runs small ones"
     ),
-    r"export PATH=|fusesoc ": "minutes; tests/rtl/test_manifests.py runs these targets in a clone",
+    r"export PATH=|fusesoc |verilator --cc ": "minutes; tests/rtl/test_manifests.py runs these lines in a clone",
     r"python -m tools.bench seed --quick$": "test_povray_optics.py runs it, and asks for its rows and files",
     r"make bitstream|lippmann board program": "an hour; tests/rtl/boards makes bitstreams; and no board is here",
     r"verilator --binary |lippmann vectors .*(build/bench|stream_cocotb\.py)": "test_foreign_rtl.py runs these lines",
@@ -183,6 +184,31 @@ def test_what_is_not_run_is_there():
             known = {option for p in parameters(command) for option in (*p.opts, *p.secondary_opts)} | {"--help"}
             given = {word.split("=")[0] for word in re.findall(r"--[a-z-]+", line)}
             assert given <= known, f"{name_of(page)}: lippmann {line}"
+
+
+def is_there(name):
+    """Tell whether a dotted name such as `lippmann.fixed.registers.write` stands for something; imports no more."""
+    module, _, last = name.rpartition(".")
+    with contextlib.suppress(ModuleNotFoundError):
+        if importlib.util.find_spec(name):
+            return True
+    return is_there(module) and hasattr(importlib.import_module(module), last)
+
+
+def test_each_name_of_the_package_is_there():
+    """Dotted names, and names of which a page says the module: "`a` and `b` are in `lippmann.c`"."""
+    found = 0
+    for page in PAGES:
+        if page.name == "CHANGELOG.md":
+            continue
+        text = " ".join(page.read_text().split())
+        for name in re.findall(r"`(lippmann(?:\.[a-zA-Z]\w*)+)`", text):
+            assert is_there(name), f"{name_of(page)}: {name}"
+        for names, module in re.findall(r"((?:`\w+`(?:, | and )?)+) (?:is|are) in `(lippmann\.[\w.]+)`", text):
+            for name in re.findall(r"\w+", names.replace(" and ", " ")):
+                assert is_there(f"{module}.{name}"), f"{name_of(page)}: {module} has no {name}"
+                found += 1
+    assert found >= 7
 
 
 @pytest.mark.parametrize(("target", "command"), SAME.items())

@@ -1,6 +1,5 @@
 """Displays and rays for the tests of the whole way of a ray."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from words import Ints, around, mixed, signed
 
 PIXELS = signed(PIXEL_BITS)
 #: Of an array of which the lattice alone counts.
-KEYS = {"radius_mm": math.nan, "index": 1.5, "thickness_mm": math.nan}
+KEYS = {"radius_mm": 1.0, "index": 1.5, "thickness_mm": 1.0}
 
 
 def display(build: Build, **numbers: Any) -> Display:
@@ -32,10 +31,10 @@ def display(build: Build, **numbers: Any) -> Display:
         return Array(build.grid, *given, shear=n["shear"], extent_mm=n["extent"])
 
     if n["radius"] is None:
-        n["radius"] = 0.0
-        n["radius"] = 1.2 * array(math.nan).half_diagonal_mm
-    thickness = array(math.nan).sag_mm if n["thickness"] is None else n["thickness"]
-    panel = Panel(400, 300, array(math.nan).finest_mm / n.get("across", 9.3))
+        n["radius"] = 1.0
+        n["radius"] = 1.2 * array(1.0).half_diagonal_mm
+    thickness = array(1.0).sag_mm if n["thickness"] is None else n["thickness"]
+    panel = Panel(400, 300, array(1.0).finest_mm / n.get("across", 9.3))
     return Display("case", panel, array(thickness), n["gap"], n.get("eye"), n.get("axis", (0.0, 0.0)))
 
 

@@ -161,6 +161,19 @@ def test_verilator_reads_a_file_list(top, cells, place, tmp_path):
     assert "Warning" not in done.stderr
 
 
+@pytest.mark.full  # minutes of a compiler, even without optimisation
+def test_the_how_to_builds_a_module_with_verilator(place):
+    """The lines as printed, in a clone; they failed without the option for the precompiled header."""
+    page = (place / "docs/how-to/use-the-rtl-in-your-design.md").read_text()
+    lines = re.search(r"^```sh\n(export .*\nverilator .*)\n```$", page, re.M)[1]
+    (place / ".venv").symlink_to(sys.prefix)
+    environment = os.environ | {"MAKEFLAGS": "OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0"}
+    command = ["bash", "-euo", "pipefail", "-c", lines]
+    done = subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
+    assert (place / re.search(r"The result is `(\S+)`", page)[1]).is_file()
+
+
 # ---- the example design ----
 
 

@@ -85,7 +85,7 @@ class Panel:
         check_fields(self)
 
     @property
-    def keys(self) -> dict[str, Any]:
+    def keys(self) -> dict[str, object]:
         """The keys and their values, without those that were left out and have no default."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
@@ -152,7 +152,7 @@ class Array:
         check_fields(self)
 
     @property
-    def keys(self) -> dict[str, Any]:
+    def keys(self) -> dict[str, object]:
         """The keys and their values, without those that were left out or say what holds without them."""
         found = dataclasses.asdict(self)
         if self.shear == 0.0:
@@ -281,7 +281,7 @@ class Display:
         if self.array.glass is not None:
             # The glass gives the index, so that a display has the same identity at every wavelength.
             del array["index"]
-        optical: dict[str, Any] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
+        optical: dict[str, object] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
         if self.viewing_distance_mm is not None:
             optical["viewing"] = (self.viewing_distance_mm, *self.viewing_axis_mm)
         text = json.dumps(optical, sort_keys=True, default=list)
@@ -350,7 +350,7 @@ def parse_display(text: str, source: str = "display") -> Display:
     return _read(toml.parse(text, source), source)
 
 
-def _read(raw: Mapping[str, Any], source: str) -> Display:
+def _read(raw: Mapping[str, object], source: str) -> Display:
     return display_of(toml.read(DisplayFile, raw, source), Path(source).stem, f"{source}: ")
 
 
@@ -417,7 +417,7 @@ def index_of_keys(keys: Any, where: str) -> float:
 
 def display_text(display: Display) -> str:
     """Return a display as the text of a display file, from which `parse_display` reads the same one."""
-    top: dict[str, Any] = {"name": display.name, "gap_mm": display.gap_mm}
+    top: dict[str, object] = {"name": display.name, "gap_mm": display.gap_mm}
     if display.viewing_distance_mm is not None:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
     array = display.array.keys

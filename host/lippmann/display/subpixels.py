@@ -11,6 +11,8 @@ from typing import Any, Literal, NamedTuple
 from lippmann.errors import InputError
 
 Colour = Literal["red", "green", "blue", "white"]
+#: Numbers of a library of arrays, or the library: numpy or Dr.Jit.
+Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
 #: Colour; centre, to the right and upward from the first pixel's centre; width and height; all in pixels.
 Subpixel = tuple[Colour, float, float, float, float]
@@ -55,7 +57,7 @@ class Layout:
         """Return how much brighter a sub-pixel is than its pixel: the panel's area over the area of that colour."""
         return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
 
-    def emitters(self, b: Any, u: Any, v: Any) -> Iterator[tuple[int, float, Any]]:
+    def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
         """Yield each sub-pixel's colour (an index of `COLOURS`), its gain, and which pixel coordinates lie inside."""
         tile_u = u - self.columns * b.floor(u / self.columns)
         tile_v = v - self.rows * b.floor(v / self.rows)
@@ -71,7 +73,7 @@ class Layout:
             top, bottom = (round(0.5 - y + side * h, 12) for side in (-0.5, 0.5))
             yield colour, left, top, right, bottom
 
-    def shown(self, light: Sequence[Any], darkest: Any) -> list[Any]:
+    def shown(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
         """Return what red, green, blue and white sub-pixels emit of a pixel's light; `darkest` is its least value.
 
         A white sub-pixel emits what the three colours have in common, and the other sub-pixels emit the rest.

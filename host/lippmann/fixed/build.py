@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from lippmann.base.toml import documented, key
 from lippmann.display.description import Display, Grid, load_display
@@ -114,7 +114,7 @@ class Build:
         """Whether the slope takes a factor for the aperture point."""
         return self.aims and (self.converge or self.model == "paraxial")
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, int | str]:
         """Return the parameters for a JSON file; `walk`, the old name of `max_cell_steps`, stays for one version."""
         return {**dataclasses.asdict(self), "walk": self.max_cell_steps}
 

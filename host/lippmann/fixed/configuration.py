@@ -89,66 +89,85 @@ class Configuration:
     shear_row: int
 
 
+class _Format(NamedTuple):
+    """A register's bits and fraction bits, the remedy for a display whose value does not fit, whether a build reads it.
+
+    The build has that register's logic only where it reads it.
+    """
+
+    bits: int
+    fraction: int
+    remedy: str
+    is_read: bool
+
+    def word(self, name: str, value: float) -> int:
+        """Return the nearest word of a value; refuse a value for which the register is too narrow."""
+        word = math.floor(math.ldexp(value, self.fraction) + 0.5)
+        if not -(1 << (self.bits - 1)) <= word < 1 << (self.bits - 1):
+            limit = 2.0 ** (self.bits - 1 - self.fraction)
+            raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", self.remedy)
+        return word
+
+
+def _formats(build: Build) -> dict[str, _Format]:
+    """Return the format of each register of a build."""
+    f, exact, aims, slope_aims = build.fraction_bits, build.model == "exact", build.aims, build.slope_aims
+    near, far, share = f + 2, f + 4, words.share_bits(f)
+    strays = exact and (aims or build.viewer or build.converge)
+    walks, square, lens = build.max_cell_steps > 0, build.grid == "square", build.model != "pinhole"
+    nearer = "bring array.offset_mm nearer to the panel"
+    table = (
+        (words.SLOPE_BITS, words.SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}", {
+            "x_from_u": True, "x_from_v": True,
+        }),
+        (words.SLOPE_BITS, words.SLOPE_FRACTION, f"give rows of lenslets more than 4 pixels apart {_PITCHES}", {
+            "y_from_u": True, "y_from_v": True,
+        }),
+        (words.OFFSET_BITS, words.OFFSET_FRACTION, nearer, {"x_offset": True, "y_offset": True}),
+        (near + build.extra, f + build.extra, _TOO_NEAR, {
+            "slope_x": True, "slope_y": True, "slope_aim_x": slope_aims, "slope_aim_y": slope_aims,
+        }),
+        (near, f, _TOO_STEEP, {
+            "point_x": lens, "point_y": lens, "point_aim_x": aims, "point_aim_y": aims,
+            "cell_pitch_x": walks, "cell_pitch_y": walks,
+            "shear_row": walks and build.shear, "shear_lean": strays and build.shear,
+        }),
+        (near, f + 1, _TOO_STEEP, {"cell_half": strays, "cell_half_y": strays and square}),
+        (far, f + 1, _PITCHES_ALIKE, {"cell_rise": strays and not square}),
+        (far, f, _PITCHES_ALIKE, {"shear_x": build.shear}),
+        (far, f, _TOO_THICK, {"depth": exact}),
+        (far, f + 1, _TOO_THICK, {"exit_z": build.viewer or not exact}),
+        (f + 9, f + 3, _TOO_THICK, {"depth_rest": exact and not build.viewer}),
+        (near + 1, f, _INDEX, {"index": exact}),
+        (far, f, _INDEX, {"index_square": exact, "index_inverse_square": build.viewer}),
+        (near, f + 1, _INDEX, {"index_inverse": exact}),
+        (share, f + 11, _FARTHER, {"converge_share": build.converge}),
+        (share, f + 2, f"bring viewing_axis_mm and {nearer.removeprefix('bring ')}", {
+            "converge_x": build.converge, "converge_y": build.converge,
+        }),
+    )  # fmt: skip
+    return {
+        name: _Format(bits, fraction, remedy, is_read)
+        for bits, fraction, remedy, registers in table
+        for name, is_read in registers.items()
+    }
+
+
 def in_words(config: Configuration, build: Build) -> tuple[Configuration, words.Bools | np.bool_]:
     """Return registers cut to the words that a build reads of their 32 bits, and whether a word that it reads is more.
 
     The wider registers, of pixel_to_lattice, hold their words exactly.
     """
-    f, exact = build.fraction_bits, build.model == "exact"
-    near, far = f + 2, f + 4
-    strays = exact and (build.aims or build.viewer or build.converge)
-    walks, square = build.max_cell_steps > 0, build.grid == "square"
-    read = (
-        (near + build.extra, {
-            "slope_x": True, "slope_y": True,
-            "slope_aim_x": build.slope_aims, "slope_aim_y": build.slope_aims,
-        }),
-        (near, {
-            "point_x": build.model != "pinhole", "point_y": build.model != "pinhole",
-            "point_aim_x": build.aims, "point_aim_y": build.aims,
-            "index_inverse": exact,
-            "cell_half": strays, "cell_half_y": strays and square, "shear_lean": strays and build.shear,
-            "cell_pitch_x": walks, "cell_pitch_y": walks, "shear_row": walks and build.shear,
-        }),
-        (near + 1, {"index": exact}),
-        (far, {
-            "index_square": exact, "index_inverse_square": build.viewer, "depth": exact,
-            "exit_z": build.viewer or not exact, "cell_rise": strays and not square, "shear_x": build.shear,
-        }),
-        (f + 9, {
-            "depth_rest": exact and not build.viewer,
-            "converge_share": build.converge, "converge_x": build.converge, "converge_y": build.converge,
-        }),
-        (words.INDEX_BITS + 2, {"extent_i": True}),
-        (words.INDEX_BITS + 1, {"extent_j": True}),
-    )  # fmt: skip
-    cut: dict[str, Any] = {}
+    read = {name: (form.bits, form.is_read) for name, form in _formats(build).items() if form.bits < words.SLOPE_BITS}
+    read |= {"extent_i": (words.INDEX_BITS + 2, True), "extent_j": (words.INDEX_BITS + 1, True)}
+    cut: dict[str, Any] = {}  # arrays where the registers are: tests trace many configurations at once
     beyond: words.Bools | np.bool_ = np.False_
-    for bits, registers in read:
-        for name, is_read in registers.items():
-            value = getattr(config, name)
-            cut[name] = words.wrapped(value, bits)
-            if is_read:
-                beyond = beyond | ~np.asarray(words.fits(value, bits))
+    for name, (bits, is_read) in read.items():
+        value = getattr(config, name)
+        cut[name] = words.wrapped(value, bits)
+        if is_read:
+            beyond = beyond | ~np.asarray(words.fits(value, bits))
     return dataclasses.replace(config, **cut), beyond
-
-
-class _Format(NamedTuple):
-    """A register's bits and fraction bits, and the remedy for a display whose value does not fit."""
-
-    bits: int
-    fraction: int
-    remedy: str
-
-    def registers(self, **values: float) -> dict[str, int]:
-        """Return the nearest words of values by register; refuse values for which the register is too narrow."""
-        found = {}
-        for name, value in values.items():
-            found[name] = math.floor(math.ldexp(value, self.fraction) + 0.5)
-            if not -(1 << (self.bits - 1)) <= found[name] < 1 << (self.bits - 1):
-                limit = 2.0 ** (self.bits - 1 - self.fraction)
-                raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", self.remedy)
-        return found
 
 
 def configuration(display: Display, build: Build, model: Model, reach_mm: float | None = None) -> Configuration:
@@ -157,70 +176,85 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     `reach_mm` is the largest distance of an aperture point from its lenslet's centre; left out, the corner of a cell.
     Raises InputError when the build does not fit this display, or a register cannot hold a value: its name and range.
     """
-    array, f = display.array, build.fraction_bits
-    (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
-    exact = build.model == "exact"
     _check_build(display, build, model)
     _check_panel(display)
     slope, point = _sums(display, build, model)
     # Ranges that are narrower than the registers come first: their messages say more.
     _check_lens(display, build)
     _check_reach(display, build, slope, point, reach_mm)
-
-    # The pinhole, thin and paraxial models read the lens from those sums only: any thickness and index that fit do.
-    T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
-    flat_exit = model in ("paraxial", "exact") and array.plano_side == "viewer"
-    # array_from_pixel for columns to the right and rows upward from the panel's centre.
-    system = System.of(display)
-    frame, convergence = system.frame, system.convergence
-    # Local points of a converged display are 1 - share of their length: so they follow from the lattice coordinates.
-    share, rest = convergence.share, 1.0 - convergence.share
-    c, s, (px, py) = frame.cos, frame.sin, (pitch * rest for pitch in frame.pitch_mm)
-    zero_x, zero_y = convergence.towards_eye(*frame.array_from_panel(0.0, 0.0))
-    axis_x = convergence.axis_x - lean * convergence.axis_y
-    square = array.grid == "square"
-    depth = 1.0 - T / R
-    rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
-
-    near, far = f + 2, f + 4
-    columns = _Format(words.SLOPE_BITS, words.SLOPE_FRACTION, f"give lenslets of more than 4 pixels {_PITCHES}")
-    rows = columns._replace(remedy=f"give rows of lenslets more than 4 pixels apart {_PITCHES}")
-    offsets = _Format(words.OFFSET_BITS, words.OFFSET_FRACTION, "bring array.offset_mm nearer to the panel")
-    slopes = _Format(near + build.extra, f + build.extra, _TOO_NEAR)
-    points = _Format(near, f, _TOO_STEEP)
-    shares = _Format(words.share_bits(f), f + 11, _FARTHER)
-    shifts = shares._replace(fraction=f + 2, remedy="bring viewing_axis_mm and array.offset_mm nearer to the panel")
-    registers = {
-        **columns.registers(x_from_u=(px * c + lean * px * s) / p, x_from_v=(py * s - lean * py * c) / p),
-        **rows.registers(y_from_u=-px * s / row, y_from_v=py * c / row),
-        **offsets.registers(x_offset=(zero_x - lean * zero_y) / p, y_offset=zero_y / row),
-        **slopes.registers(slope_x=slope[0] * p / rest, slope_y=slope[0] * row / rest),
-        **slopes.registers(slope_aim_x=slope[1] * p, slope_aim_y=slope[1] * row),
-        **points.registers(point_x=point[0] * p / R / rest, point_y=point[0] * row / R / rest),
-        **points.registers(point_aim_x=point[1] * p / R, point_aim_y=point[1] * row / R),
-        **points.registers(cell_pitch_x=p / R, cell_pitch_y=row / R),
-        **shares.registers(converge_share=share),
-        **shifts.registers(converge_x=-share * axis_x / p, converge_y=-share * convergence.axis_y / row),
-        **_Format(near, f + 1, _TOO_STEEP).registers(cell_half=0.5 * p / R, cell_half_y=square * 0.5 * tall / R),
-        **_Format(far, f + 1, _PITCHES_ALIKE).registers(
-            cell_rise=0.0 if square else HALF_SQRT3 * (p / tall) - 0.5 * lean
-        ),
-        **_Format(far, f, _PITCHES_ALIKE).registers(shear_x=lean * row / p),
-        **points.registers(shear_lean=lean, shear_row=(lean * row + (0.0 if square else 0.5 * p)) / R),
-        **_Format(far, f, _TOO_THICK).registers(depth=depth),
-        **_Format(f + 9, f + 3, _TOO_THICK).registers(depth_rest=1.0 - rounded**2),
-        **_Format(far, f + 1, _TOO_THICK).registers(exit_z=array.thickness_mm / R if flat_exit else 0.0),
-        **_Format(near + 1, f, _INDEX).registers(index=n),
-        **_Format(far, f, _INDEX).registers(index_square=n * n, index_inverse_square=1.0 / n**2),
-        **_Format(near, f + 1, _INDEX).registers(index_inverse=1.0 / n),
-    }
-    half = 1 << (words.OFFSET_FRACTION - 1 - f)  # so that cutting the lattice coordinates rounds them
+    numbers = _lattice_numbers(display) | _lens_numbers(display, build, model, slope, point)
+    formats = _formats(build)
+    registers = {name: formats[name].word(name, value) for name, value in numbers.items()}
+    # So that cutting the lattice coordinates rounds them.
+    half = 1 << (words.OFFSET_FRACTION - 1 - build.fraction_bits)
     registers["x_offset"] += half
     registers["y_offset"] += half
     along, across = EVERYWHERE
-    if array.half_steps is not None:
-        along, across = min(along, array.half_steps[0]), min(across, array.half_steps[1] // 2)
+    if display.array.half_steps is not None:
+        along, across = min(along, display.array.half_steps[0]), min(across, display.array.half_steps[1] // 2)
     return Configuration(**registers, extent_i=along, extent_j=across)
+
+
+def _lattice_numbers(display: Display) -> dict[str, float]:
+    """Return the registers that lead from pixels to the lattice, as numbers: columns to the right, rows upward."""
+    (p, _), row, lean = display.array.pitches_mm, display.array.row_pitch_mm, display.array.shear
+    system = System.of(display)
+    frame, convergence = system.frame, system.convergence
+    c, s, (px, py) = frame.cos, frame.sin, (pitch * (1.0 - convergence.share) for pitch in frame.pitch_mm)
+    zero_x, zero_y = convergence.towards_eye(*frame.array_from_panel(0.0, 0.0))
+    return {
+        "x_from_u": (px * c + lean * px * s) / p,
+        "x_from_v": (py * s - lean * py * c) / p,
+        "y_from_u": -px * s / row,
+        "y_from_v": py * c / row,
+        "x_offset": (zero_x - lean * zero_y) / p,
+        "y_offset": zero_y / row,
+    }
+
+
+def _lens_numbers(
+    display: Display, build: Build, model: Model, slope: tuple[float, float], point: tuple[float, float]
+) -> dict[str, float]:
+    """Return the registers of a ray in its lenslet as numbers: lengths in pitches, rows or radii."""
+    array, f, exact = display.array, build.fraction_bits, build.model == "exact"
+    (p, tall), row, R, lean = array.pitches_mm, array.row_pitch_mm, array.radius_mm, array.shear
+    # The pinhole, thin and paraxial models read the lens from those sums only: any thickness and index that fit do.
+    T, n = (array.thickness_mm, array.index) if exact else (R, 1.5)
+    flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
+    # Local points of a converged display are 1 - share of their length: so they follow from the lattice coordinates.
+    convergence = System.of(display).convergence
+    share, rest = convergence.share, 1.0 - convergence.share
+    axis_x = convergence.axis_x - lean * convergence.axis_y
+    depth = 1.0 - T / R
+    rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
+    return {
+        "slope_x": slope[0] * p / rest,
+        "slope_y": slope[0] * row / rest,
+        "slope_aim_x": slope[1] * p,
+        "slope_aim_y": slope[1] * row,
+        "point_x": point[0] * p / R / rest,
+        "point_y": point[0] * row / R / rest,
+        "point_aim_x": point[1] * p / R,
+        "point_aim_y": point[1] * row / R,
+        "cell_pitch_x": p / R,
+        "cell_pitch_y": row / R,
+        "converge_share": share,
+        "converge_x": -share * axis_x / p,
+        "converge_y": -share * convergence.axis_y / row,
+        "cell_half": 0.5 * p / R,
+        "cell_half_y": square * 0.5 * tall / R,
+        "cell_rise": 0.0 if square else HALF_SQRT3 * (p / tall) - 0.5 * lean,
+        "shear_x": lean * row / p,
+        "shear_lean": lean,
+        "shear_row": (lean * row + (0.0 if square else 0.5 * p)) / R,
+        "depth": depth,
+        "depth_rest": 1.0 - rounded**2,
+        "exit_z": array.thickness_mm / R if flat_exit else 0.0,
+        "index": n,
+        "index_square": n * n,
+        "index_inverse_square": 1.0 / n**2,
+        "index_inverse": 1.0 / n,
+    }
 
 
 def _sums(display: Display, build: Build, model: Model) -> tuple[tuple[float, float], tuple[float, float]]:

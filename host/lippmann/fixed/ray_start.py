@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from lippmann.display.description import Grid
@@ -11,18 +9,12 @@ from lippmann.fixed.roots import rsqrt
 from lippmann.fixed.words import GUARD, MUL_BITS, Bools, Ints, fits, guarded, multiplier, share_bits, wrapped
 
 
-class Converged(NamedTuple):
-    """The pixel's point from the lenslet's centre, words of F + 4 bits; `beyond` where it overflows them."""
-
-    x: Ints
-    y: Ints
-    beyond: Bools
-
-
 def converge(
     i: Ints, j: Ints, x: Ints, y: Ints, share: int, offset_x: int, offset_y: int, grid: Grid, f: int
-) -> Converged:
+) -> tuple[Ints, Ints, Bools]:
     """Add s (C - A) to the points where the lines from the pixels to the eye cross their lenslets' cells.
+
+    Return the pixels' points from their lenslets' centres, words of F + 4 bits, and where these do not hold them.
 
     C is the lenslet's centre, A the point in front of the eye. Words are integers; a b >> k is the product that
     `multiplier` cuts by k places. In half pitches and half rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
@@ -39,18 +31,13 @@ def converge(
     x = measured(x, 2 * i + j if grid == "hex" else 2 * i, offset_x)
     y = measured(y, 2 * j, offset_y)
     word = f + 4
-    return Converged(wrapped(x, word), wrapped(y, word), ~fits(x, word) | ~fits(y, word))
+    return wrapped(x, word), wrapped(y, word), ~fits(x, word) | ~fits(y, word)
 
 
-class Sheared(NamedTuple):
-    """The point's x, F + 4 bits; `beyond` where they do not hold it."""
+def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
+    """Return x + g y, F + 4 bits, and where these do not hold it; x and y of `bits` bits, in pitches and rows.
 
-    x: Ints
-    beyond: Bools
-
-
-def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> Sheared:
-    """Return x + g y; x and y of `bits` bits, in pitches and rows, g a far word.
+    g is a far word.
 
     Words as integers, y g >> k the product that `multiplier` cuts by k places:
 
@@ -58,7 +45,7 @@ def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> Sheared:
     """
     word = f + 4
     total = guarded((x << GUARD) + multiplier(y, g, bits, word, f - GUARD))
-    return Sheared(wrapped(total, word), ~fits(total, word))
+    return wrapped(total, word), ~fits(total, word)
 
 
 def blend(

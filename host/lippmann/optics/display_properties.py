@@ -246,6 +246,21 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"crosstalk: eyes more than {half_field_deg:.3g} degrees off {axis_text(display)} see its neighbour's "
             "elemental image; shorten the focal length and the gap"
         )
+    found += _eye_warnings(display, zone)
+    defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
+    if defocus > 0.5:
+        found.append(
+            f"the panel is {display.aperture_distance_mm:.4g} mm from the lenslets, far from their focal length "
+            f"of {array.focal_length_mm:.4g} mm: little depth is sharp; change gap_mm or thickness_mm"
+        )
+    if display.gap_mm == 0.0 and array.plano_side == "viewer":
+        found.append("the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap")
+    return found
+
+
+def _eye_warnings(display: Display, zone: Zone | None) -> list[str]:
+    """Return warnings of the eye's place and of what it sees, from the zone at its distance."""
+    panel, distance, found = display.panel, viewing_distance(display), []
     beside = [
         abs(at) > 0.5 * side
         for at, side in zip(display.viewing_axis_mm, (panel.width_mm, panel.height_mm), strict=True)
@@ -266,12 +281,4 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"an eye {display.viewing_distance_mm:g} mm away is {distance / 1000.0:g} m away; give millimetres, or "
             "leave viewing_distance_mm out for elemental images right behind their lenslets"
         )
-    defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
-    if defocus > 0.5:
-        found.append(
-            f"the panel is {display.aperture_distance_mm:.4g} mm from the lenslets, far from their focal length "
-            f"of {array.focal_length_mm:.4g} mm: little depth is sharp; change gap_mm or thickness_mm"
-        )
-    if display.gap_mm == 0.0 and array.plano_side == "viewer":
-        found.append("the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap")
     return found

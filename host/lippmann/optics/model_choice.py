@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.display.description import Array, Display
 from lippmann.errors import InputError
-from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.backend import Arr, NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Floats, Model, Rays, gets_through
 from lippmann.optics.system import System
@@ -171,7 +170,7 @@ def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tu
     return worst
 
 
-def crossing(local_mm: Any, direction: Any, z_mm: float) -> Any:
+def crossing(local_mm: Arr, direction: Arr, z_mm: float) -> Arr:
     """Return where lines through points (N, 3) along directions (N, 3) cross a plane, (N, 2); arrays of any numbers."""
     t = (z_mm - local_mm[:, 2]) / direction[:, 2]
     return local_mm[:, :2] + t[:, None] * direction[:, :2]

@@ -6,7 +6,6 @@ They depend on the pixel, the sample and their numbers, and on the seed, not on 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from lippmann.base.variant import mitsuba
 from lippmann.optics.backend import Arr, Backend
@@ -29,7 +28,7 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
 
 
-def points_in_pixel(pixel: Any, sample: Any, samples: int, seed: Any, number: Any = 0) -> tuple[Any, Any]:
+def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> tuple[Arr, Arr]:
     """Return the places in the unit square of samples (UInt32), of so many for each pixel (`pixel_steps`).
 
     A hash of pixel and seed mirrors a pixel's places, or exchanges their axes, lest all pixels err alike. A random
@@ -49,7 +48,7 @@ def points_in_pixel(pixel: Any, sample: Any, samples: int, seed: Any, number: An
     number = mi.UInt32(number)
     moves = mi.UInt32(mi.Int32(number * GOLDEN_STEP) // samples), number * (samples * GOLDEN_STEP & 0xFFFFFFFF)
 
-    def along(axis: int, mirrored: Any) -> Any:
+    def along(axis: int, mirrored: Arr) -> Arr:
         first, step = pixel_steps(samples)[axis]
         place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
         # 24 bits: rounding must not bring a point onto the square's far edge, which belongs to the next pixel.
@@ -60,7 +59,7 @@ def points_in_pixel(pixel: Any, sample: Any, samples: int, seed: Any, number: An
     return dr.select(exchanged, y, x), dr.select(exchanged, x, y)
 
 
-def points_in_square(pixel: Any, sample: Any, seed: Any, stream: int = 1) -> tuple[Any, Any]:
+def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tuple[Arr, Arr]:
     """Return points (s, t) in the unit square for a cell or a pupil, by pixel and sample numbers (UInt32) and a seed.
 
     Sample s of pixel k is the s-th point of the R2 sequence, shifted modulo 1 by a hash of pixel and seed: few samples
@@ -73,7 +72,7 @@ def points_in_square(pixel: Any, sample: Any, seed: Any, stream: int = 1) -> tup
     # Rounding must not bring a point onto the square's far edge, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24
 
-    def coordinate(axis: int) -> Any:
+    def coordinate(axis: int) -> Arr:
         own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
         key = own + mi.UInt32((2 * stream + axis) * GOLDEN_STEP & 0xFFFFFFFF)
         shift = mi.sample_tea_float32(pixel, key)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -226,7 +226,7 @@ def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits
     return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
 
 
-def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Any:
+def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Arr:
     """Gather an engine's arrays (or constants) as the columns of one (n, k) array of a type."""
     gathered = np.empty((n, len(columns)), number)
     for k, column in enumerate(columns):

@@ -19,7 +19,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
@@ -182,71 +182,81 @@ def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
     return compiled(display, board_build(display, scene), True, clock_hz, scene=scene)
 
 
-def start(
-    display: Display,
-    *,
-    port: Port | None = None,
-    tcp_port: int | None = None,
-    baud: int | None = None,
-    host_baud: int | None = None,
-    clock_hz: int | None = None,
-    fraction_bits: int | None = None,
-    capture: Path | None = None,
-    ready: Path | None = None,
-    trace: Path | None = None,
-    trace_clocks: tuple[int, int] = (0, 1_000_000),
-    stalls: int = 0,
-    scene: SceneBuild | None = None,
-    memory: Memory = "block",
-    program: Path | None = None,
-    idle_s: int = IDLE_S,
-) -> RunningBoard:
+class BoardOptions(TypedDict, total=False):
+    """What `start` may be told of a board."""
+
+    #: A Unix socket that only this user may open, TCP on loopback for programs that know its token, or a pty; by
+    #: default a Unix socket, and TCP with a port number.
+    port: Port | None
+    #: Number of the TCP port; 0: a free one.
+    tcp_port: int | None
+    #: A bit line of this baud rate; None: a byte line.
+    baud: int | None
+    #: Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
+    host_baud: int | None
+    #: Clock of the board, Hz; None: the usual one (`usual_clock`).
+    clock_hz: int | None
+    #: F of the optics; None: the usual one (`board_build`).
+    fraction_bits: int | None
+    #: An existing folder for the scanned-out frames.
+    capture: Path | None
+    #: JSON file with the URL, which exists while the board runs.
+    ready: Path | None
+    #: File for waveforms (.fst), and its first and last clock, by default 0 and 1 000 000.
+    trace: Path | None
+    trace_clocks: tuple[int, int]
+    #: Seed of random pauses at both ends of a byte line; 0: none.
+    stalls: int
+    #: The build of a board that draws; None: a board that shows stored frames only.
+    scene: SceneBuild | None
+    #: Where its frames are, by default block RAM. An SDRAM takes panels of even width, at their clock for 60 frames a
+    #: second.
+    memory: Memory
+    #: A board's program, compiled for this display, line and clock; None: it is compiled at first use.
+    program: Path | None
+    #: A program that is silent for so long makes room for another one, s; by default `IDLE_S`.
+    idle_s: int
+
+
+def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
     Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a panel that is
     too large, and for a baud rate that does not fit the clock.
-
-    Parameters
-    ----------
-    port, tcp_port
-        A Unix socket that only this user may open, TCP on loopback with this port number (0: a free one) for programs
-        that know its token, or a pty; by default a Unix socket, and TCP with a port number.
-    baud
-        A bit line of this baud rate; None: a byte line.
-    host_baud
-        Baud rate of the host's end of a bit line, to simulate a wrong setting; None: `baud`.
-    fraction_bits
-        F of the optics; None: the usual one (`board_build`).
-    capture
-        An existing folder for the scanned-out frames.
-    ready
-        JSON file with the URL, which exists while the board runs.
-    trace, trace_clocks
-        File for waveforms (.fst), and its first and last clock.
-    stalls
-        Seed of random pauses at both ends of a byte line; 0: none.
-    scene
-        The build of a board that draws; None: a board that shows stored frames only.
-    memory
-        Where its frames are. An SDRAM takes panels of even width, at their clock for 60 frames a second.
-    program
-        A board's program, compiled for this display, line and clock; None: it is compiled at first use.
-    idle_s
-        A program that is silent for so long makes room for another one, s.
     """
+    baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
+    trace, tcp_port = options.get("trace"), options.get("tcp_port")
     check_panel(display)
-    port = port or ("unix" if tcp_port is None else "tcp")
     if memory == "sdram" and display.panel.width_px % 2:
         what = f"the panel is {display.panel.width_px} pixels wide"
         raise input_error(f"display '{display.name}'", what, "a board with SDRAM needs an even number")
-    clock_hz = clock_hz or usual_clock(display, scene, memory)
-    step = 0 if baud is None else step_of(baud, clock_hz)
-    build = board_build(display, scene, fraction_bits)
+    clock_hz = options.get("clock_hz") or usual_clock(display, scene, memory)
+    words: dict[str, object] = {
+        "port": tcp_port or 0,
+        "idle": options.get("idle_s", IDLE_S),
+        "identity": display.identity,
+        "step": 0 if baud is None else step_of(baud, clock_hz),
+    }
+    build = board_build(display, scene, options.get("fraction_bits"))
+    program = options.get("program")
     if program is None:
         program = compiled(display, build, baud is None, clock_hz, trace is not None, scene, memory)
+    if (host_baud := options.get("host_baud")) is not None:
+        words["host-step"] = step_of(host_baud, clock_hz)
+    words |= {name: options[name] for name in ("capture", "stalls") if options.get(name)}
+    if trace is not None:
+        new_file(trace).close()  # the simulator would follow a link of another user
+        first, last = options.get("trace_clocks", (0, 1_000_000))
+        words |= {"trace": trace, "trace-from": first, "trace-to": last}
+    port = options.get("port") or ("unix" if tcp_port is None else "tcp")
+    return _launch(program, port, options.get("ready"), words)
+
+
+def _launch(program: Path, port: Port, ready: Path | None, options: dict[str, object]) -> RunningBoard:
+    """Start a board's program on a kind of line, and wait until its port is open; `ready` as in `start`."""
     with scratch_folder() as work:
-        told = ready or work / "ready.json"
-        told.unlink(missing_ok=True)
+        ready_path = ready or work / "ready.json"
+        ready_path.unlink(missing_ok=True)
         place = private_folder()
         _remove_lines_of_the_dead(place)
         if port == "unix":
@@ -254,28 +264,11 @@ def start(
             if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
                 what = "its name is too long for a Unix socket"
                 raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
-        options = {
-            "line": port,
-            "port": tcp_port or 0,
-            "place": place,
-            "idle": idle_s,
-            "identity": display.identity,
-            "ready": told,
-            "step": step,
-        }
-        if host_baud is not None:
-            options["host-step"] = step_of(host_baud, clock_hz)
-        if capture is not None:
-            options["capture"] = capture
-        if stalls:
-            options["stalls"] = stalls
-        if trace is not None:
-            new_file(trace).close()  # the simulator would follow a link of another user
-            options |= {"trace": trace, "trace-from": trace_clocks[0], "trace-to": trace_clocks[1]}
+        options |= {"line": port, "place": place, "ready": ready_path}
         command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
         try:
-            return RunningBoard(_wait(process, told), process)
+            return RunningBoard(_wait(process, ready_path), process)
         except BaseException:
             process.kill()
             process.wait()
@@ -312,7 +305,7 @@ def _wait(process: subprocess.Popen[str], ready: Path) -> str:
 
 
 @contextlib.contextmanager
-def running(display: Display, **options: Any) -> Iterator[RunningBoard]:
+def running(display: Display, **options: Unpack[BoardOptions]) -> Iterator[RunningBoard]:
     """Run a virtual board during a `with` block; options as for `start`."""
     board = start(display, **options)
     try:
