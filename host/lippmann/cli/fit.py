@@ -59,15 +59,15 @@ def command(
     far, near = depths or display_properties(display).depth_range_mm
     if not far <= near:
         raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")
-    chosen = fit(display, (far, near), tolerance)
-    build = None if chosen.build is None else chosen.build.as_dict()
+    display_fit = fit(display, (far, near), tolerance)
+    build = None if display_fit.build is None else display_fit.build.as_dict()
     result = {
         "display": display.name, "tolerance": tolerance, "depths_mm": [far, near],
-        "model": chosen.choice.model, "model_errors": chosen.choice.error_px,
-        "samples": chosen.samples, "sample_error": chosen.sample_error_px,
-        "build": build, "build_error": chosen.build_error_px,
+        "model": display_fit.choice.model, "model_errors": display_fit.choice.error_px,
+        "samples": display_fit.samples, "sample_error": display_fit.sample_error_px,
+        "build": build, "build_error": display_fit.build_error_px,
     }  # fmt: skip
-    lines = [str(chosen.choice), _samples(chosen, tolerance), _build(chosen, tolerance)]
+    lines = [str(display_fit.choice), _samples(display_fit, tolerance), _build(display_fit, tolerance)]
     if scene is not None:
         settings, checked = Settings(samples=16, seed=seed), check_scene_file(scene)
         with progress_bar("fit") as progress:
@@ -84,21 +84,21 @@ def command(
     emit(result, (head, *lines))
 
 
-def _samples(chosen: Fit, tolerance: float) -> str:
-    if chosen.samples is None:
-        enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(chosen.sample_error_px)
+def _samples(display_fit: Fit, tolerance: float) -> str:
+    if display_fit.samples is None:
+        enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(display_fit.sample_error_px)
         return (
             f"samples: {MOST_SAMPLES} a pixel, the most, are not enough for {tolerance:g} at these depths; "
             f"they are enough for --tolerance {enough:g}"
         )
     return (
-        f"samples {chosen.samples} per pixel: its light is at most {chosen.sample_error_px:.2g} from a ray "
+        f"samples {display_fit.samples} per pixel: its light is at most {display_fit.sample_error_px:.2g} from a ray "
         f"(tolerance {tolerance:g})"
     )
 
 
-def _build(chosen: Fit, tolerance: float) -> str:
-    build, error = chosen.build, chosen.build_error_px
+def _build(display_fit: Fit, tolerance: float) -> str:
+    build, error = display_fit.build, display_fit.build_error_px
     if build is None and math.isinf(error):
         return "RTL: no build can hold this display or give its rays"
     if build is None:
@@ -111,9 +111,9 @@ def _build(chosen: Fit, tolerance: float) -> str:
 
 
 def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
-    chosen = choice.chosen
-    if chosen is not None:
-        yield f"layers {chosen['layers']}: the cheapest within {tolerance_db:g} dB, of those tried:"
+    cheapest = choice.chosen
+    if cheapest is not None:
+        yield f"layers {cheapest['layers']}: the cheapest within {tolerance_db:g} dB, of those tried:"
     else:
         limit = {
             "render": f"two full renders with other seeds differ as much ({_cut(choice.render_db or 0.0)} dB)",
@@ -123,10 +123,10 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
         }[choice.limit or "sizes"]
         yield f"layers: none of those tried is within {tolerance_db:g} dB; limit: {limit}"
     for row in choice.tried:
-        mark = "chosen" if row is chosen else "best" if chosen is None and row is choice.best else ""
+        mark = "chosen" if row is cheapest else "best" if cheapest is None and row is choice.best else ""
         spent = f"{row['block_rams']:>3} block RAMs, {row['load_bytes']:>7} bytes, {row['multipliers']:>3} multipliers"
-        size, seen = "{}x{}".format(*row["slot"]), f"{_cut(row['worst_db'])} dB (mean {_cut(row['view_db'])})"
-        yield f"  {row['layers']} {row['filter']:<8} {size:<8} {spent}: {seen} {mark}".rstrip()
+        size, quality = "{}x{}".format(*row["slot"]), f"{_cut(row['worst_db'])} dB (mean {_cut(row['view_db'])})"
+        yield f"  {row['layers']} {row['filter']:<8} {size:<8} {spent}: {quality} {mark}".rstrip()
 
 
 def _cut(decibels: float) -> str:

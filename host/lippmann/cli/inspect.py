@@ -81,7 +81,7 @@ def command(
     derived = display_properties(display)
     views = table_of_views(display)
     at_usual = views[DISTANCES.index(1.0)]
-    seen = None if eye is None else eye_views(display, [eye])[0]
+    eye_view = None if eye is None else eye_views(display, [eye])[0]
     panel, array = display.panel, display.array
     result = {
         "name": display.name,
@@ -93,7 +93,7 @@ def command(
         "viewing_axis_mm": display.viewing_axis_mm,
         **dataclasses.asdict(derived),
         "distances": [_as_json(view) for view in views],
-        "eye": None if seen is None else _as_json(seen),
+        "eye": None if eye_view is None else _as_json(eye_view),
     }
     if pictures:
         from lippmann.eye import display_drawing  # at its first use: it loads the engines
@@ -103,10 +103,10 @@ def command(
         if draw is not None:
             display_drawing.draw_display(display, Path(draw))
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
-    if seen is not None:
-        x, y, z = seen.eye_mm
-        outside = "" if seen.sees_all else ": outside the zone, it sees crosstalk or dark lenslets somewhere"
-        lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm{outside}", *_table(display, [seen])]
+    if eye_view is not None:
+        x, y, z = eye_view.eye_mm
+        outside = "" if eye_view.sees_all else ": outside the zone, it sees crosstalk or dark lenslets somewhere"
+        lines += ["", f"an eye at {x:g}, {y:g}, {z:g} mm{outside}", *_table(display, [eye_view])]
     lines += ["", "eyes in the middle", *_table(display, views)]
     emit(result, lines + [f"warning: {warning}" for warning in derived.warnings])
 

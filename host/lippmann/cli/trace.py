@@ -7,7 +7,7 @@ import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -27,7 +27,6 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
 from lippmann.optics.sampling import square_to_cell
-from lippmann.rendering.sampling import Aperture
 
 #: Memory that the trace of a ray takes, bytes: measured with 10^6 rays of the engine golden.
 RAY_BYTES = 350
@@ -45,7 +44,7 @@ def command(
         "others are continuous pixel coordinates; a .csv may begin with the heading u,v.",
         metavar="N|FILE",
     ),
-    aperture: Aperture = option("Chief rays, or random points over the lenslet's cell.", "chief"),
+    aperture: Literal["chief", "full"] = option("Chief rays, or random points over the lenslet's cell.", "chief"),
     fraction_bits: int = word_length("the engines twin and rtl"),
     wavelength_nm: float | None = option("nm; the array must name its glass.", None, flag="--wavelength"),
     seed: int = SEED,

@@ -118,7 +118,7 @@ class Stream:
                 yield f"# made {command}"
             hashes.append(digest)
             yield f"# set {rays.name}"
-            yield from (f"# {note}" for note in notes)
+            yield from (f"# {line}" for line in notes)
             yield f"# rays {len(questions)} {digest}"
             yield from (f"{n} {question}" for n, question in enumerate(questions))
         if not hashes:
@@ -148,7 +148,7 @@ class Stream:
 
 def digest_of_set(notes: Iterable[str], questions: Floats | list[str]) -> str:
     """Return the hash of a set: its notes, each a line with single blanks, then its questions, (N, 4) or words."""
-    lines = "".join(" ".join(note.split()) + "\n" for note in notes)
+    lines = "".join(" ".join(line.split()) + "\n" for line in notes)
     numbers = np.ascontiguousarray(questions, "<f8").tobytes() if isinstance(questions, np.ndarray) else None
     return hashlib.sha256(lines.encode() + (numbers or "\n".join(questions).encode())).hexdigest()
 
