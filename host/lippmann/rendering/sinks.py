@@ -25,7 +25,7 @@ from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress import Progress
 from lippmann.errors import LippmannWarning, NoSpaceError, input_error
-from lippmann.rendering.bands import check_band_memory
+from lippmann.rendering.bands import RowProgress, check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
@@ -80,24 +80,17 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
     """
     missing = sink.missing_bands()
     total = sum(len(band.rows) for band in sink.bands)
-    done = total - sum(len(band.rows) for band in missing)
-
-    def report(rows: int) -> None:
-        if progress is not None:
-            progress(done + rows, total)
-
-    report(0)
+    report = RowProgress(progress, total - sum(len(band.rows) for band in missing), total)
     rays, prepare_seconds, started = 0, 0.0, time.perf_counter()
     try:
         for rendered in executor(missing, report):
             sink.take(rendered)
             rows = len(rendered.band.rows)
-            done += rows
+            report.add(rows)
             rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
             prepare_seconds += rendered.prepare_seconds
-            report(0)
     except BaseException:
-        sink.stop(done)
+        sink.stop(report.done)
         raise
     seconds = time.perf_counter() - started - prepare_seconds
     return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
