@@ -388,7 +388,7 @@ def capture(
             "rims reflect them; a longer focal length lets them out"
         )
     metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
-    metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(built.position_mm)}
+    metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}
     losses = {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
     return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
 
@@ -446,7 +446,8 @@ def observe(
     seen = window or whole_window(image.display, whole_number("width_px", width_px, 1, MAX_SIDE_PX))
     with own_variant(device):
         view = observe_window(image.radiance, built, looking, seen, samples, model, seed, crosstalk)
-    return replace(view, metadata={"display": image.display.name, "eye_mm": str(looking.position_mm)})
+    position = tuple(float(x) for x in looking.position_mm)
+    return replace(view, metadata={"display": image.display.name, "eye_mm": str(position)})
 
 
 def view(

@@ -5,6 +5,7 @@ import io
 import subprocess
 import sys
 
+import lippmann
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -16,7 +17,7 @@ from lippmann.rendering.bands import BASE_MEMORY_MB
 from lippmann.rendering.integral_image import IntegralImage
 from optics_cases import display_of
 from PIL import Image
-from scene_cases import generator
+from scene_cases import focused_display, generator
 
 TONES = [("srgb", 8), ("linear", 8), ("gamma2.2", 6), ("srgb", 1), ("linear", 10), ("srgb", 16)]
 
@@ -295,3 +296,56 @@ def test_files_are_written_within_the_memory_that_is_asked_for(tmp_path, suffix,
     assert (peaks <= BASE_MEMORY_MB + 36e-6 * pixels).all()
     assert (np.diff(peaks) <= 36e-6 * np.diff(pixels)).all()
     assert peaks[-1] >= 12e-6 * pixels[-1]
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float64, list])
+def test_other_floats_and_lists_become_float32(kind):
+    display = focused_display("square", width_px=4, height_px=3)
+    light = np.linspace(0.0, 1.0, 36).reshape(3, 4, 3)
+    image = IntegralImage(light.tolist() if kind is list else light.astype(kind), display)
+    assert image.radiance.dtype == np.float32
+    np.testing.assert_allclose(image.radiance, light, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("radiance", "display", "message"),
+    [
+        ([[0.0]], None, "the radiance is 1 x 1, the panel 3 x 4 x 3"),
+        ([[1]], None, "not linear light"),
+        (np.zeros((3, 4, 3), np.float32), "desk.toml", "display must be a lippmann.Display, not 'desk.toml'"),
+    ],
+)
+def test_what_is_no_radiance_is_refused(radiance, display, message):
+    """A list was an AttributeError."""
+    display = focused_display("square", width_px=4, height_px=3) if display is None else display
+    with pytest.raises(InputError, match=message):
+        IntegralImage(radiance, display)
+
+
+def test_metadata_are_texts(mi):
+    display = focused_display("square", width_px=40, height_px=30)
+    image = IntegralImage(np.zeros((30, 40, 3), np.float32), display, {"gain": np.float64(1.5)})
+    assert image.metadata["gain"] == "1.5"
+    view = lippmann.observe(image, tuple(np.array([0.0, 1.5, 600.0])), width_px=8, samples=1)
+    assert view.metadata["eye_mm"] == "(0.0, 1.5, 600.0)"
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_a_forced_image_keeps_the_identity_of_its_file(tmp_path, stored):
+    """Saved again, it claimed to be made for the other display."""
+    own, other = (focused_display("square", width_px=4, height_px=3, pixel_pitch=pitch) for pitch in (0.2, 0.25))
+    IntegralImage(np.zeros((3, 4, 3), np.float32), own).save(tmp_path / "a.exr")
+    IntegralImage.load(tmp_path / "a.exr", other, force=True, stored=stored).save(tmp_path / "b.exr")
+    assert IntegralImage.load(tmp_path / "b.exr", own).metadata["identity"] == own.identity
+    with pytest.raises(InputError, match="was made for display"):
+        IntegralImage.load(tmp_path / "b.exr", other)
+
+
+@pytest.mark.parametrize("value", ["one\ntwo", "one\n\ttwo\n\nthree", "a\r\nb", "\nstarts", "ends\n"])
+@pytest.mark.parametrize("suffix", [".tif", ".exr", ".png"])
+def test_metadata_of_several_lines_survive(tmp_path, value, suffix):
+    display = focused_display("square", width_px=4, height_px=3)
+    image = IntegralImage(np.zeros((3, 4, 3), np.float32), display, {"comment": value, "next": "x"})
+    image.save(tmp_path / f"a{suffix}")
+    loaded = IntegralImage.load(tmp_path / f"a{suffix}", display)
+    assert (loaded.metadata["comment"], loaded.metadata["next"]) == (value, "x")

@@ -66,6 +66,23 @@ def test_what_cannot_be_recorded_is_traced_each_time(mi, chart):
     assert hidden.traced == [5, 5, 5]  # the first call tried to record it
 
 
+def test_an_error_of_the_function_itself_is_raised(mi, chart):
+    """Every RuntimeError counted as "cannot be recorded", and the function was called once more."""
+    import drjit as dr
+
+    calls = []
+
+    def failing(numbers):
+        calls.append(1)
+        raise RuntimeError("jit_malloc(): out of memory")
+
+    numbers = dr.arange(mi.UInt32, 4)
+    dr.make_opaque(numbers)
+    with pytest.raises(RuntimeError, match=r"^jit_malloc\(\): out of memory$"):
+        Recorded(failing, chart)(numbers)
+    assert calls == [1]
+
+
 @pytest.mark.parametrize("shading", ["each", "shared", "auto"])
 def test_the_renderers_programs_are_recorded_once(mi, chart, monkeypatch, shading):
     """Traced each time, they would give the same pictures, later. The trial's recordings serve the render.

@@ -81,16 +81,22 @@ class IntegralImage(Showable):
     Raises
     ------
     InputError
-        When the radiance has not the panel's size, or holds integers.
+        When the radiance has not the panel's size, or holds integers; or when the display is none.
     """
 
     radiance: Radiance
     display: Display
     metadata: dict[str, str] = field(default_factory=dict)
     measured: dict[str, float] = field(default_factory=dict)
+    #: Name and identity of the display that a file was made for, where it was loaded for another by force.
+    _made_for: dict[str, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Check the size, and name the display in the metadata."""
+        """Check type and size, convert other floats to float32, and name the display in the metadata."""
+        if not isinstance(self.display, Display):
+            raise InputError(f"display must be a lippmann.Display, not {str(self.display)[:80]!r}")
+        if not isinstance(self.radiance, np.ndarray | StoredRows):
+            object.__setattr__(self, "radiance", np.asarray(self.radiance))
         panel = self.display.panel
         if not np.issubdtype(self.radiance.dtype, np.floating):
             what = f"the radiance is {self.radiance.dtype}, not linear light, where 1 is white"
@@ -100,8 +106,11 @@ class IntegralImage(Showable):
             size = " x ".join(str(side) for side in self.radiance.shape)
             what = f"the radiance is {size}, the panel {panel.height_px} x {panel.width_px} x 3"
             raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
+        if self.radiance.dtype != np.float32:
+            object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
         # The caller's stays as it is.
-        object.__setattr__(self, "metadata", {**self.metadata, **metadata_of(self.display)})
+        texts = {str(key): str(value) for key, value in self.metadata.items()}
+        object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
         """Write the image: .exr and .tif keep linear radiance, .png the panel's values by its own curve and bits.
@@ -112,7 +121,7 @@ class IntegralImage(Showable):
             When the file cannot be written, or the radiance is not finite.
         """
         panel = self.display.panel
-        write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
+        write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
 
     @classmethod
     def load(
@@ -127,7 +136,7 @@ class IntegralImage(Showable):
         display
             A display file, or what `load_display` returned.
         force
-            Accept an image for another display, or one that names none.
+            Accept an image for another display, or one that names none. Saved again, it keeps its file's identity.
         stored
             Leave the pixels in the file: `observe` reads the rows that it needs, and anything else all of them.
 
@@ -146,9 +155,14 @@ class IntegralImage(Showable):
         size = built.panel.width_px, built.panel.height_px
         if stored:
             rows = StoredRows(path, size, accept)
-            return cls(cast(Radiance, rows), built, rows.metadata)
-        picture = read_picture(path, size, accept)
-        return cls(picture.radiance, built, picture.metadata)
+            image = cls(cast(Radiance, rows), built, rows.metadata)
+        else:
+            picture = read_picture(path, size, accept)
+            image = cls(picture.radiance, built, picture.metadata)
+        if force:
+            source = rows.metadata if stored else picture.metadata
+            image._made_for.update({key: source[key] for key in ("display", "identity") if key in source})
+        return image
 
 
 def metadata_of(display: Display) -> dict[str, str]:

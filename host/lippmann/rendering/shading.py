@@ -31,6 +31,8 @@ from lippmann.rendering.surface_lattice import (
 )
 from lippmann.scenes.scene import Scene
 
+#: What Dr.Jit says of a function that it cannot record or replay.
+NOT_RECORDED = re.compile(r"record|frozen|freez|replay")
 #: A lamp that shows a picture, as Mitsuba writes it: Dr.Jit 1.5 ends the process that replays one on a GPU.
 PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 
@@ -60,8 +62,14 @@ class Recorded:
     def __call__(self, *arguments: Any) -> Any:
         """Return what the function returns."""
         if self._recordable:
-            with contextlib.suppress(RuntimeError), garbage_kept():
-                return self._frozen(*arguments)
+            try:
+                with garbage_kept():
+                    return self._frozen(*arguments)
+            except RuntimeError as error:
+                # Dr.Jit wraps all that happens in the function; what it cannot record, it says so.
+                cause = error if error.__cause__ is None else error.__cause__
+                if not NOT_RECORDED.search(str(cause)):
+                    raise cause from None
             self._recordable = False
         return self._function(*arguments)
 
