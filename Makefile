@@ -26,7 +26,7 @@ setup: $(READY) ## make .venv with all that the project needs (PYTHON=python3)
 PIP := $(BIN)/pip install -q --no-compile --disable-pip-version-check --no-warn-conflicts -c constraints.txt
 UV := $(BIN)/uv pip install -q --python $(BIN)/python -c constraints.txt
 FIRST := --no-deps setuptools
-FOR_DEMO := --no-build-isolation -e '.[render,board,simulate]'
+FOR_DEMO := --no-build-isolation -e '.[render,board,live,simulate]'
 JUDGE := --no-deps rayoptics
 ALL := --no-build-isolation -e '.[all,rtl,test,site,lint]'
 $(DEMO_READY): pyproject.toml constraints.txt host/setup.sh

@@ -1,14 +1,15 @@
-"""Animations and contact sheets of views."""
+"""Pictures for screens: PNG files in memory, animations and contact sheets of views."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from lippmann.base.files import replacing
 from lippmann.base.images import Radiance, check_output
-from lippmann.base.tones import encoded_values
+from lippmann.base.tones import Numbers, encoded_values
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -18,6 +19,15 @@ ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
 FRAME_MS = 80
 #: Bytes of each pixel of each frame, in Pillow's copies of the frames (measured).
 FRAME_BYTES = 13
+
+
+def png_bytes(radiance: Numbers) -> bytes:
+    """Return linear radiance (height, width, 3) as a PNG file for screens: sRGB, 8 bits."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(encoded_values(radiance, "srgb", 8)).save(stream, "PNG")
+    return stream.getvalue()
 
 
 def write_animation(

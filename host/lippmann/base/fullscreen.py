@@ -8,13 +8,17 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.programs import silent_stderr
-from lippmann.errors import DeviceError, InputError
+from lippmann.errors import DeviceError, InputError, missing_library
+
+if TYPE_CHECKING:
+    import pygame
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -32,7 +36,7 @@ def monitors() -> list[tuple[int, int]]:
         return sizes_of(pygame)
 
 
-def sizes_of(pygame: Any) -> list[tuple[int, int]]:
+def sizes_of(pygame: ModuleType) -> list[tuple[int, int]]:
     """Return the width and height of each monitor of a desktop, px."""
     return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
 
@@ -114,7 +118,7 @@ def show_frames(frames: Sequence[Pixels], title: str, frame_s: float, seconds: f
                 return
 
 
-def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> bool:
+def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
     """Draw a picture; wait for Escape, q or the close button, or some seconds; tell whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
@@ -130,12 +134,15 @@ def _put_up(pygame: Any, screen: Any, picture: Any, seconds: float | None) -> bo
 
 
 @contextmanager
-def desktop(wanted: str) -> Iterator[Any]:
+def desktop(wanted: str) -> Iterator[ModuleType]:
     """Give pygame with its display initialised; an error of SDL becomes that of a desktop that refuses `wanted`."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     # Keep the window when another one gets the keyboard.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
-    import pygame
+    try:
+        import pygame
+    except ImportError as error:
+        raise missing_library(error) from None
 
     remedy = "run it in a graphical session, such as with DISPLAY=:0"
     try:

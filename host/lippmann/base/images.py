@@ -7,7 +7,6 @@ folder and renamed at the end.
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import re
 import struct
@@ -28,7 +27,7 @@ from lippmann.base import interrupts
 from lippmann.base.files import clean_before_writing, not_written, refused, replacing
 from lippmann.base.limits import check_expanded, png_chunks
 from lippmann.base.programs import silent_stderr
-from lippmann.base.tones import BAND_ROWS, Transfer, decode, encoded_values, transfer_text
+from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
 from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of
 
 if TYPE_CHECKING:
@@ -64,15 +63,6 @@ class Picture:
 
     radiance: Radiance
     metadata: dict[str, str]
-
-
-def png_bytes(radiance: npt.NDArray[Any]) -> bytes:
-    """Return linear radiance (height, width, 3) as a PNG file for screens: sRGB, 8 bits."""
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(encoded_values(radiance, "srgb", 8)).save(stream, "PNG")
-    return stream.getvalue()
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
@@ -121,7 +111,7 @@ class Rows(Protocol):
     def shape(self) -> tuple[int, ...]:
         """Height, width and 3."""
 
-    def __getitem__(self, rows: slice, /) -> npt.NDArray[Any]:
+    def __getitem__(self, rows: slice, /) -> Numbers:
         """Return some rows, `BAND_ROWS` at most, from a multiple of it on."""
 
 
@@ -148,9 +138,9 @@ def write_picture(
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
             raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
 
-    def file_values(first: int) -> npt.NDArray[Any]:
+    def file_values(first: int) -> Numbers:
         """Return the file's values of the band from this row on: no copy of the whole image is made."""
-        rows: npt.NDArray[Any] = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
+        rows: Numbers = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
         if suffix == ".png":
             rows = encoded_values(rows, transfer, bits)
         elif suffix == ".exr":
@@ -201,7 +191,7 @@ def _file_spec(
 
 
 def _write_bands(
-    out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], npt.NDArray[Any]]
+    out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]
 ) -> list[int] | None:
     """Write the bands and return their CRC-32 sums; None on failure. One is compressed while the next is encoded."""
     sums = []
@@ -324,7 +314,7 @@ def _broken(path: Path, source: OpenImageIO.ImageInput) -> InputError:
     return input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
 
 
-def _three_colours(pixels: npt.NDArray[Any]) -> Radiance:
+def _three_colours(pixels: Numbers) -> Radiance:
     """Return (height, width, 3) of values (height, width, 1 to 4)."""
     values = np.asarray(pixels, np.float32)
     if values.shape[2] < 3:
@@ -456,7 +446,7 @@ class StoredRows:
         self._rows.setflags(write=False)
         return self._rows
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Numbers:
         """Return all rows."""
         height, width, _ = self.shape
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
@@ -471,7 +461,7 @@ class StoredRows:
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 
 
-def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> npt.NDArray[Any]:
+def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> Numbers:
     """Return the numbers of an image (height, width) or (height, width, channels BGR or BGRA), of the file's own type.
 
     Raises InputError, with `what` and `remedy`, for a file that is no image of `FORMATS` or is broken, and for one of
@@ -487,7 +477,7 @@ def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> npt.ND
     _check_chunks(path, refused)
     try:
         with silent_stderr():
-            numbers: Any = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         numbers = None
     if numbers is None:

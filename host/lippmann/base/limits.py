@@ -9,13 +9,13 @@ import zipfile
 import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 from xml.parsers import expat
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base.machine import free_memory_mb
+from lippmann.base.tones import Numbers
 from lippmann.errors import InputError, input_error, reason
 
 #: Most bytes of a TOML file; a scene's XML; a table of pixels or words as text.
@@ -58,7 +58,7 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
-) -> tuple[dict[str, npt.NDArray[Any]], set[str]]:
+) -> tuple[dict[str, Numbers], set[str]]:
     """Return arrays of numbers of an .npz file, those of `names` that it has, and all names in it.
 
     Without `names` it is an .npy file, whose array is called "". The arrays' headers are read first: `bytes_a_ray` is
@@ -94,7 +94,7 @@ def load_arrays(
         raise input_error(str(path), f"cannot be read ({why})", remedy) from None
 
 
-Header = tuple[tuple[int, ...], np.dtype[Any]]
+Header = tuple[tuple[int, ...], np.dtype[np.generic]]
 
 
 def _header(stream: IO[bytes]) -> Header:

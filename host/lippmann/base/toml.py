@@ -34,6 +34,9 @@ DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
+#: A table, or any other value, as TOML, a declaration or a schema holds it.
+Table = dict[str, Any]
+Value = Any
 #: Keys at the top of a file that only one kind of file has.
 KINDS = {
     "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
@@ -83,7 +86,7 @@ def key(
     """
     known = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
     extra = {name: words for name, words in known if words}
-    bounds: dict[str, Any] = {"gt": above, "ge": low, "le": high, "min_length": lengths[0], "max_length": lengths[1]}
+    bounds: Table = {"gt": above, "ge": low, "le": high, "min_length": lengths[0], "max_length": lengths[1]}
     return msgspec.Meta(description=meaning, extra_json_schema=extra, **bounds)
 
 
@@ -97,7 +100,7 @@ def documented(form: type[Form]) -> type[Form]:
     return form
 
 
-def variant(form: type, optional: tuple[str, ...], **changes: Any) -> Any:
+def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
     """Return the dataclass `form` as a file writes it: keys added, of another type, or optional (None without them)."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
@@ -110,20 +113,20 @@ def variant(form: type, optional: tuple[str, ...], **changes: Any) -> Any:
     return dataclasses.make_dataclass(form.__name__, fields, frozen=True, kw_only=True)
 
 
-def values(keys: Any) -> dict[str, Any]:
+def values(keys: Value) -> Table:
     """Return the keys of a table that was read, with defaults."""
     return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
 
 
 @cache
-def schema(form: Any) -> Schema:
+def schema(form: Value) -> Schema:
     """Return the JSON Schema of a declared file, without references.
 
     Keys that are not declared are refused, save at the top of a class with `other_tables = True`.
     """
     whole = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
-    def plain(node: Any) -> Any:
+    def plain(node: Value) -> Value:
         if isinstance(node, list):
             return [plain(item) for item in node]
         if not isinstance(node, dict):
@@ -172,7 +175,7 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
             yield from tables(option["items"], name)
 
 
-def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
+def parse(text: str, source: str, remedy: str = MEND) -> Table:
     """Return the tables of TOML text; `source` names it in errors, `remedy` is for text that is not TOML."""
     if (deep := DEEP_KEY.search(text)) is not None:
         place = text.count("\n", 0, deep.start()) + 1
@@ -190,7 +193,7 @@ def parse(text: str, source: str, remedy: str = MEND) -> dict[str, Any]:
         raise input_error(source, f"not TOML ({why})", remedy) from None
 
 
-def load(path: Path, what: str) -> dict[str, Any]:
+def load(path: Path, what: str) -> Table:
     """Return the tables of a TOML file; `what` names its kind in errors."""
     try:
         text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
@@ -202,7 +205,7 @@ def load(path: Path, what: str) -> dict[str, Any]:
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
 
-def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form:
+def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:
     """Return the declared table that the parsed TOML holds.
 
     Raises InputError (file, key, fault, remedy) for unknown keys first, then for the first other fault.
@@ -248,13 +251,13 @@ def read(form: Callable[..., Form], raw: Mapping[str, Any], source: str) -> Form
         raise _wrong(source, name, *nodes[name]) from None
 
 
-def check_fields(made: Any) -> None:
+def check_fields(made: object) -> None:
     """Refuse values of a declared dataclass that no file can give it, and store the others as a file gives them.
 
     For `__post_init__`: what is made in Python gets the checks of what is read. A field that is a dataclass itself must
     be of that class. Raises InputError with class, key, fault and remedy.
     """
-    form: Any = type(made)
+    form: Value = type(made)
     source, (plain, parts) = form.__name__, _plain_form(form)
     for name, part in parts.items():
         if not isinstance(getattr(made, name), part):
@@ -274,7 +277,7 @@ def check_fields(made: Any) -> None:
 
 
 @cache
-def _plain_form(form: Any) -> tuple[Any, dict[str, Any]]:
+def _plain_form(form: Value) -> tuple[Value, Table]:
     """Return a dataclass of a declared one's fields without its methods, and the fields that are dataclasses."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
@@ -282,20 +285,20 @@ def _plain_form(form: Any) -> tuple[Any, dict[str, Any]]:
     return dataclasses.make_dataclass(form.__name__, fields), {**parts}
 
 
-def _builtin(value: Any) -> Any:
+def _builtin(value: Value) -> Value:
     """Return a value with numpy's numbers and arrays as Python's."""
     if isinstance(value, list | tuple):
         return tuple(map(_builtin, value))
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _is_finite(value: Any) -> bool:
+def _is_finite(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(_is_finite, value))
     return not isinstance(value, float) or math.isfinite(value)
 
 
-def toml_text(table: Mapping[str, Any], *, one_line: bool = True) -> str:
+def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
     """Return keys and tables as the text of a TOML file; a list stands in one line, or each entry in its own."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
@@ -304,7 +307,7 @@ def toml_text(table: Mapping[str, Any], *, one_line: bool = True) -> str:
     return re.sub(r",\n *", ", ", re.sub(r"(?<=\[)\n *|,\n *(?=\])", "", text))
 
 
-def _path(kind: Callable[[str], Any], text: str) -> Any:
+def _path(kind: Callable[[str], Path], text: str) -> Path:
     """Return the path that a file names; ValueError for a name that no file can have."""
     parts = [os.fsencode(part) for part in Path(text).parts]
     if b"\0" in b"".join(parts) or max(map(len, parts), default=0) > MAX_NAME_BYTES or len(text) > MAX_PATH:
@@ -316,7 +319,7 @@ def _join(table: str, name: str) -> str:
     return f"{table}.{name}" if table else name
 
 
-def _walk(value: Any, node: Schema, name: str) -> Iterator[tuple[str, Any, Schema]]:
+def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, Schema]]:
     """Yield name, value and schema of everything that the declaration knows, in the order of the file."""
     if isinstance(value, dict):  # a key that takes text or a table
         node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
@@ -336,7 +339,7 @@ def _walk(value: Any, node: Schema, name: str) -> Iterator[tuple[str, Any, Schem
                 yield from _walk(item, inner or parts[place], f"{name}[{place}]")
 
 
-def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> str:
+def _hint(top: Schema, here: Schema, given: Mapping[str, object], unknown: str) -> str:
     """Say which key an unknown one may stand for."""
     missing = {*here.get("required", ())}.difference(given)
     for group, needed in rivals(here):
@@ -374,7 +377,7 @@ def _hint(top: Schema, here: Schema, given: Mapping[str, Any], unknown: str) -> 
     return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     """Return a value for an error's line."""
     if isinstance(value, float):
         return f"{value:g}"
@@ -384,7 +387,7 @@ def _shown(value: Any) -> str:
         return ENDLESS
 
 
-def _wrong(source: str, name: str, value: Any, node: Schema) -> InputError:
+def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
     least, most = node.get("minItems", 0), node.get("maxItems", math.inf)
     if isinstance(value, list) and "x-shape" not in node and "prefixItems" not in node:  # tables
         if len(value) > most:

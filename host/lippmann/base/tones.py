@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from lippmann.errors import InputError
 
+#: An array of numbers of any type.
+Numbers = npt.NDArray[Any]
 #: Pairs (panel value, light), both rising from 0 to 1; straight lines run between them.
 Curve = tuple[tuple[float, float], ...]
 #: A curve's name, a measured curve, or the text of a measured curve in an image's metadata.
@@ -78,7 +80,7 @@ def transfer_name(transfer: Transfer) -> str:
     return f"a curve of {text.count('[') - 1} points ({zlib.crc32(text.encode()):08x})"
 
 
-def encode(linear: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
     """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     if (measured := curve_of(transfer)) is not None:
@@ -93,7 +95,7 @@ def encode(linear: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float
     raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
 
 
-def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float32]:
+def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
     """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
     v = np.asarray(values, np.float32)
     if (measured := curve_of(transfer)) is not None:
@@ -108,7 +110,7 @@ def decode(values: npt.NDArray[Any], transfer: Transfer) -> npt.NDArray[np.float
     raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
 
 
-def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
+def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
     """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
 
     Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
@@ -124,7 +126,7 @@ def encoded_values(radiance: npt.NDArray[Any], transfer: Transfer, bits: int) ->
     return values
 
 
-def psnr_db(a: npt.NDArray[Any], b: npt.NDArray[Any], mask: npt.NDArray[np.bool_] | None = None) -> float:
+def psnr_db(a: Numbers, b: Numbers, mask: npt.NDArray[np.bool_] | None = None) -> float:
     """Return the peak signal-to-noise ratio, dB, of two linear images, compared as sRGB values."""
     difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
     mean = difference.mean() if mask is None else difference[mask].mean()

@@ -24,10 +24,10 @@ REQUIRED = inspect.Parameter.empty
 JSON = click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
 
 
-class Choice(click.Choice[Any]):
+class Choice(click.Choice[str]):
     """One of some values; a wrong one is answered with the likeliest."""
 
-    def get_invalid_choice_message(self, value: Any, ctx: click.Context | None) -> str:
+    def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:
         """Return what is wrong with a value, and the remedy."""
         return f"{super().get_invalid_choice_message(value, ctx)} {did_you_mean(str(value), map(str, self.choices))}"
 
@@ -39,11 +39,11 @@ class Declared:
     flag: str | None
     attributes: Mapping[str, Any]
 
-    def parameter(self, name: str, kind: Any) -> click.Parameter:
+    def parameter(self, name: str, kind: object) -> click.Parameter:
         """Return click's parameter; `kind` is its type in Python."""
         if NoneType in get_args(kind):
             kind = get_args(kind)[0]
-        attributes = dict(self.attributes)
+        attributes: dict[str, Any] = dict(self.attributes)
         if attributes["type"] is None:
             attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else kind
         if attributes["type"] is str:  # mostly a file, and nothing else is known of it
@@ -54,18 +54,20 @@ class Declared:
         return click.Option((flag, name), is_flag=True if kind is bool else None, **attributes)
 
 
-def option(help_text: str | None, default: Any = REQUIRED, kind: Any = None, flag: str = "", **others: Any) -> Any:
+def option(
+    help_text: str | None, default: object = REQUIRED, kind: object = None, flag: str = "", **others: object
+) -> Any:
     """Declare an option; `kind` is click's type, `others` are further arguments of `click.Option`."""
     shown = not (default is None or default is REQUIRED or isinstance(default, bool | tuple))
     return Declared(flag, {"help": help_text, "show_default": shown, **_given(default, kind), **others})
 
 
-def argument(metavar: str | None = None, default: Any = REQUIRED, kind: Any = None, **others: Any) -> Any:
+def argument(metavar: str | None = None, default: object = REQUIRED, kind: object = None, **others: object) -> Any:
     """Declare an argument."""
     return Declared(None, {"metavar": metavar, **_given(default, kind), **others})
 
 
-def _given(default: Any, kind: Any) -> dict[str, Any]:
+def _given(default: object, kind: object) -> dict[str, object]:
     return {"type": kind, "required": True} if default is REQUIRED else {"type": kind, "default": default}
 
 
@@ -96,13 +98,13 @@ def parameters(function: Function) -> Iterator[click.Parameter]:
             yield from parameters(default)
 
 
-def _call(function: Function, values: Mapping[str, Any]) -> Any:
+def _call(function: Function, values: Mapping[str, object]) -> object:
     """Call a function with the values of its options."""
     defaults = _defaults(function).items()
     return function(**{name: _call(given, values) if callable(given) else values[name] for name, given in defaults})
 
 
-def _defaults(function: Function) -> dict[str, Any]:
+def _defaults(function: Function) -> dict[str, object]:
     """Return the default of each parameter; None for those without."""
     found = inspect.signature(function).parameters.items()
     return {name: None if parameter.default is REQUIRED else parameter.default for name, parameter in found}

@@ -18,7 +18,7 @@ from importlib.resources import files
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import png_bytes
+from lippmann.base.animation import png_bytes
 from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error

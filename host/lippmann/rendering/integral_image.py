@@ -15,8 +15,9 @@ from typing import cast
 
 import numpy as np
 
+from lippmann.base.animation import png_bytes
 from lippmann.base.fullscreen import show_window
-from lippmann.base.images import ENCODED_SUFFIXES, Radiance, StoredRows, png_bytes, read_picture, write_picture
+from lippmann.base.images import ENCODED_SUFFIXES, Radiance, StoredRows, read_picture, write_picture
 from lippmann.base.tones import encoded_values, transfer_name, transfer_text
 from lippmann.display.description import Display, display_at
 from lippmann.errors import DeviceError, InputError, input_error

@@ -25,7 +25,7 @@ class Vector(click.ParamType[tuple[float, ...]]):
         self.size = size
         self.form = form or ",".join("XYZ"[:size])
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
         """Parse the numbers."""
         if isinstance(value, tuple):
             return value
@@ -76,7 +76,7 @@ class Slot(click.ParamType[tuple[int, int]]):
 
     name = "slot"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
         """Parse the numbers."""
         if isinstance(value, tuple):
             return value
