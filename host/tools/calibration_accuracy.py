@@ -89,13 +89,7 @@ class Case:
     cameras: tuple[Camera, ...]
     sensor: Sensor
 
-    def shoot(
-        self,
-        folder: Path,
-        seed: int = 0,
-        bench: Bench = UNDISTURBED,
-        steps: int = STEPS,
-    ) -> Path:
+    def shoot(self, folder: Path, seed: int = 0, bench: Bench = UNDISTURBED, steps: int = STEPS) -> Path:
         """Write `nominal.toml`, `built.toml`, and the folder `photographs` with patterns and positions; return it."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "nominal.toml").write_text(display_text(self.nominal))
@@ -103,10 +97,8 @@ class Case:
         patterns, photographs = folder / "patterns", folder / "photographs"
         write_patterns(replace(PatternSet.of(self.nominal), steps=steps), self.nominal, patterns)
         for number, camera in enumerate(self.cameras, 1):
-            photograph_folder(
-                self.built, camera, patterns, photographs / f"position-{number}", seed + number, self.sensor,
-                bench,
-            )  # fmt: skip
+            position = photographs / f"position-{number}"
+            photograph_folder(self.built, camera, patterns, position, seed + number, self.sensor, bench)
         (photographs / "patterns.toml").write_text((patterns / "patterns.toml").read_text())
         return photographs
 

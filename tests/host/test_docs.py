@@ -175,7 +175,7 @@ def test_what_is_not_run_is_there():
             assert "".join(target) in targets, f"{name_of(page)}: make {target}"
         for script in re.findall(r"python3? (\S+\.py)", text):
             assert (TOP / script).is_file(), f"{name_of(page)}: {script}"
-        for module in re.findall(r"python3? -m (lippmann\.\S+)", text):
+        for module in re.findall(r"python3? -m ((?:lippmann|tools)\.[\w.]+)", text):
             assert importlib.util.find_spec(module), f"{name_of(page)}: {module}"
         for line in re.findall(r"`lippmann ([a-z][^`\n]*)`", BLOCK.sub("", text)):
             words = line.split()
