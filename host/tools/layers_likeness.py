@@ -162,7 +162,7 @@ def hole_percent(
         if cut.apart is not None and not last:
             continue
         around = max(size) if last else 1 + math.ceil((aside_mm + blur_mm) / pixel_mm)
-        light = draw_golden(display, LayerStack(tuple(black[:k]), np.ones(3)), filter, lines=lines).light
+        light = draw_golden(display, LayerStack(tuple(black[:k]), np.ones(3)), filter, lines=lines)
         views = views_of(light.astype(np.float32), display)
         between = front.front_mm, -math.inf if last else slab.back_mm
         for place, (eye, view) in enumerate(zip(eyes_of(reach), views, strict=True)):

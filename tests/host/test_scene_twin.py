@@ -33,7 +33,7 @@ from lippmann.fixed.scene_pipeline import (
     texel_blend,
     texel_fetch,
 )
-from lippmann.layers.layer_drawing import draw_golden, exit_lines
+from lippmann.layers.layer_drawing import draw_golden, exit_lines, panel_bytes
 from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.scene_cutting import reach_of
 from lippmann.layers.stack import Layer, LayerStack
@@ -245,7 +245,8 @@ def traced(request):
 def kept(traced, stack, build, scene_build):
     """The share of the twin's values within 1/255 of golden's, and the PSNR, dB, of a whole frame."""
     display, lines = traced
-    golden = draw_golden(display, stack, "bilinear" if scene_build.bilinear else "nearest", lines=lines).panel
+    light = draw_golden(display, stack, "bilinear" if scene_build.bilinear else "nearest", lines=lines)
+    golden = panel_bytes(display, light)
     apart = draw(display, build, stack, scene_build).astype(np.int64) - golden
     within, decibels = (abs(apart) <= 1).mean(), 20 * np.log10(255 / np.sqrt((apart**2).mean()))
     print(f"{within:.4%} within 1/255, {decibels:.1f} dB")

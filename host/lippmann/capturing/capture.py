@@ -96,8 +96,8 @@ def placement_before(setup: Setup, path: Path, setup_path: str | Path | None = N
 
     If the file beside the scene that has its name is the set-up's own (`setup_path`), it is not the scene's placement.
     """
-    beside = path.with_suffix(".toml")
-    is_setup = setup_path is not None and beside.exists() and beside.samefile(setup_path)
+    placement_file = path.with_suffix(".toml")
+    is_setup = setup_path is not None and placement_file.exists() and placement_file.samefile(setup_path)
     return (Placement() if is_setup else placement_beside(path)).then(setup.subject.placement)
 
 
@@ -189,9 +189,9 @@ def rays_from_picture(
     else:
         # The camera sees this point of the array's first principal plane, where the aperture points lie; the pinhole
         # is on the axis, at the distance L. Its picture is as large as the display's elemental images ask for.
-        seen = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
-        i, j, x, y = system.lattice.locate(b, *seen)
-        px, py = frame.panel_from_array(*seen)
+        point = system.convergence.towards_eye(*frame.array_from_panel(*frame.panel_from_pixel(u, v)))
+        i, j, x, y = system.lattice.locate(b, *point)
+        px, py = frame.panel_from_array(*point)
         to_camera = setup.camera_distance_mm
         assert to_camera is not None
         back = system.aperture_distance_mm / to_camera

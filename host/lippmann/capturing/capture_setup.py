@@ -272,13 +272,13 @@ def _lens(keys: LensKeys, object_mm: float, where: str) -> ImagingLens:
     return pair
 
 
-def _captured_array(keys: ArrayKeys, shown: Array, where: str) -> tuple[Array, bool]:
+def _captured_array(keys: ArrayKeys, display_array: Array, where: str) -> tuple[Array, bool]:
     """Return the lenslets of `[array]` over the display's, and whether they are concave."""
-    array, focal = shown, keys.focal_length_mm
+    array, focal = display_array, keys.focal_length_mm
     if focal is not None:
         if focal == 0.0:
             raise input_error(f"{where}focal_length_mm", "0 is no focal length", "give mm, negative for concave")
-        array = replace(shown, radius_mm=abs(focal) * (shown.index - 1.0))
+        array = replace(display_array, radius_mm=abs(focal) * (display_array.index - 1.0))
         check_radius(array, f"{where}focal_length_mm")
         array = replace(array, thickness_mm=array.sag_mm)
     if keys.thickness_mm is not None:

@@ -76,23 +76,23 @@ def rotation_map(display: Display) -> Indices:
     if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
         across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
         across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of a picture that is one pixel high, or wide
-        of_columns, still_columns = _pairs(display, across, width, 1)
-        of_rows, still_rows = _pairs(display, up, 1, height)
+        of_columns, fixed_columns = _pairs(display, across, width, 1)
+        of_rows, fixed_rows = _pairs(display, up, 1, height)
         column, row = np.arange(width), np.arange(height)[:, np.newaxis]
         to_column = of_columns[across.cell, 0] - column
         to_row = of_rows[up.cell, 1][:, np.newaxis] - row
         table: Indices = to_row * width + to_column
-        table[still_rows] = row[still_rows] * width + column
-        table[:, still_columns] = row * width + column[still_columns]
+        table[fixed_rows] = row[fixed_rows] * width + column
+        table[:, fixed_columns] = row * width + column[fixed_columns]
         return table.ravel()
     cells = cells_of(display)
-    pairs, still = _pairs(display, cells, width, height)
+    pairs, fixed = _pairs(display, cells, width, height)
     # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
     partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
     by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
     by_row -= np.arange(width)
     by_row -= np.arange(height)[:, np.newaxis] * width
-    partner[still] = still
+    partner[fixed] = fixed
     return partner
 
 
@@ -100,8 +100,8 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     """Return (m, n) of each cell in a picture of this size, (cells, 2), and the numbers of the pixels that stay."""
     cell, centre, rim = cells
     size = np.array([width, height])
-    asked = 2.0 * centre - 1.0
-    nearest = np.rint(asked)
+    exact = 2.0 * centre - 1.0
+    nearest = np.rint(exact)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
     reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
     cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
@@ -110,28 +110,28 @@ def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Ind
     of_rim = cell[pixel]
     best = nearest.astype(np.int64)
     count, miss = np.full(len(centre), -1), np.full(len(centre), np.inf)
-    whole = np.bincount(of_rim, minlength=len(centre))
+    cell_size = np.bincount(of_rim, minlength=len(centre))
     stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
-        far = np.abs(nearest + step - asked)
+        far = np.abs(nearest + step - exact)
         # The first pair is the nearest: where it brings all pixels onto the cell's own, no other is better.
-        beside = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < whole)
-        if not beside.any():
+        candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
+        if not candidates.any():
             continue
-        # Rim pixels of the cells for which this pair is within 1 of the pair asked for.
-        tried = np.flatnonzero(beside[of_rim])
-        its_cell = of_rim[tried]
+        # Rim pixels of the cells for which this pair is within 1 of the exact pair.
+        rim_pixels = np.flatnonzero(candidates[of_rim])
+        its_cell = of_rim[rim_pixels]
         m, n = (nearest + step).astype(np.int64)[its_cell].T
-        to_column, to_row = m - column[tried], n - row[tried]
+        to_column, to_row = m - column[rim_pixels], n - row[rim_pixels]
         inside = (to_column >= 0) & (to_column < width) & (to_row >= 0) & (to_row < height)
         own = inside & (cell[np.where(inside, to_row * width + to_column, 0)] == its_cell)
-        kept = np.bincount(its_cell, own, len(centre)).astype(np.int64)
+        own_count = np.bincount(its_cell, own, len(centre)).astype(np.int64)
         off = np.hypot(*far.T)
-        better = beside & ((kept > count) | ((kept == count) & (off < miss)))
-        count, miss = np.where(better, kept, count), np.where(better, off, miss)
+        better = candidates & ((own_count > count) | ((own_count == count) & (off < miss)))
+        count, miss = np.where(better, own_count, count), np.where(better, off, miss)
         best[better] = (nearest + step).astype(np.int64)[better]
-        taken = better[its_cell]
-        stays[tried[taken]] = ~own[taken]
+        improved = better[its_cell]
+        stays[rim_pixels[improved]] = ~own[improved]
     return best, pixel[stays]
 
 

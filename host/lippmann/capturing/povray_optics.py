@@ -117,12 +117,12 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
     lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
     rows, lattice = lattice_rows(display), Lattice.of(array)
     (p, _), (step_x, step_y) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
-    shown, mount = "L_lenslet", ""
+    solid, mount = "L_lenslet", ""
     if lattice.half_steps is not None:
         mount = f"#declare L_mount = object {{ {cell} {BLACK} no_shadow no_reflection }}\n"
         along = f"abs(2 * Column + {'(Row + ' + str(rows[0][0]) + ')' if array.grid == 'hex' else '0'})"
         inside = f"{along} <= {lattice.half_steps[0]} & abs(2 * (Row + {rows[0][0]})) <= {lattice.half_steps[1]}"
-        shown = f"#if ({inside}) L_lenslet #else L_mount #end"
+        solid = f"#if ({inside}) L_lenslet #else L_mount #end"
     frame = PanelFrame.of(display)
     place = np.eye(4)
     place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
@@ -135,7 +135,7 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
 #declare L_last = array[{len(rows)}] {{ {ends} }}
 #for (Row, 0, {len(rows) - 1})
   #for (Column, L_first[Row], L_last[Row])
-    object {{ {shown} translate <{at}> {matrix(place)} }}
+    object {{ {solid} translate <{at}> {matrix(place)} }}
   #end
 #end"""
 
@@ -166,11 +166,11 @@ def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
     # The panel's diagonal bounds it for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
-    found = []
+    rows = []
     for j in range(-count, count + 1):
         i = np.arange(-3 * count, 3 * count + 1)
         x, y = frame.panel_from_array(*lattice.centre(i.astype(float), np.full(len(i), float(j))))
-        seen = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
-        if seen.any():
-            found.append((j, int(i[seen].min()), int(i[seen].max())))
-    return found
+        covers = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
+        if covers.any():
+            rows.append((j, int(i[covers].min()), int(i[covers].max())))
+    return rows

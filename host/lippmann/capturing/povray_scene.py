@@ -323,8 +323,8 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
     centre.prim_index = dr.arange(mi.UInt32, len(faces))
     centre.prim_uv = mi.Point2f(1.0 / 3.0)
     centre.shape = mi.ShapePtr(mesh)
-    found = mesh.compute_surface_interaction(dr.zeros(mi.Ray3f, len(faces)), centre, mi.RayFlags.All)
-    normal = np.array(found.sh_frame.n, np.float64).T
+    interaction = mesh.compute_surface_interaction(dr.zeros(mi.Ray3f, len(faces)), centre, mi.RayFlags.All)
+    normal = np.array(interaction.sh_frame.n, np.float64).T
     return np.asarray((_area(points, faces) * normal).sum(axis=1) >= 0.0)
 
 

@@ -35,15 +35,16 @@ class Item:
 
     def path(self, name: str) -> Path:
         """Return the path that a property names, relative to the scene or to the included file that names it."""
-        given = self.value(name, "")
-        beside = self.tree.path.parent / given
-        return beside if beside.exists() else Path(str(self.tree.state.files[self._node.file_index])).parent / given
+        text = self.value(name, "")
+        including_file = Path(str(self.tree.state.files[self._node.file_index]))
+        beside_scene = self.tree.path.parent / text
+        return beside_scene if beside_scene.exists() else including_file.parent / text
 
     def refusal(self, what: str, remedy: str) -> InputError:
         """Return an error that names this object, its place in the file, and the part that POV-Ray cannot express."""
-        named = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
+        name = f"{self.kind.lower()} '{self.plugin}'" + (f" ({self.id})" if self.id else "")
         where = str(self.tree.mi.parser.file_location(self.tree.state, self._node))
-        return input_error(where, f"{named} {what}", remedy)
+        return input_error(where, f"{name} {what}", remedy)
 
     def _take(self, name: str) -> Any:
         self._read.add(name)
@@ -89,13 +90,13 @@ class Item:
 
     def children(self) -> list[Item]:
         """Return the nested and referenced objects that are not yet read, in order."""
-        found = {
+        objects = {
             name: Item(self.tree, value.index())
             for name, value in self._properties.items()
             if isinstance(value, self.tree.reference) and name not in self._read
         }
-        self._read.update(found)
-        return list(found.values())
+        self._read.update(objects)
+        return list(objects.values())
 
     def refuse_leftovers(self) -> None:
         """Raise for the first property that has not been read."""

@@ -49,8 +49,8 @@ def matrix(values: npt.NDArray[Any]) -> str:
 
 def rows(values: npt.NDArray[Any]) -> str:
     """Return the number of rows of an (N, k) array, then the rows as vectors, as meshes need them."""
-    whole = np.issubdtype(values.dtype, np.integer)
-    form = "%d" if whole else "%.9g"
+    is_integer = np.issubdtype(values.dtype, np.integer)
+    form = "%d" if is_integer else "%.9g"
     line = "<" + ",".join([form] * values.shape[1]) + ">"
     return f"{len(values)},\n" + ",\n".join([line] * len(values)) % tuple(values.ravel().tolist())
 

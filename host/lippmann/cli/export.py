@@ -106,7 +106,7 @@ def povray(
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Subject:
     """What is looked at: a scene, or the display that shows an image."""
 
     display: Display
@@ -120,7 +120,7 @@ class _Seen:
         return eyes_of(self.display, 1)[0]
 
 
-def _seen(
+def _subject(
     source: str = argument("SOURCE"),
     display_path: str = DISPLAY,
     width: int = option("Width of a view, pixels.", 400, click.IntRange(1, MAX_VIEW_PX)),
@@ -128,7 +128,7 @@ def _seen(
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
-) -> _Seen:
+) -> _Subject:
     display = load_display(display_path)
     window = whole_window(display, width)
     if window.height_px > MAX_VIEW_PX:
@@ -138,15 +138,15 @@ def _seen(
             raise InputError(f"--{name.replace('_', '-')} is for scenes; leave it out with an image")
         image = IntegralImage.load(source, display)
         start_mitsuba(device)
-        return _Seen(display, window, image_viewer(image, window, samples, seed), None)
+        return _Subject(display, window, image_viewer(image, window, samples, seed), None)
     path = check_scene_file(source)
     start_mitsuba(device)
     scene = place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
-    return _Seen(display, window, scene_viewer(scene, window, Settings(samples=samples, seed=seed)), scene)
+    return _Subject(display, window, scene_viewer(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 
 #: The options of all views.
-SEEN: Any = _seen
+SUBJECT: Any = _subject
 CONE = option(
     "Angle between the outermost eyes, degrees.  [default: the viewing zone]", None, Finite(0.0), flag="--cone"
 )
@@ -157,7 +157,7 @@ TILES = click.IntRange(1, MAX_VIEWS)
 
 @make_command("quilt")
 def quilt(
-    seen: _Seen = SEEN,
+    subject: _Subject = SUBJECT,
     output: str = option("The quilt; the tiling is added to its name.", flag="-o", metavar="FILE.png"),
     columns: int = option("Views across.", 8, TILES),
     rows: int = option("Views up.", 6, TILES),
@@ -171,9 +171,9 @@ def quilt(
 
     Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
     """
-    window = seen.window
+    window = subject.window
     path = check_output(quilt_path(Path(output), columns, rows, window.width_px / window.height_px))
-    eyes = [Eye(at) for at in eyes_of(seen.display, columns * rows, 1, cone, distance)]
+    eyes = [Eye(at) for at in eyes_of(subject.display, columns * rows, 1, cone, distance)]
     check_memory_mb(
         BASE_MEMORY_MB + len(eyes) * window.width_px * window.height_px * 12 / 1e6,
         None,
@@ -181,9 +181,9 @@ def quilt(
         "give a smaller --width or fewer views",
     )
     with progress_bar("views") as progress:
-        picture = tiled(map(seen.view_from, report_each(eyes, progress)), columns, rows)
-    note = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
-    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": seen.display.name, **note})
+        picture = tiled(map(subject.view_from, report_each(eyes, progress)), columns, rows)
+    eyes_metadata = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
+    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": subject.display.name, **eyes_metadata})
     result = {
         "output": str(path), "columns": columns, "rows": rows, "aspect": window.width_px / window.height_px,
         "width_px": picture.shape[1], "height_px": picture.shape[0], "view_width_px": window.width_px,
@@ -194,7 +194,7 @@ def quilt(
 
 @make_command("views")
 def views(
-    seen: _Seen = SEEN,
+    subject: _Subject = SUBJECT,
     output: str = option("The views' folder; made when missing.", flag="-o", metavar="FOLDER"),
     across: int = option("Eyes from left to right.", 9, TILES),
     down: int = option("Rows of eyes, from the bottom.", 1, TILES),
@@ -206,9 +206,9 @@ def views(
 
     Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml -o out/views
     """
-    eyes = [Eye(at) for at in eyes_of(seen.display, across, down, cone, distance)]
-    names = _write_folder(seen, eyes, Path(output), "view", linear)
-    window = seen.window
+    eyes = [Eye(at) for at in eyes_of(subject.display, across, down, cone, distance)]
+    names = _write_folder(subject, eyes, Path(output), "view", linear)
+    window = subject.window
     text = eyes_text(
         (window.width_mm, window.height_mm), names, [eye.position_mm for eye in eyes], width_px=window.width_px,
         height_px=window.height_px, across=across, down=down,
@@ -223,7 +223,7 @@ def views(
 
 @make_command("focal-stack")
 def focal_stack(
-    seen: _Seen = SEEN,
+    subject: _Subject = SUBJECT,
     output: str = option("The pictures' folder; made when missing.", flag="-o", metavar="FOLDER"),
     eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None, Vector(3)),
     pupil: float = option("Diameter of its pupil, mm; a camera's lens is wider than an eye's.", 10.0, Finite(0.0)),
@@ -235,25 +235,25 @@ def focal_stack(
 
     Example: lippmann export focal-stack scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o out/focus
     """
-    at = seen.middle if eye is None else eye
+    at = subject.middle if eye is None else eye
     if depths is not None:
         focus = list(_numbers("--depths", depths))
-    elif seen.scene is not None:
-        focus = focus_depths(seen.scene.depth_range_mm, count)
+    elif subject.scene is not None:
+        focus = focus_depths(subject.scene.depth_range_mm, count)
     else:
         raise InputError("an image does not tell the depths of its scene; give --depths")
     eyes = [Eye(at, pupil, z) for z in focus]
-    names = _write_folder(seen, eyes, Path(output), "focus", linear)
-    told = [{"file": name, "focus_mm": z} for name, z in zip(names, focus, strict=True)]
+    names = _write_folder(subject, eyes, Path(output), "focus", linear)
+    pictures = [{"file": name, "focus_mm": z} for name, z in zip(names, focus, strict=True)]
     emit(
-        {"folder": output, "eye_mm": list(at), "pupil_mm": pupil, "pictures": told},
+        {"folder": output, "eye_mm": list(at), "pupil_mm": pupil, "pictures": pictures},
         [f"{output}: {len(eyes)} pictures, in focus at {', '.join(f'{z:.4g}' for z in focus)} mm"],
     )
 
 
 @make_command("depth")
 def depth(
-    seen: _Seen = SEEN,
+    subject: _Subject = SUBJECT,
     output: str = option("Depths z: .tif in mm, or .png in 16 bits, the farthest 0.", flag="-o", metavar="FILE"),
     eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None, Vector(3)),
 ) -> None:
@@ -264,19 +264,19 @@ def depth(
     Example: lippmann export depth scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o depth.tif
     """
     path = check_output(output, (".tif", ".tiff", ".png"))
-    if seen.scene is None:
+    if subject.scene is None:
         raise InputError("an integral image does not tell depths; give the scene")
-    at = Eye(seen.middle if eye is None else eye).position_mm
-    found = first_depths(seen.scene, at, seen.window)
-    there = np.isfinite(found)
+    at = Eye(subject.middle if eye is None else eye).position_mm
+    depths = first_depths(subject.scene, at, subject.window)
+    there = np.isfinite(depths)
     if not there.any():
         raise InputError("the eye sees no surface; give another --eye")
-    far, near = float(found[there].min()), float(found[there].max())
-    found[~there] = far
-    told = {"depth": "z, mm, towards the viewer", "far_mm": repr(far), "near_mm": repr(near)}
+    far, near = float(depths[there].min()), float(depths[there].max())
+    depths[~there] = far
+    metadata = {"depth": "z, mm, towards the viewer", "far_mm": repr(far), "near_mm": repr(near)}
     is_png = path.suffix.lower() == ".png"
-    values = (found - far) / max(near - far, 1e-9) if is_png else found
-    write_picture(path, np.repeat(values[..., None], 3, axis=2), told, "linear", 16)
+    values = (depths - far) / max(near - far, 1e-9) if is_png else depths
+    write_picture(path, np.repeat(values[..., None], 3, axis=2), metadata, "linear", 16)
     empty = float(1.0 - there.mean())
     result = {"output": str(path), "eye_mm": list(at), "far_mm": far, "near_mm": near, "empty_share": empty}
     emit(result, f"{path}: depths from {far:.4g} to {near:.4g} mm; {100 * empty:.1f} % of the pixels see no surface")
@@ -285,15 +285,15 @@ def depth(
 def _numbers(where: str, text: str) -> tuple[float, ...]:
     """Return the numbers of a list with commas."""
     try:
-        found = tuple(float(part) for part in text.split(","))
+        numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
-        found = ()
-    if not found or not np.isfinite(found).all() or len(found) > MAX_VIEWS:
+        numbers = ()
+    if not numbers or not np.isfinite(numbers).all() or len(numbers) > MAX_VIEWS:
         raise InputError(f"{where}: '{text[:80]}' is no list of numbers; give such as -20,0,20")
-    return found
+    return numbers
 
 
-def _write_folder(seen: _Seen, eyes: Sequence[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
+def _write_folder(subject: _Subject, eyes: Sequence[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
     """Write what eyes see into a folder, a file each; return their names. InputError when it holds others."""
     make_folder(folder, "choose another place with -o")
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
@@ -304,7 +304,7 @@ def _write_folder(seen: _Seen, eyes: Sequence[Eye], folder: Path, stem: str, lin
         )
     with progress_bar("views") as progress:
         for name, eye in zip(names, report_each(eyes, progress), strict=True):
-            write_picture(folder / name, seen.view_from(eye), {})
+            write_picture(folder / name, subject.view_from(eye), {})
     return names
 
 

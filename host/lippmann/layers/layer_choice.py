@@ -98,7 +98,7 @@ def decibels(
 
     `lines` are the display's exit rays, one for each pixel, when they are known.
     """
-    return _against(draw_golden(display, stack, filter, lines=lines).light, display, full)
+    return _against(draw_golden(display, stack, filter, lines=lines), display, full)
 
 
 def streamed(
@@ -116,7 +116,7 @@ def streamed(
 
 def _against(light: npt.NDArray[np.floating], display: Display, full: Sequence[Radiance]) -> list[float]:
     views = views_of(light.astype(np.float32), display)
-    return [psnr_db(view, wanted) for view, wanted in zip(views, full, strict=True)]
+    return [psnr_db(view, reference) for view, reference in zip(views, full, strict=True)]
 
 
 def measured_cuts(
@@ -140,12 +140,12 @@ def measured_cuts(
         yield cut, [] if filter is None else decibels(cut.stack, display, full, filter)
 
 
-def row_of(cut: Cut, seen: Sequence[float], slot: tuple[int, int], filter: Filter) -> dict[str, Any]:
+def row_of(cut: Cut, views_db: Sequence[float], slot: tuple[int, int], filter: Filter) -> dict[str, Any]:
     """Return what a cut costs and is worth, by name: decibels of the eye's view, their mean and least, if measured."""
     cost = cost_of(len(cut.stack.layers), slot, filter)
-    known = {"view_db": float(np.mean(seen)), "worst_db": min(seen)} if seen else {}
+    quality = {"view_db": float(np.mean(views_db)), "worst_db": min(views_db)} if views_db else {}
     spent = dataclasses.asdict(cost)
-    return {"layers": spent.pop("layers"), **known, **spent}
+    return {"layers": spent.pop("layers"), **quality, **spent}
 
 
 #: Default tolerance, dB.
@@ -230,9 +230,9 @@ def choose_layers(
             cut = cut_into(cost.layers, slot)
             depths = min(depths, len(cut.stack.layers)) if len(cut.stack.layers) < cost.layers else depths
         if cost.layers <= depths:  # more layers than the scene has depths would be these again
-            seen = decibels(cut.stack, display, full, filter, lines)
-            tried.append({"filter": filter, "slot": list(slot), **row_of(cut, seen, slot, filter)})
-            if min(seen) >= tolerance_db:
+            views_db = decibels(cut.stack, display, full, filter, lines)
+            tried.append({"filter": filter, "slot": list(slot), **row_of(cut, views_db, slot, filter)})
+            if min(views_db) >= tolerance_db:
                 return LayerChoice(tried[-1], tried, None, None)
     render_db = min(streamed(scene, display, full, settings)[1])
     larger = any(cost.layers <= depths for cost, _, _ in dearer)

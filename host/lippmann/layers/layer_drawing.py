@@ -7,7 +7,6 @@ the pixel's samples are averaged, and the panel's curve is applied once. A ray w
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from numbers import Integral
 from typing import Literal, NamedTuple, get_args
 
@@ -54,14 +53,6 @@ class ExitLines(NamedTuple):
     draws: npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A drawn picture: linear light (height, width, 3) float64, and the panel's bytes (height, width, 3) uint8."""
-
-    light: Floats
-    panel: Bytes
-
-
 def draw_golden(
     display: Display,
     stack: LayerStack,
@@ -69,8 +60,8 @@ def draw_golden(
     samples: int = 1,
     model: Model = "exact",
     lines: Iterable[ExitLines] | None = None,
-) -> Drawn:
-    """Draw layers for a display.
+) -> Floats:
+    """Return the linear light (height, width, 3) of layers for a display; of the rows of `lines` alone if given.
 
     Parameters
     ----------
@@ -95,8 +86,7 @@ def draw_golden(
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines
     light = np.concatenate([composite(stack, some, filter) for some in lines])
-    light = light.reshape(-1, display.panel.width_px, samples, 3).mean(axis=2)
-    return Drawn(light, panel_bytes(display, light))
+    return np.asarray(light.reshape(-1, display.panel.width_px, samples, 3).mean(axis=2))
 
 
 def draw_layers(
@@ -115,7 +105,7 @@ def draw_layers(
     optics' word length, the widest when left out. Both raise InputError for what their registers cannot hold.
     """
     if engine == "golden":
-        return draw_golden(display, stack, filter, samples, model, exit_lines(display, samples, model, rows)).light
+        return draw_golden(display, stack, filter, samples, model, exit_lines(display, samples, model, rows))
     build = Build.of(display, model, WIDEST if fraction_bits is None else fraction_bits, aims=False)
     scene_build = scene_build_of(stack, filter, samples)
     if engine == "twin":

@@ -92,8 +92,8 @@ def load_layers(path: str | Path) -> LayerStack:
 
 def load_named_layers(path: str | Path) -> NamedLayers:
     """Read a folder of layers with the layers' names; raises as `load_layers`."""
-    given = path_of(path, "a folder of layers")
-    file = given / FILE if given.is_dir() else given
+    folder = path_of(path, "a folder of layers")
+    file = folder / FILE if folder.is_dir() else folder
     if not file.exists():
         raise input_error(str(path), "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
     keys = toml.read(LayersFile, toml.load(file, "layers"), str(file))

@@ -95,11 +95,11 @@ def _different(names: Sequence[str]) -> tuple[str, ...]:
     """Return names made of the characters that layers' names have, each one once."""
     plain = [re.sub(r"[^\w-]", "_", name, flags=re.ASCII)[:48] for name in names]
     folded = [name.casefold() for name in plain]  # as files: some systems do not tell the case
-    taken = set(folded)
+    used = set(folded)
     for k, name in enumerate(plain):
         if not name or folded.count(folded[k]) > 1:
-            plain[k] = next(one for n in itertools.count(k) if (one := f"{name}_{n}").casefold() not in taken)
-            taken.add(plain[k].casefold())
+            plain[k] = next(one for n in itertools.count(k) if (one := f"{name}_{n}").casefold() not in used)
+            used.add(plain[k].casefold())
     return tuple(plain)
 
 
@@ -123,26 +123,26 @@ def _read(path: Path) -> Rgba:
 
 def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: float | None) -> tuple[Area, Rgba | None]:
     """Return where the part of a picture lies that rays reach, and that part; None where they reach none of it."""
-    whole = reach.area(depth_mm)
+    reached = reach.area(depth_mm)
     rows, columns = light.shape[:2]
     if width is None:  # as large as needed to cover all, about its centre
         across, up = (2.0 * max(abs(low - c), abs(high - c)) for low, high, c in
-                      ((whole.left, whole.right, centre[0]), (whole.bottom, whole.top, centre[1])))  # fmt: skip
+                      ((reached.left, reached.right, centre[0]), (reached.bottom, reached.top, centre[1])))  # fmt: skip
         width = max(across, up * columns / rows)
     pixel = width / columns
     left, top = centre[0] - 0.5 * width, centre[1] + 0.5 * rows * pixel
-    first, last = (np.clip((x - left) / pixel, 0, columns) for x in (whole.left, whole.right))
-    upper, lower = (np.clip((top - y) / pixel, 0, rows) for y in (whole.top, whole.bottom))
+    first, last = (np.clip((x - left) / pixel, 0, columns) for x in (reached.left, reached.right))
+    upper, lower = (np.clip((top - y) / pixel, 0, rows) for y in (reached.top, reached.bottom))
     c0, c1, r0, r1 = math.floor(first), math.ceil(last), math.floor(upper), math.ceil(lower)
     area = Area(depth_mm, left + c0 * pixel, top - r1 * pixel, left + c1 * pixel, top - r0 * pixel)
     return area, light[r0:r1, c0:c1] if c1 > c0 and r1 > r0 else None
 
 
-def _resized(light: Rgba, most: tuple[int, int]) -> Floats:
+def _resized(light: Rgba, max_size: tuple[int, int]) -> Floats:
     """Return a picture of at most so many texels across and down, each the mean of its pixels."""
     from PIL import Image
 
-    size = min(most[0], light.shape[1]), min(most[1], light.shape[0])
+    size = min(max_size[0], light.shape[1]), min(max_size[1], light.shape[0])
     if size == (light.shape[1], light.shape[0]):
         return light.astype(np.float64)
     planes = (Image.fromarray(np.ascontiguousarray(light[..., k]), "F") for k in range(4))

@@ -165,17 +165,17 @@ def cut_scene(
     layers, slabs, errors = list[Layer](), list[Slab](), list[float]()
     background, before, apart_number = np.zeros(3), None, None
     for slab, part in report_each(parts, progress):
-        shown = _picture(part, display, reach, slab, before if part is scene else None, slot, settings)
+        view = _picture(part, display, reach, slab, before if part is scene else None, slot, settings)
         before = slab if part is scene else before
-        if shown is None:
+        if view is None:
             continue
         apart_number = apart_number if part is scene else len(layers)
-        layer, error_db = layer_of(*shown)
+        layer, error_db = layer_of(*view)
         layers.append(layer)
         slabs.append(slab)
         errors.append(error_db)
         # What shows beside the last layer's texture.
-        opacity, light = shown[1].opacity, shown[1].light
+        opacity, light = view[1].opacity, view[1].light
         background = (opacity[..., None] * light).sum(axis=(0, 1)) / max(opacity.sum(), 1e-9)
     if not layers:
         raise InputError(f"{scene.path}: no layer has any texel; place the scene with --fit")
@@ -218,10 +218,12 @@ def _picture(
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
     # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
     reached = reach.area(depth)
-    texel = max(finest_texel(depth, display), *(side / most for side, most in zip(reached.size, slot, strict=True)))
-    whole = reached.grown(texel)
+    texel = max(
+        finest_texel(depth, display), *(side / max_texels for side, max_texels in zip(reached.size, slot, strict=True))
+    )
+    reached_area = reached.grown(texel)
     between = slab.front_mm, slab.back_mm
-    trial = peel(scene, whole, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
+    trial = peel(scene, reached_area, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
     mask = trial.coverage > 0.0
     if not mask.any():
         return None
@@ -231,35 +233,37 @@ def _picture(
         # edges of both layers, which are covered in part.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
-    cell = whole.size[0] / TRIAL_RAYS[0], whole.size[1] / TRIAL_RAYS[1]
-    area = whole.cells(*TRIAL_RAYS, mask, (hidden + cell[0], hidden + cell[1]))
+    cell = reached_area.size[0] / TRIAL_RAYS[0], reached_area.size[1] / TRIAL_RAYS[1]
+    area = reached_area.cells(*TRIAL_RAYS, mask, (hidden + cell[0], hidden + cell[1]))
     size = texels_for(area, display, slot)
-    seen = peel(scene, area, reach.eye_mm, between, size, settings)
+    view = peel(scene, area, reach.eye_mm, between, size, settings)
     if hidden > 0.0 and before is not None:
         under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
-        seen = _continued(seen, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
-    colour = seen.light / np.maximum(seen.coverage, 1e-9)[..., None]
-    return area, Picture(np.clip(colour, 0.0, 1.0), np.clip(seen.coverage, 0.0, 1.0))
+        view = _continued(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
+    colour = view.light / np.maximum(view.coverage, 1e-9)[..., None]
+    return area, Picture(np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0))
 
 
-def _continued(seen: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
+def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:
     """Return a slab's picture that goes on with the nearer slab's surfaces, `hidden_mm` beyond its own ones."""
     from scipy.ndimage import distance_transform_edt  # at its first use: it takes as long to load as all of render
 
-    own = seen.coverage > COVERED
+    own = view.coverage > COVERED
     if not own.any():
-        return seen
+        return view
     near = distance_transform_edt(~own, sampling=texel_mm) <= hidden_mm
     # Parts of a texel that one surface covers in both slabs lie side by side: they add up.
-    added = np.where(near, np.minimum(1.0 - seen.coverage, under.coverage), 0.0)
+    added = np.where(near, np.minimum(1.0 - view.coverage, under.coverage), 0.0)
     share = added / np.maximum(under.coverage, 1e-9)
-    return Slice(seen.light + share[..., None] * under.light, seen.coverage + added)
+    return Slice(view.light + share[..., None] * under.light, view.coverage + added)
 
 
 def texels_for(area: Area, display: Display, slot: tuple[int, int]) -> tuple[int, int]:
     """Return the texels across and down: a slot's, or fewer where they would be finer than what a pixel sees."""
     finest = finest_texel(area.depth_mm, display)
-    width, height = (min(most, max(2, math.ceil(side / finest))) for most, side in zip(slot, area.size, strict=True))
+    width, height = (
+        min(max_texels, max(2, math.ceil(side / finest))) for max_texels, side in zip(slot, area.size, strict=True)
+    )
     return width, height
 
 
@@ -345,13 +349,13 @@ def peel(
         texel = dr.opaque(mi.UInt32, first) + index // samples
         lines = _lines(area, eye_mm, size, texel, index % samples, settings)
         ray, valid, z = first_hit(scene, lines, front)
-        seen = valid & (z >= dr.opaque(mi.Float, back))
+        visible = valid & (z >= dr.opaque(mi.Float, back))
         if surroundings:
-            seen |= ~valid
+            visible |= ~valid
         sampler = sampler_of(seeds, texel, index % samples)
-        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, seen)
-        colour = dr.select(seen, mi.Color3f(radiance), 0.0)
-        share = dr.select(seen, mi.Float(1.0), 0.0)
+        radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, visible)
+        colour = dr.select(visible, mi.Color3f(radiance), 0.0)
+        share = dr.select(visible, mi.Float(1.0), 0.0)
         dr.eval(colour, share)
         for k, values in enumerate((*colour, share)):
             mean = np.asarray(dr.block_reduce(dr.ReduceOp.Add, values, samples), np.float64) / samples

@@ -272,12 +272,12 @@ def quantise(rgba: Bytes) -> Quantised:
     place = np.zeros(len(every), np.int64)
     if len(colours):
         place[visible] = 1 + nearest(every[visible], colours)
-    error = float(((_seen(every) - _seen(palette[place]))[:, :3] ** 2).mean(axis=1) @ counts) / counts.sum()
+    error = float(((_perceived(every) - _perceived(palette[place]))[:, :3] ** 2).mean(axis=1) @ counts) / counts.sum()
     texels = place[index.ravel()].reshape(height, width).astype(np.uint8)
     return Quantised(texels, palette, float("inf") if error == 0.0 else float(-10.0 * np.log10(error)))
 
 
-def _seen(rgba: Bytes) -> Floats:
+def _perceived(rgba: Bytes) -> Floats:
     """Return colours (N, 4) as points whose distances are the errors that an eye sees: premultiplied, and opacity."""
     share = rgba / 255.0
     return np.concatenate([share[:, :3] * share[:, 3:], share[:, 3:]], axis=1)
@@ -287,10 +287,10 @@ def nearest(rgba: Bytes, palette: Bytes) -> np.ndarray:
     """Return the palette's colour nearest to each colour; opaque ones take opaque ones only."""
     from scipy.spatial import KDTree  # at its first use: it takes as long to load as all of render
 
-    place = KDTree(_seen(palette)).query(_seen(rgba))[1]
+    place = KDTree(_perceived(palette)).query(_perceived(rgba))[1]
     opaque, solid = rgba[:, 3] == 255, np.flatnonzero(palette[:, 3] == 255)
     if len(solid) and opaque.any():
-        place[opaque] = solid[KDTree(_seen(palette[solid])).query(_seen(rgba[opaque]))[1]]
+        place[opaque] = solid[KDTree(_perceived(palette[solid])).query(_perceived(rgba[opaque]))[1]]
     return np.asarray(place, np.int64)
 
 
@@ -302,12 +302,12 @@ def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
     start = Image.fromarray(colours[None], "RGBA").quantize(COLOURS - 1, Image.Quantize.FASTOCTREE)
     palette = np.array(start.getpalette("RGBA"), np.uint8).reshape(-1, 4)
     palette = palette[np.unique(np.asarray(start))]
-    points, opaque = _seen(colours), colours[:, 3] == 255
+    points, opaque = _perceived(colours), colours[:, 3] == 255
     for _ in range(STEPS):
         place = nearest(colours, palette)
         weight = np.bincount(place, counts, len(palette))
         # Colours without texels move to those that are worst.
-        error = ((points - _seen(palette)[place]) ** 2).sum(axis=1) * counts
+        error = ((points - _perceived(palette)[place]) ** 2).sum(axis=1) * counts
         worst = np.argsort(-error)[: COLOURS - 1 - int((weight > 0).sum())]
         sums = np.stack([np.bincount(place, counts * points[:, k], len(palette)) for k in range(4)], axis=1)
         solid = np.bincount(place, opaque, len(palette)) > 0
@@ -318,7 +318,7 @@ def _palette(colours: Bytes, counts: np.ndarray) -> Bytes:
 
 
 def _colours_at(points: Floats, solid: np.ndarray) -> Bytes:
-    """Return points of `_seen` as colours; `solid` ones become opaque."""
+    """Return points of `_perceived` as colours; `solid` ones become opaque."""
     opacity = np.where(solid, 1.0, points[:, 3:].ravel())
     colour = points[:, :3] / np.maximum(points[:, 3:], 1e-9)
     rgba = np.concatenate([colour, opacity[:, None]], axis=1)

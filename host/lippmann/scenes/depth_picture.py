@@ -68,15 +68,15 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     if depth.shape != colours.shape[:2]:
         sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, colours.shape)]
         raise input_error(str(path), f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give two of one size")
-    known = np.isfinite(depth) & (depth > 0.0)
-    if not known.any():
+    has_depth = np.isfinite(depth) & (depth > 0.0)
+    if not has_depth.any():
         raise input_error(str(path), "no pixel has a depth above 0", "check depth and unit_mm")
-    if not known.all():
-        holes = depth.size - int(known.sum())
+    if not has_depth.all():
+        holes = depth.size - int(has_depth.sum())
         notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
         from scipy import ndimage
 
-        nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+        nearest = ndimage.distance_transform_edt(~has_depth, return_distances=False, return_indices=True)
         depth = depth[tuple(nearest)]
     focal = 0.5 * depth.shape[1] / math.tan(math.radians(0.5 * form.fov_deg))
     _write_points(folder / "surface.ply", depth, focal)

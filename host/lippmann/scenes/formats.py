@@ -55,26 +55,26 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None =
     `scene_from_display` (3, 3) is the rotation by which lights that are added stay with the display. What the user
     should know is added to `notes`. Raises InputError as the functions that write or read the kinds.
     """
-    kind, told = kind_of(path), [] if notes is None else notes
+    kind, lines = kind_of(path), [] if notes is None else notes
     if kind == "mitsuba":
         yield path
         return
     with scratch_folder() as folder:
         try:
             if kind == "mesh":
-                made = meshes.write_scene(path, folder, scene_from_display, told)
+                scene_file = meshes.write_scene(path, folder, scene_from_display, lines)
             elif kind == "splats":
-                made = splats.write_scene(path, folder)
+                scene_file = splats.write_scene(path, folder)
             elif kind == "depth picture":
-                made = depth_picture.write_scene(path, folder, told)
+                scene_file = depth_picture.write_scene(path, folder, lines)
             else:
                 read_views = window_views.read_quilt if kind == "quilt" else window_views.read_folder
-                made = read_views(path).write_scene(folder)
+                scene_file = read_views(path).write_scene(folder)
         except InputError:
             raise
         except OSError as error:
             raise input_error(str(path), f"cannot be read ({error.strerror or error})", "check file and disk") from None
-        yield made
+        yield scene_file
 
 
 def _has_splats(path: Path) -> bool:

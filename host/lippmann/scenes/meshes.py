@@ -180,13 +180,13 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
     """
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
-        told = json.loads(head)
-        counts = [int(accessor.get("count", 0)) for accessor in told.get("accessors", [])]
-        required = [str(name) for name in told.get("extensionsRequired", [])]
-        used = [str(name) for name in told.get("extensionsUsed", [])]
+        header = json.loads(head)
+        counts = [int(accessor.get("count", 0)) for accessor in header.get("accessors", [])]
+        required = [str(name) for name in header.get("extensionsRequired", [])]
+        used = [str(name) for name in header.get("extensionsUsed", [])]
         places = {
-            told["accessors"][primitive["attributes"][name]]["componentType"]
-            for mesh in told.get("meshes", [])
+            header["accessors"][primitive["attributes"][name]]["componentType"]
+            for mesh in header.get("meshes", [])
             for primitive in mesh["primitives"]
             for name in ("POSITION", "NORMAL", "TEXCOORD_0")
             if name in primitive["attributes"]

@@ -77,12 +77,12 @@ def new_scene() -> Element:
 
 def unique(names: Iterable[str]) -> list[str]:
     """Return names without their repetitions, and with plain characters: of two `leaf` the second is `leaf-2`."""
-    taken: dict[str, None] = {}
+    used: dict[str, None] = {}
     for name in names:
         plain = re.sub(r"[^\w.-]", "_", name) or "shape"
         numbered = (f"{plain}-{number}" for number in itertools.count(2))
-        taken[plain if plain not in taken else next(one for one in numbered if one not in taken)] = None
-    return list(taken)
+        used[plain if plain not in used else next(one for one in numbered if one not in used)] = None
+    return list(used)
 
 
 def bitmap(parent: Element, name: str, file: str, raw: bool) -> None:

@@ -164,6 +164,6 @@ def warn_if_unplaced(path: Path) -> None:
 
 def _placement_file(path: Path) -> Path | None:
     """Return NAME.toml beside a scene if it places the scene, or should: a film or a display need no placement."""
-    beside = path.with_suffix(".toml")
-    keys = toml.load(beside, "placement").keys() if beside.exists() else {"panel"}
-    return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else beside
+    file = path.with_suffix(".toml")
+    keys = toml.load(file, "placement").keys() if file.exists() else {"panel"}
+    return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else file

@@ -103,12 +103,12 @@ def check_scene_file(path: str | Path) -> Path:
 
 def _check_files(path: Path) -> None:
     """Refuse a scene file that Mitsuba's parser would not survive, and such includes."""
-    seen, waiting = set[Path](), [path]
+    checked, waiting = set[Path](), [path]
     while waiting:
         file = waiting.pop()
-        if file in seen:
+        if file in checked:
             continue
-        seen.add(file)
+        checked.add(file)
         for name in check_xml(file, "mend the scene file"):
             include = _file_of(name)
             if include.is_file() or include.is_fifo():
@@ -177,11 +177,11 @@ def load_scene(
         # The parser's next step moves its nodes.
         integrator = integrators[0].plugin_name() if integrators else None
         for move in moves:
-            chosen = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
-            if not chosen:
+            matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
+            if not matches:
                 raise input_error(str(path), f"no shape's id matches '{move.shapes}'", _ids_there(shapes))
             motion = mi.ScalarTransform4d(move.matrix)
-            for props in chosen:
+            for props in matches:
                 props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
         if part is not None:
             _keep(part, state, path)
@@ -196,23 +196,23 @@ def load_scene(
     return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras), usual, tuple(notes))
 
 
-def scene_of(made: mi.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
+def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
     """Return the scene of a `mitsuba.Scene`, or of the dictionary of one, which Mitsuba's load_dict takes.
 
     Raises InputError for a dictionary that Mitsuba refuses, or that makes no scene.
     """
     mi = mitsuba()
-    if isinstance(made, dict):
+    if isinstance(scene, dict):
         try:
-            made = mi.load_dict(made)
+            scene = mi.load_dict(scene)
         except Exception as error:  # Mitsuba's errors have no common base
             raise InputError(f"the scene's dictionary: {' '.join(str(error).split())[:400]}") from None
-    if not isinstance(made, mi.Scene):
-        what = f"{type(made).__name__} is no scene"
+    if not isinstance(scene, mi.Scene):
+        what = f"{type(scene).__name__} is no scene"
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
-    _check_lamps(made, "the scene")
+    _check_lamps(scene, "the scene")
     placement = Placement() if placement is None else placement
-    return Scene(Path("scene"), made, _with_depths(made, placement, Path("scene")), None, bool(made.sensors()))
+    return Scene(Path("scene"), scene, _with_depths(scene, placement, Path("scene")), None, bool(scene.sensors()))
 
 
 def _check_lamps(scene: mi.Scene, where: str) -> None:
@@ -239,12 +239,12 @@ def _keep(part: Part, state: mi.parser.ParserState, path: Path) -> None:
     names = list(root.keys())
     inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
     shapes = {name: node.props for name, node in inside.items() if node.type == mi.ObjectType.Shape}
-    chosen = {name for name, props in shapes.items() if fnmatch.fnmatchcase(props.id(), part.shapes)}
-    if not chosen:
+    matches = {name for name, props in shapes.items() if fnmatch.fnmatchcase(props.id(), part.shapes)}
+    if not matches:
         raise input_error(str(path), f"no shape's id matches '{part.shapes}'", _ids_there(list(shapes.values())))
-    if len(chosen) == len(shapes):
+    if len(matches) == len(shapes):
         raise input_error(str(path), f"every shape's id matches '{part.shapes}'", "leave some for the rest")
-    for name in chosen ^ (set(shapes) if part.kept else set()):
+    for name in matches ^ (set(shapes) if part.kept else set()):
         del root[name]
 
 

@@ -67,10 +67,10 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     if missing:
         what = "has splats without colours" if set(missing) & set(COLOUR) else "has points that are no splats"
         raise input_error(str(path), f"{what}: no property {', '.join(missing)}", REMEDY)
-    rest = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
-    if len(rest) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
-        raise input_error(str(path), f"has {len(rest)} properties f_rest_*, of no degree of harmonics", REMEDY)
-    names = (*PLACE, *COLOUR, *rest, *SHAPE)
+    harmonics = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
+    if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
+        raise input_error(str(path), f"has {len(harmonics)} properties f_rest_*, of no degree of harmonics", REMEDY)
+    names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
     # Mitsuba wants normals, too, and does not look at them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])
     for name in names:
