@@ -175,7 +175,9 @@ def test_what_is_not_run_is_there():
             assert "".join(target) in targets, f"{name_of(page)}: make {target}"
         for script in re.findall(r"python3? (\S+\.py)", text):
             assert (TOP / script).is_file(), f"{name_of(page)}: {script}"
-        for module in re.findall(r"python3? -m ((?:lippmann|tools)\.[\w.]+)", text):
+        # A report names the command that made it, which may have had another name.
+        modules = [] if "reports" in page.parts else re.findall(r"python3? -m ((?:lippmann|tools)\.[\w.]+)", text)
+        for module in modules:
             assert importlib.util.find_spec(module), f"{name_of(page)}: {module}"
         for line in re.findall(r"`lippmann ([a-z][^`\n]*)`", BLOCK.sub("", text)):
             words = line.split()
