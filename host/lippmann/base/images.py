@@ -262,12 +262,8 @@ def check_header(path: str | Path, limit: tuple[int, int], accept: Callable[[Map
 
     A file that was cut is refused for its last row.
     """
-    path = check_input(path)
-    with _quiet(path), _opened(path, limit, accept) as (source, _):
-        spec = source.spec()
-        last = source.read_scanlines(0, 0, spec.height - 1, spec.height, 0, 0, spec.nchannels, openimageio().FLOAT)
-        if last is None:
-            raise _broken(path, source)
+    with StoredRows(path, limit, accept) as rows:
+        rows[limit[1] - 1]
 
 
 @contextlib.contextmanager
