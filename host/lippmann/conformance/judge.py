@@ -396,7 +396,10 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
         middle = np.mean if name in INTEGERS else np.median
         wrong = sample.wrong_by[name]
         if wrong.any():
-            ratios.append(float(middle(far[wrong])) / float(middle(own[wrong])))
+            golden_far = float(middle(own[wrong]))
+            if not golden_far:  # as of rays on an edge: no ratio tells how near the variant is
+                return 0.0, np.inf
+            ratios.append(float(middle(far[wrong])) / golden_far)
         if middle(far[bad]) > middle(own[bad]) + SAME:
             return 0.0, np.inf
     if not ratios or not max(ratios) <= NEARER:
