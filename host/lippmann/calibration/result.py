@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
@@ -92,19 +92,11 @@ class Calibration:
     field: Floats
 
     def summary(self) -> dict[str, Any]:
-        """Return all but the field, for JSON."""
-        return {
-            "display": self.display.name,
-            "identity": self.display.identity,
-            "parameters": [asdict(one) for one in self.parameters],
-            "remarks": list(self.remarks),
-            "cameras": list(self.cameras),
-            "lens": self.lens,
-            "rms_panel_px": self.rms_panel_px,
-            "rms_photo_px": self.rms_photo_px,
-            "outliers": self.outliers,
-            "lenslets": len(self.field),
-        }
+        """Return all but the field, for JSON: the keys of `Summary`."""
+        same = ("parameters", "remarks", "cameras", "lens", "rms_panel_px", "rms_photo_px", "outliers")
+        summary = {"display": self.display.name, "identity": self.display.identity}
+        summary |= {name: msgspec.to_builtins(getattr(self, name)) for name in same}
+        return {**summary, "lenslets": len(self.field)}
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by its name."""
@@ -203,17 +195,11 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
     ]
     if solution.problem.bow:
         rows += [(name, "mm", 1.0, 0.0, 0.01 * depth) for name in BOW]
-    return tuple(
-        Parameter(
-            name,
-            unit * solution.value(name),
-            (half := unit * factor * solution.deviation(name)),
-            label,
-            before,
-            half < most,
-        )
-        for name, label, unit, before, most in rows
-    )
+    parameters = []
+    for name, label, unit, before, most in rows:
+        half = unit * factor * solution.deviation(name)
+        parameters.append(Parameter(name, unit * solution.value(name), half, label, before, half < most))
+    return tuple(parameters)
 
 
 def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:

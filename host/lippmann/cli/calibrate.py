@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -18,7 +17,7 @@ from lippmann.base.progress import report_each
 from lippmann.base.variant import own_variant
 from lippmann.board.board import Board
 from lippmann.board.streaming import send_frame
-from lippmann.calibration.coded_patterns import FILE, PatternSet, write_patterns
+from lippmann.calibration.coded_patterns import FILE, PatternSet, Pixels, write_patterns
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options.common import DEVICE, DISPLAY, Finite, Point, Vector
 from lippmann.cli.options.port import BAUD, check_board, chosen_port
@@ -44,7 +43,9 @@ def command() -> None:
 
 
 @contextmanager
-def _panel(display: Display, path: str, port: str | None, baud: int | None, monitor: int) -> Iterator[Any]:
+def _panel(
+    display: Display, path: str, port: str | None, baud: int | None, monitor: int
+) -> Iterator[Callable[[Pixels], object]]:
     """Give a function that shows pixels on the panel: that of a board, or a monitor."""
     if port is None:
         with full_screen((display.panel.width_px, display.panel.height_px), monitor) as show:
