@@ -13,6 +13,7 @@ moves far.
 from __future__ import annotations
 
 import itertools
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -199,5 +200,6 @@ def depth_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance
     near, far = (f"{eyes[0]:+.0f} to {eyes[-1]:+.0f}" for eyes in (EYES_MM, WIDE_EYES_MM))
     rotated = where(moved, rotated=True)
     signs = sum(row["lenslets_mm"] * row["theory_mm"] > 0 for row in rotated)
-    context = {"rows": rotated, "signs": signs, "setups": setups, "near": near, "far": far, "depth": depth}
+    context = {"rows": rotated, "signs": signs, "setups": setups, "near": near, "far": far}
+    context["constants"] = sys.modules[__name__]
     return make_page("depth", origin, sheet, {"depth": rows}, context)
