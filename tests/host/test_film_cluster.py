@@ -7,14 +7,20 @@ import subprocess
 import sys
 import time
 
-import lippmann.rendering.executors
+import distributed
 import numpy as np
 import pytest
 from lippmann.base.images import read_picture
 from lippmann.cli import run
+from lippmann.display.description import load_display
 from lippmann.errors import InputError
-from lippmann.rendering.executors import render_on_cluster
+from lippmann.rendering import bands, executors
+from lippmann.rendering.executors import choose_executor, render_on_cluster
+from lippmann.rendering.job import Job
 from lippmann.rendering.plan import check_same_scene
+from lippmann.rendering.sinks import MemorySink, render_into, render_picture
+from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import load_scene
 from test_film import DISPLAY, FILM, MOVE, SCENE
 
 FRAMES = 30
@@ -124,7 +130,7 @@ def test_a_film_waits_for_a_worker(place, cluster):
 
 
 def test_where_nobody_is_the_film_does_not_begin(cluster, monkeypatch):
-    monkeypatch.setattr(lippmann.rendering.executors, "ANSWER_S", 0.5)
+    monkeypatch.setattr(executors, "ANSWER_S", 0.5)
     for address, said in (
         ("tcp://127.0.0.1:9", "no scheduler answers there"),
         ("nonsense://", "no scheduler answers there"),
@@ -163,6 +169,24 @@ def test_a_lost_scheduler_ends_the_film(place, cluster):
     cluster.processes[0].kill()
     assert "the scheduler is lost" in told(film, 1)["error"]
     assert {path.suffix for path in (place / "shared").iterdir()} == {".exr"}
+
+
+def test_a_stopped_worker_is_given_up_and_told(mi, place, cluster, monkeypatch, caplog):
+    """Dask waits five minutes for a process that is stopped and keeps its connections."""
+    monkeypatch.setattr(executors, "STOPPED_WORKER_S", 3.0)
+    monkeypatch.setitem(bands.BAND_PIXELS, "llvm", 1)
+    caplog.set_level("INFO", "lippmann")
+    (place / "tall.toml").write_text(DISPLAY.replace("= 32", "= 300"))
+    plan = Job(load_scene(place / "three.xml", Placement()), load_display(place / "tall.toml")).plan(portable=True)
+    stopped, _ = cluster.worker(), cluster.worker()
+    with distributed.Client(cluster.address) as client:
+        client.wait_for_workers(2)
+    stopped.send_signal(signal.SIGSTOP)
+    sink, began = MemorySink(plan), time.monotonic()
+    render_into(sink, choose_executor(scheduler=cluster.address, device="llvm"))
+    assert time.monotonic() - began < PATIENCE_S
+    np.testing.assert_array_equal(sink.radiance, render_picture(plan).radiance)
+    assert any("has not answered for 3 s; its bands go to others" in line for line in caplog.messages)
 
 
 def test_a_scene_that_a_worker_cannot_read_is_told(mi, tmp_path):
