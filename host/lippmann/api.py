@@ -113,36 +113,26 @@ def render(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> IntegralImage:
-    """Render the integral image of a scene for a display.
-
-    The logger "lippmann" tells, at level INFO, which model "auto" chose. Where that level is on, a trial view warns of
-    a scene that lies outside the display's depth range, for example (`LippmannWarning`).
+    """Render the integral image of a scene for a display; the logger "lippmann" tells what "auto" chose (level INFO).
 
     Parameters
     ----------
-    scene
-        A path as for `load_scene`, what it returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
-    display
-        A display file, or what `load_display` returned.
+    scene, display, placement
+        See `load_scene`, which a scene's path goes to; a scene may be a `mitsuba.Scene` or a dictionary of
+        `mitsuba.load_dict`, too. A display file, or what `load_display` returned.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
         See `lippmann.rendering.options.RenderOptions`.
-    placement
-        See `load_scene`.
     arrange
         "fit": the scene is scaled and moved into the display's depth range. "camera": the eye stands where the camera
         in the scene's file does. None: the placement holds.
-    device
-        "llvm" (CPU), "cuda" (GPU) or "auto": for the fast engine and Mitsuba.
-    progress
-        Called with (rows done, rows in all).
+    device, progress
+        "llvm" (CPU), "cuda" (GPU) or "auto"; called with (rows done, rows in all).
     kept
-        Folder for the finished bands, such as "fish.bands": an interrupted render goes on from them. They stay there
-        until another render uses the folder.
+        Folder for the finished bands: an interrupted render goes on from them. Another render removes them.
     workers, scheduler
-        Number of processes on this machine that share the render, or the address of a Dask scheduler, such as
-        "tcp://127.0.0.1:8786", whose workers do. They load the scene from its file.
+        Number of processes here that share the render, or the address of a Dask scheduler ("tcp://127.0.0.1:8786").
 
     Raises
     ------
@@ -155,12 +145,17 @@ def render(
     """
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
-    built = display_at(display)
-    check_display_memory(built, settings, f"display '{built.name}'" if isinstance(display, Display) else str(display))
-    executor = choose_executor(workers, scheduler, device)
+    executor, built = choose_executor(workers, scheduler, device), _display_in_memory(display, settings)
     with open_scene(scene, placement, device) as loaded:
         plan = Job(loaded, built, options, arrange).plan(portable=kept is not None or executor is not render_here)
         return render_picture(plan, executor, kept, progress)
+
+
+def _display_in_memory(display: str | Path | Display, settings: Settings) -> Display:
+    """Return a display, whose image must be within the memory limit."""
+    built = display_at(display)
+    check_display_memory(built, settings, f"display '{built.name}'" if isinstance(display, Display) else str(display))
+    return built
 
 
 def cut_layers(
@@ -366,8 +361,7 @@ def capture(
         raise InputError("aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
-    panel = built.display.panel
-    check_memory(panel.width_px, panel.height_px, settings, colours=1)
+    check_memory(built.display.panel.width_px, built.display.panel.height_px, settings, colours=1)
     placement = None
     if isinstance(scene, str | Path):
         path = None if isinstance(setup, Setup) else setup
@@ -376,25 +370,28 @@ def capture(
         if logger.isEnabledFor(logging.INFO):
             warn_of_unused_parts(loaded, settings)
         captured = capture_scene(loaded, built, settings, rotated, progress)
-    lens_percent, array_percent = captured.lost_percent
+    losses = _losses(*captured.lost_percent)
+    metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
+    metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}
+    return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
+
+
+def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
+    """Return the rays of a capture that are lost in the lens and in the array, per cent, and warn of many."""
+    texts = []
     if lens_percent > NOTED_PERCENT:
-        _warn(
+        texts.append(
             f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image); "
             "a larger lens.aperture_mm lets them in"
         )
     if array_percent > NOTED_PERCENT:
-        _warn(
+        texts.append(
             f"{array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
             "rims reflect them; a longer focal length lets them out"
         )
-    metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
-    metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}
-    losses = {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
-    return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, LippmannWarning, stacklevel=3)
+    for text in texts:
+        warnings.warn(text, LippmannWarning, stacklevel=3)
+    return {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
 
 
 def observe(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import click
@@ -68,8 +68,7 @@ def command(
         raise InputError("--width belongs to --view; give both or neither")
     if fit and scale != 1.0:
         raise InputError("--scale and --fit both place the film; leave one out")
-    film = load_film(film_path)
-    display = load_display(display_path)
+    film, display = load_film(film_path), load_display(display_path)
     panel, folder = display.panel, Path(output)
     check_memory(panel.width_px, panel.height_px, options.settings, colours_of(panel))
     scene_path = check_scene_file(film.scene)
@@ -99,13 +98,17 @@ def command(
         "frames": film.frames, "frames_per_second": film.frames_per_second, "rendered": rendered,
         "kept": film.frames - rendered, "seconds": seconds, "video": video, "view": view,
     }  # fmt: skip
-    kept_text = f", {film.frames - rendered} kept" if rendered < film.frames else ""
-    lines = [
-        f"{folder}: {film.frames} frames of {panel.width_px} x {panel.height_px}, "
-        f"{rendered} rendered in {seconds:.1f} s{kept_text}"
-    ]
-    films = [f"{written}: {film.frames / film.frames_per_second:.3g} s" for written in (video, view) if written]
-    emit(result, lines + films)
+    emit(result, _summary(folder, film, display, rendered, seconds, (video, view)))
+
+
+def _summary(
+    folder: Path, film: Film, display: Display, rendered: int, seconds: float, videos: Sequence[str | None]
+) -> list[str]:
+    """Return the lines about a finished film."""
+    kept = f", {film.frames - rendered} kept" if rendered < film.frames else ""
+    size = f"{display.panel.width_px} x {display.panel.height_px}"
+    films = [f"{video}: {film.frames / film.frames_per_second:.3g} s" for video in videos if video]
+    return [f"{folder}: {film.frames} frames of {size}, {rendered} rendered in {seconds:.1f} s{kept}", *films]
 
 
 def _view_window(path: str, film: Film, display: Display, width_px: int, settings: Settings) -> Window:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from dataclasses import asdict
+from pathlib import Path
 
 import click
 import numpy as np
@@ -18,21 +19,21 @@ from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Ve
 from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit
-from lippmann.display.description import load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.layers.layers_folder import is_layers
-from lippmann.motion.film import is_film, load_film
+from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
-from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, run_live
+from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, Played, run_live
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.screens import Hand, NoScreens, screens
+from lippmann.motion.screens import Hand, NoScreens, Screens, screens
 from lippmann.rendering.bands import check_memory
 from lippmann.rendering.job import Job, place_scene
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import check_scene_file, load_scene
+from lippmann.scenes.scene import Scene, check_scene_file, load_scene
 
 #: Width of the eye's view, pixels.
 VIEW_PX = 480
@@ -71,64 +72,110 @@ def command(
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
-    if is_layers(scene_path):
-        raise input_error(scene_path, "is a folder of layers", "play it on a board: lippmann play")
-    display = load_display(display_path)
-    film = load_film(scene_path) if is_film(scene_path) else None
+    display, film = load_display(display_path), _load_film(scene_path)
     path = check_scene_file(scene_path if film is None else film.scene)
     view = None if eye is None else EyeView(Eye(eye), whole_window(display, VIEW_PX))
     panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
     check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
-    if monitor is not None and port is not None:
-        raise InputError("--monitor and --port both name a panel; leave one out")
-    if window is not None and monitor is not None:
-        raise InputError("--monitor fills a monitor instead of a window; leave one out")
-    if window is False and (port is None or eye is not None):
-        raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
-    if (turn or film) and turn_seconds is None and seconds is not None:
-        turn_seconds = seconds
+    _check_panels(monitor, port, window, eye)
+    turn_seconds = seconds if (turn or film) and turn_seconds is None else turn_seconds
     start_mitsuba(device)
-    options, reel = RenderOptions(model=model, settings=settings), None
-    if film is None:
-        scene = place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
-    else:
-        reel = Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
-        scene = reel.plans[0].load()
+    options = RenderOptions(model=model, settings=settings)
+    reel = None if film is None else Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
+    scene = _place(path, display, moved) if reel is None else reel.plans[0].load()
     chosen = Job(scene, display, options).choose_model(scene)
     picture = LivePicture(scene, display, chosen, settings)
-    if view is not None:  # compiled before a window waits for it
-        black = np.zeros((panel.height_px, panel.width_px, 3), np.float32)
-        observe(black, display, view.eye, view.window, VIEW_SAMPLES[0])
+    if view is not None:
+        _compile_view(view, display)
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
-        sender = None
-        if port is not None:
-            board = stack.enter_context(Board.open(*chosen_port(port, baud)))
-            if not force:
-                check_board(board, display, display_path, ", or show it with --force")
-            board.check_panel()
-            sender = Sender(board)
+        sender = None if port is None else _board_sender(stack, port, baud, None if force else display, display_path)
         shown = NoScreens() if window is False else stack.enter_context(screens())
-        opened = time.perf_counter()
-        shown.open(PANEL, (panel.width_px, panel.height_px), monitor)
-        if view is not None:
-            shown.open(VIEW, (view.window.width_px, view.window.height_px))
+        opened = _open_windows(shown, display, monitor, view)
         played = run_live(
             picture, hand, shown, display, view=view, sender=sender, reel=reel, turn_deg=turn, moving_s=turn_seconds,
             seconds=seconds, most=samples, opened=opened,
         )  # fmt: skip
         if sender is not None:
             sender.finish()
-    board_told = None if sender is None else {
-        "port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes
-    }  # fmt: skip
+    _emit_result(
+        scene_path, display, chosen, played, hand, None if sender is None else _board_counts(str(port), sender)
+    )
+
+
+def _open_windows(shown: Screens, display: Display, monitor: int | None, view: EyeView | None) -> float:
+    """Open the windows; return when that began (time.perf_counter)."""
+    opened = time.perf_counter()
+    shown.open(PANEL, (display.panel.width_px, display.panel.height_px), monitor)
+    if view is not None:
+        shown.open(VIEW, (view.window.width_px, view.window.height_px))
+    return opened
+
+
+def _emit_result(
+    scene: str, display: Display, model: str, played: Played, hand: Hand, board: dict[str, str | int | None] | None
+) -> None:
+    """Print what a live picture came to."""
     result = {
-        "scene": scene_path, "display": display.name, "model": chosen, **asdict(played), "board": board_told,
+        "scene": scene, "display": display.name, "model": model, **asdict(played), "board": board,
         "placement": str(hand.placement()), "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
+    emit(result, _summary(played, hand))
+
+
+def _load_film(path: str) -> Film | None:
+    """Return the film of a file; None for a scene. InputError for layers, which only a board draws."""
+    if is_layers(path):
+        raise input_error(path, "is a folder of layers", "play it on a board: lippmann play")
+    return load_film(path) if is_film(path) else None
+
+
+def _check_panels(monitor: int | None, port: str | None, window: bool | None, eye: Point | None) -> None:
+    """Refuse options that name two panels, or none to look at."""
+    if monitor is not None and port is not None:
+        raise InputError("--monitor and --port both name a panel; leave one out")
+    if window is not None and monitor is not None:
+        raise InputError("--monitor fills a monitor instead of a window; leave one out")
+    if window is False and (port is None or eye is not None):
+        raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
+
+
+def _compile_view(view: EyeView, display: Display) -> None:
+    """Compile the view's program before a window waits for it."""
+    black = np.zeros((display.panel.height_px, display.panel.width_px, 3), np.float32)
+    observe(black, display, view.eye, view.window, VIEW_SAMPLES[0])
+
+
+def _place(path: Path, display: Display, moved: Moved) -> Scene:
+    """Load a scene, and place it as the options say."""
+    return place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
+
+
+def _board_sender(
+    stack: contextlib.ExitStack, port: str, baud: int | None, display: Display | None, display_path: str
+) -> Sender:
+    """Open a board, and return what sends pictures to it; it must drive a display unless that is None."""
+    board = stack.enter_context(Board.open(*chosen_port(port, baud)))
+    if display is not None:
+        check_board(board, display, display_path, ", or show it with --force")
+    board.check_panel()
+    return Sender(board)
+
+
+def _board_counts(port: str | None, sender: Sender | None) -> dict[str, str | int | None] | None:
+    """Return what a board was sent; None without one."""
+    if sender is None:
+        return None
+    return {"port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes}
+
+
+def _summary(played: Played, hand: Hand) -> str:
+    """Return the line about a live picture that has ended."""
     moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
-    emit(result, f"first picture after {played.first_s:.2f} s; {moving}{played.samples} samples at the end; "
-                 f"stood at {hand.placement()}")  # fmt: skip
+    return (
+        f"first picture after {played.first_s:.2f} s; {moving}{played.samples} samples at the end; "
+        f"stood at {hand.placement()}"
+    )
 
 
 def _film_scale(moved: Moved) -> float | None:

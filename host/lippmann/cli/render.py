@@ -75,40 +75,24 @@ def command(
             check_display_memory(display, options.settings, display_path)
         opened = _open_scene(scene_path, display, options, moved, device, keeps_bands)
     with progress_bar("render") as progress, opened as plan:
-        if keeps_bands:
-            kept = KeptBands(bands_folder(path), plan)
-            times, write_started = render_into(kept, executor, progress), time.perf_counter()
-            kept.write(path)
-            metadata = kept.metadata
-        else:
-            memory = MemorySink(plan)
-            times, write_started = render_into(memory, executor, progress), time.perf_counter()
-            memory.image(times).save(path)
-            metadata = memory.metadata
+        sink: KeptBands | MemorySink = KeptBands(bands_folder(path), plan) if keeps_bands else MemorySink(plan)
+        times, write_started = render_into(sink, executor, progress), time.perf_counter()
+        sink.write(path)
+        metadata = sink.metadata
     write_seconds = time.perf_counter() - write_started
     log_remaining_bands(path)
     measured = times.measured(keeps_bands)
     load_seconds = time.perf_counter() - started - write_seconds - times.seconds - times.prepare_seconds
+    seconds = {"start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds}
+    own = {"integrator": options.settings.integrator, "samples": options.settings.samples, "seed": seed}
     result = {
-        "output": str(path),
-        "display": display.name,
-        "identity": display.identity,
-        "width_px": display.panel.width_px,
-        "height_px": display.panel.height_px,
-        "model": metadata["model"],
-        "engine": metadata["engine"],
-        "integrator": options.settings.integrator,
-        "samples": options.settings.samples,
-        "shading": metadata.get("shading"),
-        "seed": seed,
-        "device": None if is_layers(scene_path) else current_device(),
-        **measured,
+        "output": str(path), "display": display.name, "identity": display.identity,
+        "width_px": display.panel.width_px, "height_px": display.panel.height_px,
+        "model": metadata["model"], "engine": metadata["engine"], **own, "shading": metadata.get("shading"),
+        "device": None if is_layers(scene_path) else current_device(), **measured,
         # With the two above, the whole process: before the command, scene and warnings, and the file.
-        "start_seconds": start_seconds,
-        "load_seconds": load_seconds,
-        "write_seconds": write_seconds,
-        "peak_memory_mb": peak_memory_mb(),
-    }
+        **seconds, "peak_memory_mb": peak_memory_mb(),
+    }  # fmt: skip
     emit(result, _summary(path, display, metadata, measured))
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from lippmann.base.machine import has_avx512
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import drjit, mitsuba
 
 
 def coherence_hint(depth: Any) -> Any:
@@ -59,26 +59,7 @@ def register_lights() -> None:
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
     default true; without them each light reaches every surface that faces it, as `tools.bench stages` asks for).
     """
-    mi = mitsuba()
-    import drjit as dr
-
-    everything = mi.BSDFContext()
-
-    def is_delta(emitter: Any) -> bool:
-        return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
-
-    def reflectance_of_all(bsdf: Any, si: Any, directions: list[Any], active: Any) -> list[Any]:
-        if bsdf is None:  # in a scene without any surface, such as a sky alone
-            return [mi.Spectrum(0.0) for _ in directions]
-        return [bsdf.eval(everything, si, wo, active) for wo in directions]
-
-    def splatted(scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any, list[Any]]:
-        """Return what Mitsuba's integrator of splats returns, which are lit by themselves."""
-        field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MOST_SPLATS})
-        radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
-        return radiance, mi.Bool(active), []
-
-    base: Any = mi.SamplingIntegrator
+    base: Any = mitsuba().SamplingIntegrator
 
     class Lights(base):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
@@ -90,67 +71,89 @@ def register_lights() -> None:
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
             if has_splats(scene):
-                return splatted(scene, sampler, ray, active)
-            emitters = list(scene.emitters())
-            # Point, spot and directional lights are invisible: rays never meet them.
-            visible_emitters = not all(is_delta(emitter) for emitter in emitters)
-            mirror_only = mi.BSDFContext()
-            mirror_only.type_mask = mi.BSDFFlags.Delta
-
-            def bounce(
-                sampler: Any, ray: Any, throughput: Any, radiance: Any, depth: Any, seen: Any, active: Any
-            ) -> tuple[Any, ...]:
-                si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=coherence_hint(depth), active=active)
-                if visible_emitters:
-                    # The radiance of an emitter that is seen directly or in a mirror.
-                    radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
-                active &= si.is_valid()
-                seen |= active
-                bsdf = si.bsdf(ray)
-                flags = bsdf.flags()
-                smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
-                radiance += dr.select(smooth, throughput * lit_by_all(sampler, si, bsdf, smooth), 0.0)
-                depth += 1
-                # Only mirror reflection and refraction are followed.
-                active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < self.max_depth)
-                bounced, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
-                ray = si.spawn_ray(si.to_world(bounced.wo))
-                throughput = dr.select(active, throughput * weight, throughput)
-                active &= dr.any(throughput != 0.0)
-                return sampler, ray, throughput, radiance, depth, seen, active
-
-            def lit_by_all(sampler: Any, si: Any, bsdf: Any, active: Any) -> Any:
-                arrivals = [
-                    emitter.sample_direction(
-                        si, mi.Point2f(0.5) if is_delta(emitter) else sampler.next_2d(active), active
-                    )
-                    for emitter in emitters
-                ]
-                directions = [si.to_local(ds.d) for ds, _ in arrivals]
-                # One call for all lights, so that a texture is evaluated once.
-                reflectances = dr.dispatch(bsdf, reflectance_of_all, si, directions, active)
-                total = mi.Spectrum(0.0)
-                for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):
-                    value = dr.select(ds.pdf != 0.0, weight * reflectance, 0.0)
-                    lit = active & dr.any(value != 0.0)
-                    if self.shadows:
-                        lit &= ~scene.ray_test(si.spawn_ray_to(ds.p), lit)
-                    total += dr.select(lit, value, 0.0)
-                return total
-
-            state = (
-                sampler,
-                mi.Ray3f(ray),
-                mi.Spectrum(1.0),
-                mi.Spectrum(0.0),
-                mi.UInt32(0),
-                mi.Bool(False),
-                mi.Bool(active),
-            )
-            _, _, _, radiance, _, seen, _ = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic")
-            return radiance, seen, []
+                return _sample_splats(scene, sampler, ray, active)
+            return _sample_lights(scene, sampler, ray, active, self.max_depth, self.shadows)
 
         def aov_names(self) -> list[str]:
             return []
 
-    mi.register_integrator("lights", Lights)
+    mitsuba().register_integrator("lights", Lights)
+
+
+def _sample_splats(scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any, list[Any]]:
+    """Return what Mitsuba's integrator of splats returns, which are lit by themselves."""
+    dr, mi = drjit(), mitsuba()
+    field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MOST_SPLATS})
+    radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
+    return radiance, mi.Bool(active), []
+
+
+def _sample_lights(
+    scene: Any, sampler: Any, ray: Any, active: Any, max_depth: int, shadows: bool
+) -> tuple[Any, Any, list[Any]]:
+    """Return the light that rays bring from surfaces and emitters, and which of them met a surface."""
+    dr, mi = drjit(), mitsuba()
+    emitters = list(scene.emitters())
+    # Point, spot and directional lights are invisible: rays never meet them.
+    visible_emitters = not all(_is_delta(emitter) for emitter in emitters)
+    mirror_only = mi.BSDFContext()
+    mirror_only.type_mask = mi.BSDFFlags.Delta
+
+    def bounce(
+        sampler: Any, ray: Any, throughput: Any, radiance: Any, depth: Any, seen: Any, active: Any
+    ) -> tuple[Any, ...]:
+        si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=coherence_hint(depth), active=active)
+        if visible_emitters:
+            # The radiance of an emitter that is seen directly or in a mirror.
+            radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
+        active &= si.is_valid()
+        seen |= active
+        bsdf = si.bsdf(ray)
+        flags = bsdf.flags()
+        smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
+        lit = _light_of_all(scene, emitters, sampler, si, bsdf, smooth, shadows)
+        radiance += dr.select(smooth, throughput * lit, 0.0)
+        depth += 1
+        # Only mirror reflection and refraction are followed.
+        active &= mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < max_depth)
+        bounced, weight = bsdf.sample(mirror_only, si, sampler.next_1d(active), sampler.next_2d(active), active)
+        ray = si.spawn_ray(si.to_world(bounced.wo))
+        throughput = dr.select(active, throughput * weight, throughput)
+        active &= dr.any(throughput != 0.0)
+        return sampler, ray, throughput, radiance, depth, seen, active
+
+    black = mi.Spectrum(0.0)
+    state = (sampler, mi.Ray3f(ray), mi.Spectrum(1.0), black, mi.UInt32(0), mi.Bool(False), mi.Bool(active))
+    _, _, _, radiance, _, seen, _ = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic")
+    return radiance, seen, []
+
+
+def _light_of_all(scene: Any, emitters: list[Any], sampler: Any, si: Any, bsdf: Any, active: Any, shadows: bool) -> Any:
+    """Return the light of all emitters that surfaces reflect along the rays that met them."""
+    dr, mi = drjit(), mitsuba()
+    arrivals = [
+        emitter.sample_direction(si, mi.Point2f(0.5) if _is_delta(emitter) else sampler.next_2d(active), active)
+        for emitter in emitters
+    ]
+    directions = [si.to_local(ds.d) for ds, _ in arrivals]
+    # One call for all lights, so that a texture is evaluated once.
+    reflectances = dr.dispatch(bsdf, _reflectance_of_all, si, directions, active)
+    total = mi.Spectrum(0.0)
+    for (ds, weight), reflectance in zip(arrivals, reflectances, strict=True):
+        value = dr.select(ds.pdf != 0.0, weight * reflectance, 0.0)
+        lit = active & dr.any(value != 0.0)
+        if shadows:
+            lit &= ~scene.ray_test(si.spawn_ray_to(ds.p), lit)
+        total += dr.select(lit, value, 0.0)
+    return total
+
+
+def _reflectance_of_all(bsdf: Any, si: Any, directions: list[Any], active: Any) -> list[Any]:
+    mi = mitsuba()
+    if bsdf is None:  # in a scene without any surface, such as a sky alone
+        return [mi.Spectrum(0.0) for _ in directions]
+    return [bsdf.eval(mi.BSDFContext(), si, wo, active) for wo in directions]
+
+
+def _is_delta(emitter: Any) -> bool:
+    return bool(mitsuba().has_flag(emitter.flags(), mitsuba().EmitterFlags.Delta))

@@ -123,6 +123,11 @@ class MemorySink:
     def stop(self, done_rows: int) -> None:
         """Leave nothing."""
 
+    def write(self, path: Path) -> None:
+        """Write the picture; InputError and NoSpaceError when that fails."""
+        panel = self.plan.display.panel
+        write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
+
     def image(self, times: RenderTimes) -> IntegralImage:
         """Return the picture; `times` are those of its render."""
         return IntegralImage(self.radiance, self.plan.display, self.metadata, times.measured())
