@@ -98,9 +98,7 @@ def command(
         )  # fmt: skip
         if sender is not None:
             sender.finish()
-    _emit_result(
-        scene_path, display, chosen, played, hand, None if sender is None else _board_counts(str(port), sender)
-    )
+    _emit_result(scene_path, display, chosen, played, hand, _board_counts(port, sender))
 
 
 def _open_windows(shown: Screens, display: Display, monitor: int | None, view: EyeView | None) -> float:
