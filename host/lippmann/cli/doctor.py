@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import re
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 from lippmann import __version__
@@ -17,7 +18,7 @@ from lippmann.board.port import SCHEMES, adapter_ports, port_trouble, ports, ser
 from lippmann.capturing.povray_export import POVRAY
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
-from lippmann.errors import DeviceError, InputError, LippmannError, MissingLibraryError, to_install
+from lippmann.errors import EXTRA_MODULES, DeviceError, InputError, LippmannError, MissingLibraryError, to_install
 from lippmann.simulation.toolchain import RTL_TOOLS
 
 NO_ANSWER = "the port opens, but no board answers at any baud rate; check the board's power and the cable"
@@ -42,11 +43,11 @@ def command(
         checks.append({"check": name, "ok": good, "needed": needed, "detail": detail})
 
     check("python", sys.version_info >= (3, 11), sys.version.split()[0])
-    for package in _packages():
+    for package, extra in _packages():
         try:
-            check(package, True, importlib.metadata.version(package))
+            check(package, True, importlib.metadata.version(package), needed=not extra)
         except importlib.metadata.PackageNotFoundError:
-            check(package, False, f"not installed; {to_install()}")
+            check(package, False, f"not installed; {to_install(extra)}", needed=not extra)
     for device, needed in (("llvm", True), ("cuda", False)):
         try:
             start_mitsuba(device)
@@ -95,7 +96,11 @@ def _board_text(url: str) -> str:
     return f"{board.title}, {board.baud} baud{f', serial number {number}' if number else ''}: "
 
 
-def _packages() -> list[str]:
-    """Return the packages that Lippmann requires, as its own metadata name them, and Dr.Jit, which Mitsuba brings."""
-    required = importlib.metadata.requires("lippmann") or []
-    return ["drjit", *(re.split(r"[^\w.-]", line)[0] for line in required if "extra ==" not in line)]
+def _packages() -> Iterator[tuple[str, str]]:
+    """Yield the packages that Lippmann requires, as its own metadata name them, and the extra of each or ""."""
+    yield "drjit", "render"  # which Mitsuba brings
+    for line in importlib.metadata.requires("lippmann") or []:
+        package, _, condition = line.partition(";")
+        extra = "".join(re.findall(r'extra == "(\w+)"', condition))
+        if extra in ("", *EXTRA_MODULES) and not package.startswith("lippmann["):
+            yield re.split(r"[^\w.-]", package)[0], extra
