@@ -6,9 +6,14 @@ import contextlib
 import sys
 from collections.abc import Iterator
 from types import ModuleType
+from typing import Any, TypeAlias
 
 from lippmann.base import interrupts
 from lippmann.errors import InputError, MissingLibraryError, missing_library
+
+#: A value or object of Dr.Jit or Mitsuba, such as an array, a ray or a BSDF. Its type depends on the variant that is
+#: set while the program runs, so no type checker can follow it.
+Jit: TypeAlias = Any
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 

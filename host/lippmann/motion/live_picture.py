@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,7 @@ import numpy.typing as npt
 from lippmann.base.fullscreen import Pixels
 from lippmann.base.images import Radiance
 from lippmann.base.tones import BAND_ROWS, encoded_values
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import Jit, current_device, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.optics.rays import Model
 from lippmann.rendering.options import Settings
@@ -59,7 +58,7 @@ class Encoder:
         self._least, self._values = mi.Float(least_radiance(panel, bits)), self._byte(values_of(bits))
         dr.make_opaque(self._least, self._values)
 
-    def __call__(self, planes: list[Any]) -> Pixels:
+    def __call__(self, planes: list[Jit]) -> Pixels:
         """Return the values (height, width, 3) of red, green and blue planes, each of all pixels row by row.
 
         They may be Dr.Jit's memory, as in `radiance_of`.
@@ -67,7 +66,7 @@ class Encoder:
         mi = mitsuba()
         import drjit
 
-        dr: Any = drjit  # its search has no types
+        dr: Jit = drjit  # its search has no types
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         found = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -119,7 +118,7 @@ class LivePicture:
         self._block_of_pixel = _blocks(self._panel, self.block) if self.block > 1 else None
         self._encoder = Encoder(self._panel)
         self._placement = scene.placement
-        self._planes: list[Any] = self._fine.planes(self._panel.height_px)
+        self._planes: list[Jit] = self._fine.planes(self._panel.height_px)
         self._passes = 0
 
     def stage(self, scene: Scene) -> None:
@@ -133,7 +132,7 @@ class LivePicture:
         return self._passes * PASS_SAMPLES
 
     @property
-    def middle_mm(self) -> Any:
+    def middle_mm(self) -> Jit:
         """The middle of the scene's box where it stands now (3,), mm."""
         corners = self._corners @ self._scene.placement.display_from_scene.T
         return 0.5 * (corners.min(axis=0) + corners.max(axis=0))[:3]
@@ -178,7 +177,7 @@ class LivePicture:
         self._passes += 1
         return True
 
-    def _mean(self) -> list[Any]:
+    def _mean(self) -> list[Jit]:
         mi = mitsuba()
         import drjit as dr
 
@@ -215,7 +214,7 @@ class LivePicture:
         return replace(placement, near_mm=in_front_of((far, near)), far_mm=far)
 
     @staticmethod
-    def _all(renderer: Renderer, rows: int, interrupted: Callable[[], bool]) -> list[Any] | None:
+    def _all(renderer: Renderer, rows: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
         """Return the planes of all bands, or None."""
         planes = renderer.planes(rows)
         for number in range(len(renderer.bands)):
@@ -237,13 +236,13 @@ def _coarse(source: RaySource, block: int) -> RaySource:
     )
 
 
-def _corners(scene: Scene) -> Any:
+def _corners(scene: Scene) -> Jit:
     """Return the corners of a scene's box in its own frame, (8, 4)."""
     low, high = box_of(scene.mitsuba, Placement())
     return np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
-def _blocks(panel: Panel, block: int) -> Any:
+def _blocks(panel: Panel, block: int) -> Jit:
     """Return the number of each pixel's block, row by row (UInt32)."""
     mi = mitsuba()
     import drjit as dr

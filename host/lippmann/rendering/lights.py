@@ -9,13 +9,11 @@ shown by their own colours.
 
 from __future__ import annotations
 
-from typing import Any
-
 from lippmann.base.machine import has_avx512
-from lippmann.base.variant import drjit, mitsuba
+from lippmann.base.variant import Jit, drjit, mitsuba
 
 
-def coherence_hint(depth: Any) -> Any:
+def coherence_hint(depth: Jit) -> Jit:
     """Return Embree's hint for rays that have met `depth` surfaces (UInt32): Dr.Jit's Bool, or False for all."""
     return depth == 0 if has_avx512() else False
 
@@ -24,12 +22,12 @@ def coherence_hint(depth: Any) -> Any:
 MOST_SPLATS = 256
 
 
-def has_splats(scene: Any) -> bool:
+def has_splats(scene: Jit) -> bool:
     """Tell whether a `mitsuba.Scene` has splats."""
     return any(shape.is_ellipsoids() for shape in scene.shapes())
 
 
-def needs_chance(scene: Any) -> bool:
+def needs_chance(scene: Jit) -> bool:
     """Tell whether `lights` may need random numbers for a `mitsuba.Scene`, and so have noise.
 
     It needs none under points, spots and directions, where each surface either scatters light or mirrors all of it.
@@ -59,17 +57,17 @@ def register_lights() -> None:
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
     default true; without them each light reaches every surface that faces it, as `tools.bench stages` asks for).
     """
-    base: Any = mitsuba().SamplingIntegrator
+    base: Jit = mitsuba().SamplingIntegrator
 
     class Lights(base):  # type: ignore[misc]
-        def __init__(self, props: Any) -> None:
+        def __init__(self, props: Jit) -> None:
             super().__init__(props)
             self.max_depth = props.get("max_depth", 4)
             self.shadows = props.get("shadows", True)
 
         def sample(
-            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
-        ) -> tuple[Any, Any, list[Any]]:
+            self, scene: Jit, sampler: Jit, ray: Jit, medium: Jit = None, active: Jit = True
+        ) -> tuple[Jit, Jit, list[Jit]]:
             if has_splats(scene):
                 return _sample_splats(scene, sampler, ray, active)
             return _sample_lights(scene, sampler, ray, active, self.max_depth, self.shadows)
@@ -80,7 +78,7 @@ def register_lights() -> None:
     mitsuba().register_integrator("lights", Lights)
 
 
-def _sample_splats(scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, Any, list[Any]]:
+def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, Jit, list[Jit]]:
     """Return what Mitsuba's integrator of splats returns, which are lit by themselves."""
     dr, mi = drjit(), mitsuba()
     field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MOST_SPLATS})
@@ -89,8 +87,8 @@ def _sample_splats(scene: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any
 
 
 def _sample_lights(
-    scene: Any, sampler: Any, ray: Any, active: Any, max_depth: int, shadows: bool
-) -> tuple[Any, Any, list[Any]]:
+    scene: Jit, sampler: Jit, ray: Jit, active: Jit, max_depth: int, shadows: bool
+) -> tuple[Jit, Jit, list[Jit]]:
     """Return the light that rays bring from surfaces and emitters, and which of them met a surface."""
     dr, mi = drjit(), mitsuba()
     emitters = list(scene.emitters())
@@ -100,8 +98,8 @@ def _sample_lights(
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
     def bounce(
-        sampler: Any, ray: Any, throughput: Any, radiance: Any, depth: Any, seen: Any, active: Any
-    ) -> tuple[Any, ...]:
+        sampler: Jit, ray: Jit, throughput: Jit, radiance: Jit, depth: Jit, seen: Jit, active: Jit
+    ) -> tuple[Jit, ...]:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=coherence_hint(depth), active=active)
         if visible_emitters:
             # The radiance of an emitter that is seen directly or in a mirror.
@@ -128,7 +126,7 @@ def _sample_lights(
     return radiance, seen, []
 
 
-def _light_of_all(scene: Any, emitters: list[Any], sampler: Any, si: Any, bsdf: Any, active: Any, shadows: bool) -> Any:
+def _light_of_all(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Jit, active: Jit, shadows: bool) -> Jit:
     """Return the light of all emitters that surfaces reflect along the rays that met them."""
     dr, mi = drjit(), mitsuba()
     arrivals = [
@@ -148,12 +146,12 @@ def _light_of_all(scene: Any, emitters: list[Any], sampler: Any, si: Any, bsdf: 
     return total
 
 
-def _reflectance_of_all(bsdf: Any, si: Any, directions: list[Any], active: Any) -> list[Any]:
+def _reflectance_of_all(bsdf: Jit, si: Jit, directions: list[Jit], active: Jit) -> list[Jit]:
     mi = mitsuba()
     if bsdf is None:  # in a scene without any surface, such as a sky alone
         return [mi.Spectrum(0.0) for _ in directions]
     return [bsdf.eval(mi.BSDFContext(), si, wo, active) for wo in directions]
 
 
-def _is_delta(emitter: Any) -> bool:
+def _is_delta(emitter: Jit) -> bool:
     return bool(mitsuba().has_flag(emitter.flags(), mitsuba().EmitterFlags.Delta))

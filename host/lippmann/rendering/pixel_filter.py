@@ -10,10 +10,9 @@ are not used.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from lippmann.base.tones import BAND_ROWS
-from lippmann.base.variant import current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sampling import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds, colour_count
@@ -47,7 +46,7 @@ def share_of_noise(samples: int, colours: int) -> float:
     return 1.0 - 2.0 * softness(samples) / 3.0 if may_share(samples, colours) else 1.0
 
 
-def weight(distance: Any, soft: float) -> Any:
+def weight(distance: Jit, soft: float) -> Jit:
     """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's middle."""
     dr = drjit()
     return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
@@ -72,7 +71,7 @@ class PixelFilter:
         self._sums = [dr.empty(mi.Float, 4 * pixels) for _ in range(1 + len(SIDES))]
         self._owners = dr.empty(mi.UInt32, pixels)
 
-    def add(self, colour: Any, pixel: Any, inside: Any, seeds: Seeds) -> None:
+    def add(self, colour: Jit, pixel: Jit, inside: Jit, seeds: Seeds) -> None:
         """Add the samples of pixels, one pixel's after the other's, by the pixels' numbers in the image."""
         dr, mi = drjit(), mitsuba()
         soft = softness(self._samples)
@@ -96,7 +95,7 @@ class PixelFilter:
         dr.scatter(self._owners, owner, place, inside)
         dr.eval(self._sums, self._owners)
 
-    def colours(self) -> list[Any]:
+    def colours(self) -> list[Jit]:
         """Return the band's red, green and blue, row by row.
 
         Nothing is given across rows that are multiples of `BAND_ROWS`, so that bands of any height are alike.

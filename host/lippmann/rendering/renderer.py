@@ -13,7 +13,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +21,7 @@ from lippmann.base import interrupts
 from lippmann.base.images import Radiance
 from lippmann.base.progress import Progress
 from lippmann.base.tones import psnr_db
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import Jit, current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.rays import Engine, Model
@@ -99,7 +98,7 @@ class Rendered:
         return {name: getattr(self, name) for name in ("seconds", "prepare_seconds", "samples_per_second")}
 
 
-def make_integrator(scene: Scene, settings: Settings) -> Any:
+def make_integrator(scene: Scene, settings: Settings) -> Jit:
     """Return the integrator that the settings name; raise InputError when there is none, or a ray is not enough."""
     mi = mitsuba()
     if settings.integrator == "scene":
@@ -178,7 +177,7 @@ class Renderer:
         return max(1, most // (self.rays * TILE_PX * TILE_PX))
 
     def _chosen(
-        self, scene: Scene, source: RaySource, settings: Settings, integrator: Any, program: type[SharedProgram]
+        self, scene: Scene, source: RaySource, settings: Settings, integrator: Jit, program: type[SharedProgram]
     ) -> tuple[Shading, str | None]:
         """Return how to shade, and a remark."""
         wanted = settings.shading
@@ -309,7 +308,7 @@ class Renderer:
         return radiance_of(planes, self._width), lost
 
     def draw(
-        self, number: int, planes: list[Any], first_row: int = 0, report_rows: Callable[[int], None] | None = None
+        self, number: int, planes: list[Jit], first_row: int = 0, report_rows: Callable[[int], None] | None = None
     ) -> list[int]:
         """Draw a band into planes whose first row is the image's `first_row`; return the numbers of lost samples."""
         rows = self.bands[number]
@@ -320,7 +319,7 @@ class Renderer:
         self,
         rows: range,
         tiles: int,
-        planes: list[Any],
+        planes: list[Jit],
         first_row: int,
         report_rows: Callable[[int], None] | None = None,
     ) -> list[int]:
@@ -351,7 +350,7 @@ class Renderer:
             dr.eval(planes)
         return [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
-    def planes(self, rows: int) -> list[Any]:
+    def planes(self, rows: int) -> list[Jit]:
         """Return black planes of red, green and blue for rows of the image (Dr.Jit)."""
         mi = mitsuba()
         import drjit as dr
@@ -359,8 +358,8 @@ class Renderer:
         return [dr.zeros(mi.Float, self._width * rows) for _ in range(3)]
 
     def _run(
-        self, rows: range, first_tile: int, count: int, planes: list[Any], first_row: int, sums: PixelFilter | None
-    ) -> list[Any]:
+        self, rows: range, first_tile: int, count: int, planes: list[Jit], first_row: int, sums: PixelFilter | None
+    ) -> list[Jit]:
         """Render tiles of some rows, numbered from their first; return the numbers of lost samples.
 
         If there are `sums`, the samples are added to them; if not, each pixel's mean is written into the planes.
@@ -386,7 +385,7 @@ class Renderer:
         return lost
 
 
-def radiance_of(planes: list[Any], width: int) -> Radiance:
+def radiance_of(planes: list[Jit], width: int) -> Radiance:
     """Return planes of red, green and blue as an image (rows, width, 3), which may be Dr.Jit's memory.
 
     Copy it for other threads: who lets go of it waits for Dr.Jit, which may wait for Python in the thread that renders.
@@ -438,7 +437,7 @@ def render_rays(
     )
 
 
-def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Any, Any, Any]:
+def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
     """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
     mi = mitsuba()
     import drjit as dr

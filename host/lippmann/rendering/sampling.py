@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import Jit, current_device, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import COLOURS, Box, Layout, layout_of
 from lippmann.engines import trace
@@ -30,13 +30,13 @@ class Lines(NamedTuple):
     """Lines of sight in the display's frame."""
 
     #: Three Floats, a point of each line, mm.
-    point: tuple[Any, Any, Any]
+    point: tuple[Jit, Jit, Jit]
     #: Three Floats, unit vectors along the lines, from the display to the viewer.
-    direction: tuple[Any, Any, Any]
+    direction: tuple[Jit, Jit, Jit]
     #: Which lines exist: a ray that the lenslets block has none.
-    active: Any
+    active: Jit
     #: Which do not, for each of the reasons that the source tells apart.
-    lost: tuple[Any, ...] = ()
+    lost: tuple[Jit, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class RaySource:
     height_px: int
     #: Returns the lines of sight; its arguments are a backend, pixel coordinates u and v (double), and for each of them
     #: a random point of the unit square (two Floats), for the lenslets' apertures.
-    lines: Callable[[DrJitBackend, Any, Any, tuple[Any, Any]], Lines]
+    lines: Callable[[DrJitBackend, Jit, Jit, tuple[Jit, Jit]], Lines]
     #: Sub-pixels; None where a pixel emits its three colours alike.
     layout: Layout | None = None
     #: Whether `lines` stays in Dr.Jit, so that its program can be recorded.
@@ -57,17 +57,17 @@ class RaySource:
     #: Returns numbers (UInt32) of the lenslets that own points; its arguments are the first three of `lines`. Without
     #: lenslets all points have the same number. Neighbouring pixels with the same owner share samples (`PixelFilter`);
     #: with None no pixels do.
-    owner: Callable[[DrJitBackend, Any, Any], Any] | None = None
+    owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
 
 
-def owner_number(i: Any, j: Any) -> Any:
+def owner_number(i: Jit, j: Jit) -> Jit:
     """Return a number (UInt32) for each lenslet (i, j); neighbouring lenslets have different ones."""
     mi = mitsuba()
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
 def lines_from_pixels(
-    b: DrJitBackend, display: Display, u: Any, v: Any, aperture: tuple[Any, Any] | None, model: Model
+    b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
 ) -> Lines:
     """Trace pixel coordinates (double) through a display's lenslets; aperture points as in `rays_from_pixels`."""
     mi = mitsuba()
@@ -96,7 +96,7 @@ def display_source(
     """
     panel = display.panel
 
-    def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
+    def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
         aperture_points = square_to_cell(b, *square, Lattice.of(display.array)) if aperture == "full" else None
         if engine == "fast":
             return lines_from_pixels(b, display, u, v, aperture_points, model)
@@ -112,7 +112,7 @@ def display_source(
         dx, dy, dz = (mi.Float(column) for column in rays.direction.astype(np.float32).T)
         return Lines((x, y, z), (dx, dy, dz), mi.Bool(gets_through(rays.status)))
 
-    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
+    def owner(b: DrJitBackend, u: Jit, v: Jit) -> Jit:
         return owner_number(*System.of(display).locate(b, u, v)[:2])
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
@@ -130,7 +130,7 @@ class Window:
     width_px: int
     height_px: int
 
-    def point(self, u: Any, v: Any) -> tuple[Any, Any]:
+    def point(self, u: Jit, v: Jit) -> tuple[Jit, Jit]:
         """Return x and y, mm, of pixel coordinates."""
         return (u / self.width_px - 0.5) * self.width_mm, (0.5 - v / self.height_px) * self.height_mm
 
@@ -144,7 +144,7 @@ def eye_source(
     through the pixel.
     """
 
-    def lines(b: DrJitBackend, u: Any, v: Any, square: tuple[Any, Any]) -> Lines:
+    def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
         mi = mitsuba()
         import drjit as dr
 
@@ -161,7 +161,7 @@ def eye_source(
         ray = dr.normalize(mi.Vector3f(ex - x, ey - y, ez - z))
         return Lines((x, y, z), (ray.x, ray.y, ray.z), mi.Bool(True))
 
-    def owner(b: DrJitBackend, u: Any, v: Any) -> Any:
+    def owner(b: DrJitBackend, u: Jit, v: Jit) -> Jit:
         return mitsuba().UInt32(0)
 
     return RaySource(window.width_px, window.height_px, lines, owner=owner)
@@ -183,7 +183,7 @@ def colours_of(panel: Panel) -> int:
     return colour_count(layout_of(panel.subpixels))
 
 
-def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any, Any]:
+def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
     """Return the pixel number of a place in the order of tiles, and whether it lies inside the image."""
     mi = mitsuba()
     tiles_across = -(-width // TILE_PX)
@@ -202,7 +202,7 @@ def pixel_of(first_tile: Any, place: Any, width: int, height: int) -> tuple[Any,
 class Parts:
     """The parts of pixels that are sampled (`Box`): Dr.Jit values, for each colour one for each pixel of the layout."""
 
-    box: tuple[Any, Any, Any, Any]
+    box: tuple[Jit, Jit, Jit, Jit]
     #: Whether all parts are as high as their pixels.
     full_height: bool
 
@@ -225,13 +225,13 @@ class Seeds:
     """Seeds of random numbers: Dr.Jit values (UInt32). No named tuple, whose values Dr.Jit would not record."""
 
     #: Of the image.
-    image: Any
+    image: Jit
     #: The picture's pass: how many were made before.
-    number: Any
+    number: Jit
 
 
 def lines_of(
-    source: RaySource, samples: int, seeds: Seeds, pixel: Any, sample: Any, parts: Parts, colour: Any = 0
+    source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
     """Return the lines of sight of samples, by the numbers of their pixels, their own, and their colours (UInt32)."""
     mi = mitsuba()
@@ -256,9 +256,9 @@ def lines_of(
 class Pose:
     """Where a scene stands, as Dr.Jit values: arguments of a program, so that a moved scene needs no other one."""
 
-    near_mm: Any
+    near_mm: Jit
     #: The first three rows of `Placement.scene_from_display`; None where that is the identity.
-    rows: list[list[Any]] | None
+    rows: list[list[Jit]] | None
 
     @classmethod
     def of(cls, placement: Placement) -> Pose:
@@ -271,7 +271,7 @@ class Pose:
         rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
         return cls(dr.opaque(mi.Float, placement.near_mm), rows)
 
-    def ray(self, lines: Lines) -> Any:
+    def ray(self, lines: Lines) -> Jit:
         """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
         mi = mitsuba()
         import drjit as dr
@@ -289,7 +289,7 @@ class Pose:
         return ray
 
 
-def sampler_of(seeds: Seeds, pixel: Any, sample: Any) -> Any:
+def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
     """Return a sampler for integrators, by the numbers of pixels and of samples in them (UInt32).
 
     However a picture is cut into chunks, bands and workers, it draws the same; so do the colours of a pixel.
@@ -303,17 +303,17 @@ def sampler_of(seeds: Seeds, pixel: Any, sample: Any) -> Any:
 
 
 @functools.cache
-def _sampler_class(variant: str) -> Any:
+def _sampler_class(variant: str) -> Jit:
     mi = mitsuba()
-    base: Any = mi.Sampler
+    base: Jit = mi.Sampler
 
     class PixelSampler(base):  # type: ignore[misc]
-        numbers: Any
+        numbers: Jit
 
-        def next_1d(self, active: Any = True) -> Any:
+        def next_1d(self, active: Jit = True) -> Jit:
             return self.numbers.next_float32(active)
 
-        def next_2d(self, active: Any = True) -> Any:
+        def next_2d(self, active: Jit = True) -> Jit:
             return mi.Point2f(self.next_1d(active), self.next_1d(active))
 
     return PixelSampler

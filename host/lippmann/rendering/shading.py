@@ -8,12 +8,11 @@ import math
 import re
 import weakref
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
 from lippmann.base.images import Radiance
-from lippmann.base.variant import current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.rendering.lights import coherence_hint, has_splats
 from lippmann.rendering.sampling import Parts, Pose, RaySource, Seeds, colour_count, lines_of, pixel_of, sampler_of
 from lippmann.rendering.surface_lattice import (
@@ -44,22 +43,22 @@ class Recorded:
     recording. A function that Dr.Jit cannot record, because of the scene's plugins, is traced at every call.
     """
 
-    def __init__(self, function: Callable[..., Any], scene: Scene) -> None:
+    def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         import drjit as dr
 
         held = _Held(function, scene)
 
-        def call(*arguments: Any) -> Any:
+        def call(*arguments: Jit) -> Jit:
             return held.function(*arguments)
 
-        frozen: Any = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
+        frozen: Jit = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
         self._function, self._frozen = function, frozen
         # Their Python objects belong to what tells one recording from another: made now, not in the first recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, held.release, frozen)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Jit) -> Jit:
         """Return what the function returns."""
         if self._recordable:
             try:
@@ -81,10 +80,10 @@ class _Held:
     part of a cycle. But a scene must go in time: all programs contain the code of every shape and light that is alive.
     """
 
-    def __init__(self, function: Callable[..., Any], scene: Scene) -> None:
+    def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
 
-    def release(self, frozen: Any) -> None:
+    def release(self, frozen: Jit) -> None:
         """Let go of all, and of the recordings."""
         del self.function, self.scene
         frozen.clear()
@@ -130,16 +129,16 @@ class Irradiance:
         self._lamps, self._asked = dr.zeros(mi.UInt32, 2 * self.points), dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
 
-        def lit(place: Place, known: Any, seen: Any, lattices: Lattices) -> tuple[Any, Any]:
+        def lit(place: Place, known: Jit, seen: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
             return _lit(scene.mitsuba, emitters, place, known, seen, lattices)
 
-        def at_points(point: Any, lattices: Lattices) -> tuple[Any, Any]:
+        def at_points(point: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
             place, nothing = place_of(lattices, point), point & 0
             return lit(place, nothing, nothing, lattices)
 
         self._at_points, self._lit = Recorded(at_points, scene), Recorded(lit, scene)
 
-    def at(self, place: Place) -> Any:
+    def at(self, place: Place) -> Jit:
         """Return the light at places themselves, divided by pi."""
         dr, mi = drjit(), mitsuba()
         # Two, as in `between`: one for both would be another recording.
@@ -147,12 +146,12 @@ class Irradiance:
         light, _ = self._lit(place, known, seen, self.lattices)
         return light
 
-    def find(self, points: list[Any], wanted: Any) -> None:
+    def find(self, points: list[Jit], wanted: Jit) -> None:
         """Find the light at points (each an array of numbers), where it is not known yet."""
         dr, mi = drjit(), mitsuba()
 
         # A loop within one program: three scatters in turn would be three programs.
-        def ask(corner: Any) -> tuple[Any]:
+        def ask(corner: Jit) -> tuple[Jit]:
             point = dr.select(corner == 0, points[0], dr.select(corner == 1, points[1], points[2]))
             unknown = wanted & (dr.gather(mi.UInt32, self._lamps, point, wanted) == 0)
             dr.scatter(self._asked, mi.UInt8(1), point, unknown)
@@ -169,7 +168,7 @@ class Irradiance:
         dr.scatter(self._lamps, lamps, new)
         dr.eval(self._light, self._lamps, self._asked)
 
-    def between(self, place: Place, wanted: Any) -> Any:
+    def between(self, place: Place, wanted: Jit) -> Jit:
         """Return the light at places, divided by pi: between three points, or found there where a shadow's edge is."""
         dr, mi = drjit(), mitsuba()
         points, weights = corners(self.lattices, place)
@@ -190,7 +189,7 @@ class Irradiance:
         return light
 
 
-def has_point_lamps(scene: Any) -> bool:
+def has_point_lamps(scene: Jit) -> bool:
     """Tell whether the lamps of a `mitsuba.Scene` are points, spots and directions without pictures, and few."""
     lamps = scene.emitters()
     return 0 < len(lamps) <= MOST_LAMPS and all(
@@ -198,7 +197,7 @@ def has_point_lamps(scene: Any) -> bool:
     )
 
 
-def _lit(scene: Any, emitters: list[Any], place: Place, known: Any, seen: Any, lattices: Lattices) -> tuple[Any, Any]:
+def _lit(scene: Jit, emitters: list[Jit], place: Place, known: Jit, seen: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
     """Return the light at places, divided by pi, and their lamps' words.
 
     Of the lamps in `known` (bits) `seen` tells which are seen; to the others goes a shadow ray each.
@@ -230,19 +229,19 @@ def _lit(scene: Any, emitters: list[Any], place: Place, known: Any, seen: Any, l
 
 #: Renders a chunk: its samples' colours, and the numbers of lost ones. Its arguments are the numbers of the chunk's
 #: samples (UInt32), its first tile, its `Seeds`, and the scene's `Pose`.
-Program = Callable[[Any, Any, Seeds, Pose], tuple[Any, list[Any]]]
+Program = Callable[[Jit, Jit, Seeds, Pose], tuple[Jit, list[Jit]]]
 #: What happens to a ray; its arguments are a sampler, rays, which of them exist, and what else the program is given.
-Follow = Callable[..., tuple[Any, ...]]
+Follow = Callable[..., tuple[Jit, ...]]
 #: What becomes of a sample by shared light: nothing to see, on a lattice, or to be traced by itself.
 BLACK, SHARED, ALONE = 0, 1, 2
 
 
-def each_program(scene: Scene, source: RaySource, samples: int, integrator: Any) -> Program:
+def each_program(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Program:
     """Return the program that asks an integrator for each sample."""
     parts = Parts.of(source.layout)
     traced = _colour_of_each(scene, source, samples, integrator)
 
-    def program(index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[Any, list[Any]]:
+    def program(index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
         colour, *lost = traced(index, first, seeds, pose, parts)
         return colour, lost
 
@@ -253,14 +252,14 @@ class SharedProgram:
     """The program that takes diffuse light from lattices, and asks an integrator where they tell nothing."""
 
     def __init__(
-        self, scene: Scene, source: RaySource, samples: int, integrator: Any, max_depth: int, light: Irradiance
+        self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, light: Irradiance
     ) -> None:
         self.light, self.samples = light, samples
         self._colours, self._parts = colour_count(source.layout), Parts.of(source.layout)
         self._traced = _colour_of_each(scene, source, samples, integrator)
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
-    def __call__(self, index: Any, first: Any, seeds: Seeds, pose: Pose) -> tuple[Any, list[Any]]:
+    def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
         """Return what a `Program` does."""
         dr, mi = drjit(), mitsuba()
 
@@ -273,11 +272,11 @@ class SharedProgram:
             dr.scatter(colour, own, alone)
         return colour, lost
 
-    def light_of(self, place: Place, shared: Any) -> Any:
+    def light_of(self, place: Place, shared: Jit) -> Jit:
         """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
         return self.light.between(place, shared)
 
-    def trial(self, index: Any, first: Any, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
+    def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
         """Return the radiance (pixels, 3) of a chunk by shared light, and by each sample's own light.
 
         Samples without a lattice are black in both; the third value is their share. Each pixel, or each of its
@@ -294,12 +293,12 @@ class SharedProgram:
         return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
 
 
-def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Any]:
+def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
     dr = drjit()
     rays = samples * colour_count(source.layout)
 
-    def trace(index: Any, first: Any, seeds: Seeds, pose: Pose, parts: Parts, *given: Any) -> tuple[Any, ...]:
+    def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *given: Jit) -> tuple[Jit, ...]:
         place = index // rays
         own = index - place * rays
         colour = own // samples
@@ -316,10 +315,10 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
     return Recorded(trace, scene) if source.recordable else trace
 
 
-def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: Any) -> Callable[..., Any]:
+def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Callable[..., Jit]:
     dr, mi = drjit(), mitsuba()
 
-    def follow(index: Any, sampler: Any, ray: Any, active: Any) -> tuple[Any, ...]:
+    def follow(index: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, ...]:
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
         # Not 0.0: where all is black, the recording would keep one tile's black for a picture of any size.
         return (dr.select(active, mi.Color3f(radiance), mi.Float(index >> 31)),)
@@ -337,13 +336,13 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
-    def follow(index: Any, sampler: Any, ray: Any, active: Any, lattices: Lattices) -> tuple[Any, ...]:
+    def follow(index: Jit, sampler: Jit, ray: Jit, active: Jit, lattices: Lattices) -> tuple[Jit, ...]:
         shapes = dr.width(lattices.of_shape)
 
         def bounce(
-            sampler: Any, ray: Any, throughput: Any, depth: Any, fate: Any, lattice: Any, u: Any, v: Any, back: Any,
-            active: Any,
-        ) -> tuple[Any, ...]:  # fmt: skip
+            sampler: Jit, ray: Jit, throughput: Jit, depth: Jit, fate: Jit, lattice: Jit, u: Jit, v: Jit, back: Jit,
+            active: Jit,
+        ) -> tuple[Jit, ...]:  # fmt: skip
             hit = scene.mitsuba.ray_intersect_preliminary(ray, coherent=coherence_hint(depth), active=active)
             active &= hit.is_valid()
             si = hit.compute_surface_interaction(ray, mi.RayFlags.All, active)
@@ -389,11 +388,11 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
     return follow
 
 
-def means_of(colour: Any, colours: int, samples: int) -> list[Any]:
+def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
     """Return the pixels' means of red, green and blue; of several colours each has the samples of its own."""
     dr, mi = drjit(), mitsuba()
 
-    def mean(values: Any) -> Any:
+    def mean(values: Jit) -> Jit:
         return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)
 
     if colours == 1:

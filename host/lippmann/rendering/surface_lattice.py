@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lippmann.base.variant import drjit, mitsuba
+from lippmann.base.variant import Jit, drjit, mitsuba
 
 #: Diffuse surfaces, as Mitsuba writes their BSDFs: of one side, or of two alike in kind.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
@@ -33,17 +32,17 @@ class Lattices:
     """The lattices of all triangles and spheres, numbered one after the other: Dr.Jit arrays."""
 
     #: The first lattice of a shape, by the number of its pointer; NONE without.
-    of_shape: Any
+    of_shape: Jit
     #: Of each lattice: its first point, steps along a row and from row to row, shape, triangle, and the kinds (bits).
-    first: Any
-    steps: Any
-    row_steps: Any
-    shape: Any
-    triangle: Any
-    kind: Any
+    first: Jit
+    steps: Jit
+    row_steps: Jit
+    shape: Jit
+    triangle: Jit
+    kind: Jit
     #: Centre and radius of a sphere.
-    centre: Any
-    radius: Any
+    centre: Jit
+    radius: Jit
 
 
 #: Bits of a lattice's kind: on a sphere; on a surface of two sides; on a slender triangle, whose apex is corner 0, or 1
@@ -57,13 +56,13 @@ EVEN = SPHERE | FAN
 class Place:
     """Places on lattices: their numbers, the place on each, from 0 to 1, and whether on the surface's other side."""
 
-    lattice: Any
-    u: Any
-    v: Any
-    back: Any
+    lattice: Jit
+    u: Jit
+    v: Jit
+    back: Jit
 
 
-def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
+def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     """Return the three points round places on lattices, and their weights."""
     dr, mi = drjit(), mitsuba()
     lattice, back = place.lattice, place.back
@@ -84,7 +83,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
     above = mi.UInt32(i), mi.UInt32(j + 1)
     first, side = dr.gather(mi.UInt32, lattices.first, lattice), dr.select(back, mi.UInt32(1), mi.UInt32(0))
 
-    def number(x: Any, y: Any) -> Any:
+    def number(x: Jit, y: Jit) -> Jit:
         row = dr.select(even, y * (steps + 1), _before(y, steps))
         return 2 * (first + row + x) + side
 
@@ -93,7 +92,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Any], list[Any]]:
     return [number(*whole), number(*right), number(*above)], weights
 
 
-def _on_fan(kind: Any, u: Any, v: Any) -> tuple[Any, Any]:
+def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
     """Return s along a row and t from the shortest side to the apex, for the shares of a slender triangle's corners.
 
     u and v are those of corners 1 and 2. Places of other kinds stay as they are.
@@ -110,7 +109,7 @@ def _on_fan(kind: Any, u: Any, v: Any) -> tuple[Any, Any]:
     return dr.select(fan, s, u), dr.select(fan, to_apex, v)
 
 
-def _from_fan(kind: Any, s: Any, t: Any) -> tuple[Any, Any]:
+def _from_fan(kind: Jit, s: Jit, t: Jit) -> tuple[Jit, Jit]:
     """Return the inverse of `_on_fan`."""
     dr = drjit()
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
@@ -121,12 +120,12 @@ def _from_fan(kind: Any, s: Any, t: Any) -> tuple[Any, Any]:
     return dr.select(fan, u, s), dr.select(fan, v, t)
 
 
-def _before(row: Any, steps: Any) -> Any:
+def _before(row: Jit, steps: Jit) -> Jit:
     """Return the number of a triangle's points before a row."""
     return row * (steps + 1) - (row * (row - 1)) // 2
 
 
-def on_octahedron(direction: Any) -> tuple[Any, Any]:
+def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
     """Return the place in the unit square of a direction (octahedral mapping)."""
     dr = drjit()
 
@@ -141,7 +140,7 @@ def on_octahedron(direction: Any) -> tuple[Any, Any]:
     return 0.5 * x + 0.5, 0.5 * y + 0.5
 
 
-def from_octahedron(u: Any, v: Any) -> Any:
+def from_octahedron(u: Jit, v: Jit) -> Jit:
     """Return the direction of a place in the unit square."""
     dr, mi = drjit(), mitsuba()
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
@@ -153,7 +152,7 @@ def from_octahedron(u: Any, v: Any) -> Any:
     return dr.normalize(mi.Vector3f(x, y, z))
 
 
-def place_of(lattices: Lattices, point: Any) -> Place:
+def place_of(lattices: Lattices, point: Jit) -> Place:
     """Return the places of numbered points."""
     dr, mi = drjit(), mitsuba()
     back = (point & 1) != 0
@@ -176,10 +175,10 @@ def place_of(lattices: Lattices, point: Any) -> Place:
     return Place(mi.UInt32(lattice), u, v, back)
 
 
-def laid(scene: Any, spacing: float, most: int) -> tuple[Lattices, int]:
+def laid(scene: Jit, spacing: float, most: int) -> tuple[Lattices, int]:
     """Return the lattices of a scene's shapes, and the number of their points."""
     dr, mi = drjit(), mitsuba()
-    parts: list[dict[str, Any]] = []
+    parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())
         two = bool(TWO_SIDED.match(text))
@@ -214,12 +213,12 @@ def laid(scene: Any, spacing: float, most: int) -> tuple[Lattices, int]:
     return made, int(first[-1])
 
 
-def _points(steps: Any, row_steps: Any, kind: Any) -> Any:
+def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
     """Return the numbers of points of lattices."""
     return np.where(kind & EVEN, (steps + 1) * (row_steps + 1), (steps + 1) * (steps + 2) // 2)
 
 
-def _of_shape(shape: Any, spacing: float) -> dict[str, Any] | None:
+def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
     """Return the lattices of a triangle mesh or a sphere, by the names of `Lattices`.
 
     None for other shapes, and for those that are too large or have corners that are no numbers.
