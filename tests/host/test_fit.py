@@ -19,7 +19,7 @@ from lippmann.errors import InputError
 from lippmann.layers.layer_choice import LayerChoice, choose_layers
 from lippmann.optics.model_choice import choose_model
 from lippmann.optics.rays import MODELS
-from lippmann.optics.sampling import points_in_pixel
+from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from golden_pictures import BEFORE, GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
-from lippmann.optics.sampling import points_in_square
+from lippmann.optics.sample_points import points_in_square
 from lippmann.rendering import sampling as samples
 from lippmann.scenes.scene import load_scene
 from PIL import Image

@@ -10,7 +10,7 @@ from lippmann.base.variant import current_device, mitsuba
 from lippmann.capturing.capture import capture_source
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.sampling import points_in_pixel
+from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import MOST_SAMPLES, PixelFilter, is_filtered, softness
 from lippmann.rendering.renderer import Renderer, render_rays

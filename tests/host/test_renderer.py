@@ -19,7 +19,7 @@ from lippmann.eye.observer import Eye, observe
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS
-from lippmann.optics.sampling import points_in_pixel, points_in_square, square_to_cell
+from lippmann.optics.sample_points import points_in_pixel, points_in_square, square_to_cell
 from lippmann.rendering import renderer
 from lippmann.rendering import sampling as sources
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory

@@ -14,7 +14,7 @@ from pathlib import Path
 import cocotb_tools.config
 from cocotb_tools.check_results import get_results
 from cocotb_tools.runner import Verilator
-from lippmann.simulation.compilation import SHORT, kept, verilated
+from lippmann.simulation.compilation import SHORT, cached_file, verilated
 from lippmann.simulation.toolchain import PREFIX, needed, repository, rtl_sources
 
 TOP = repository()
@@ -87,7 +87,7 @@ def compiled(
         verilated(program, module, files, [main], parameters, options=options, flags=flags, link=link)
 
     inputs = [*sources, main, bench, *map(repr, (top, parameters, options, flags)), *link, version("cocotb")]
-    return kept(BUILD / name, inputs, make)
+    return cached_file(BUILD / name, inputs, make)
 
 
 def seed_options(seed: int) -> list[str]:

@@ -11,7 +11,7 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.simulation.compilation import SHORT, kept, verilated
+from lippmann.simulation.compilation import SHORT, cached_file, verilated
 from lippmann.simulation.toolchain import (
     OPTICS_FOLDERS,
     PREFIX,
@@ -48,7 +48,7 @@ def printed(request):
         # The wrappers leave the cells' unused ports open.
         verilated(program, "bench", sources, [HERE / "main.cpp"], options=["-Wno-PINMISSING"], flags=SHORT)
 
-    program = kept(BUILD / f"cells-{request.param}", [*sources, HERE / "main.cpp"], make)
+    program = cached_file(BUILD / f"cells-{request.param}", [*sources, HERE / "main.cpp"], make)
     run = [str(program), str(CLOCKS), f"+verilator+seed+{SEED}"]
     print(f"seed {SEED}")
     said = subprocess.run(run, capture_output=True, text=True, check=True).stdout
@@ -128,7 +128,7 @@ def test_what_is_simulated_is_what_is_placed():
         options = ["-Wno-PINMISSING"]
         verilated(program, "products", [*sources, renamed], [HERE / "main.cpp"], options=options, flags=SHORT)
 
-    program = kept(BUILD / "cells-products", [*sources, *placed, HERE / "main.cpp"], make)
+    program = cached_file(BUILD / "cells-products", [*sources, *placed, HERE / "main.cpp"], make)
     clocks = 8000
     print(f"seed {SEED}")
     run = [str(program), str(clocks), f"+verilator+seed+{SEED}"]

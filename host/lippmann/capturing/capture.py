@@ -44,7 +44,7 @@ from lippmann.optics.faces import Ray
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.models import leave_panel
 from lippmann.optics.rays import Floats, gets_through
-from lippmann.optics.sampling import square_to_cell
+from lippmann.optics.sample_points import square_to_cell
 from lippmann.optics.system import System
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Rendered, render_rays

@@ -20,7 +20,7 @@ from lippmann.errors import InputError
 from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import MODELS, Model
-from lippmann.optics.sampling import square_to_cell
+from lippmann.optics.sample_points import square_to_cell
 from lippmann.rendering.sampling import APERTURES, lines_from_pixels
 
 if TYPE_CHECKING:

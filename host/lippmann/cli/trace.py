@@ -26,7 +26,7 @@ from lippmann.errors import input_error, not_there, reason
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
-from lippmann.optics.sampling import square_to_cell
+from lippmann.optics.sample_points import square_to_cell
 
 #: Memory that the trace of a ray takes, bytes: measured with 10^6 rays of the engine golden.
 RAY_BYTES = 350

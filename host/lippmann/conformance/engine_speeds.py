@@ -33,7 +33,7 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.model_choice import crossing
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Model, Rays, gets_through
-from lippmann.optics.sampling import points_in_square, square_to_cell
+from lippmann.optics.sample_points import points_in_square, square_to_cell
 from lippmann.optics.system import System
 from lippmann.optics.trace import rays_from_pixels
 from lippmann.rendering.options import Settings

@@ -40,7 +40,7 @@ from lippmann.optics.model_choice import (
     probe,
 )
 from lippmann.optics.rays import Floats, Model, Rays
-from lippmann.optics.sampling import R2_STEPS, pixel_steps
+from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
 #: Largest number of samples that a fit tries.

@@ -154,12 +154,12 @@ class Array:
     @property
     def keys(self) -> dict[str, object]:
         """The keys and their values, without those that were left out or say what holds without them."""
-        found = dataclasses.asdict(self)
+        fields = dataclasses.asdict(self)
         if self.shear == 0.0:
-            del found["shear"]
+            del fields["shear"]
         if self.extent_mm is None:
-            del found["extent_mm"]
-        return found
+            del fields["extent_mm"]
+        return fields
 
     @property
     def pitches_mm(self) -> Pair:
@@ -387,15 +387,15 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     if focal_mm is not None:
         array["radius_mm"] = focal_mm * (array["index"] - 1.0)
     thinnest = array["thickness_mm"] is None
-    made = Array(**array | ({"thickness_mm": array["radius_mm"]} if thinnest else {}))
-    check_pitch(made, f"{where}array.pitch_mm")
+    lenslets = Array(**array | ({"thickness_mm": array["radius_mm"]} if thinnest else {}))
+    check_pitch(lenslets, f"{where}array.pitch_mm")
     if thinnest:
-        check_radius(made, f"{where}array.radius_mm")
-        made = replace(made, thickness_mm=made.sag_mm)
-    named = keys.name if keys.name is not None else name
-    if len(named.splitlines()) > 1 or named != named.strip("\r\n"):
+        check_radius(lenslets, f"{where}array.radius_mm")
+        lenslets = replace(lenslets, thickness_mm=lenslets.sag_mm)
+    title = keys.name if keys.name is not None else name
+    if len(title.splitlines()) > 1 or title != title.strip("\r\n"):
         raise input_error(f"{where}name", "has a line break", "give a name of one line")
-    display = Display(named, Panel(**panel), made, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
+    display = Display(title, Panel(**panel), lenslets, keys.gap_mm, keys.viewing_distance_mm, keys.viewing_axis_mm)
     _check(display, where)
     return display
 
@@ -488,12 +488,12 @@ def _check_extent(display: Display, where: str) -> None:
     """Refuse an extent without a lenslet in front of the panel, or one far larger than the panel."""
     array, panel = display.array, display.panel
     width, height = array.extent_mm or (0.0, 0.0)
-    given, least = f"{width:g} x {height:g} mm", (array.pitches_mm[0], array.row_pitch_mm)
+    size, least = f"{width:g} x {height:g} mm", (array.pitches_mm[0], array.row_pitch_mm)
     if width < least[0] or height < least[1]:
-        what = f"{given} holds no lenslet of {least[0]:.4g} x {least[1]:.4g} mm"
+        what = f"{size} holds no lenslet of {least[0]:.4g} x {least[1]:.4g} mm"
         raise input_error(where, what, "give the width and height of the area with lenslets, mm, or leave it out")
     if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
-        what = f"{given} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
+        what = f"{size} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
         raise input_error(where, what, "give it in mm, or leave it out for lenslets everywhere")
     # Two parallelograms are apart when one of their four directions separates them.
     turn = math.radians(array.rotation_deg)
@@ -505,7 +505,7 @@ def _check_extent(display: Display, where: str) -> None:
         here = 0.5 * (abs(ax) * panel.width_mm + abs(ay) * panel.height_mm)
         there = 0.5 * (abs(ax * rows[0] + ay * rows[1]) * width + abs(ax * columns[0] + ay * columns[1]) * height)
         if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > here + there + reach * math.hypot(ax, ay):
-            what = f"{given} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
+            what = f"{size} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
             raise input_error(where, what, "bring array.offset_mm nearer to the panel, or raise extent_mm")
 
 

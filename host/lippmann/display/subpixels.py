@@ -85,12 +85,12 @@ class Layout:
     def boxes(self, colour: Colour) -> list[Box]:
         """Return where each pixel of the layout, row by row, shows a colour: its own sub-pixel, else the nearest."""
         own = [sub for sub in self.subpixels if sub[0] == colour]
-        found = []
+        boxes = []
         for number in range(self.columns * self.rows):
             row, column = divmod(number, self.columns)
             _, x, y, w, h = min(own, key=lambda sub: (_pixel_of(sub) != (column, row), _away(sub, column, row)))
-            found.append(Box(x - column, -y - row, w, h))
-        return found
+            boxes.append(Box(x - column, -y - row, w, h))
+        return boxes
 
     @property
     def borrows(self) -> bool:
@@ -118,15 +118,15 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
             raise InputError(f"the layout has no {colour}; add a sub-pixel of that colour")
     for sub, (column, row) in zip(table, pixels, strict=True):
         colour, x, y, w, h = sub
-        named = f"the {colour} sub-pixel at [{x:g}, {y:g}]"
+        subject = f"the {colour} sub-pixel at [{x:g}, {y:g}]"
         if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
             place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
-            raise InputError(f"{named} {place}; give x and y in pixels from the first one's centre, y upwards")
+            raise InputError(f"{subject} {place}; give x and y in pixels from the first one's centre, y upwards")
         room = 0.5 + ROUNDING
         if not (w > 0.0 and h > 0.0 and abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room):
-            raise InputError(f"{named}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
+            raise InputError(f"{subject}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if [(other[0], pixel) for other, pixel in zip(table, pixels, strict=True)].count((colour, (column, row))) > 1:
-            raise InputError(f"{named} has another {colour} one in its pixel; leave one out, or describe two pixels")
+            raise InputError(f"{subject} has another {colour} one in its pixel; leave one out, or describe two pixels")
     for (one, *first), (other, *second) in combinations(table, 2):
         gaps = (abs(first[k] - second[k]) - 0.5 * (first[k + 2] + second[k + 2]) for k in (0, 1))
         if max(gaps) < -ROUNDING:

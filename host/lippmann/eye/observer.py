@@ -25,7 +25,7 @@ from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, whole_number
 from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.rays import Model, Status
-from lippmann.optics.sampling import points_in_square
+from lippmann.optics.sample_points import points_in_square
 from lippmann.optics.system import System
 from lippmann.optics.trace import PixelHits, pixels_from_rays
 from lippmann.optics.zones import FARTHEST_EYE_MM

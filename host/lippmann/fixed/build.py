@@ -214,10 +214,10 @@ _NAMED = (
     Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
 )
 #: The named configurations, by name.
-CONFIGURATIONS = {named.name: named for named in _NAMED}
+CONFIGURATIONS = {one.name: one for one in _NAMED}
 
 
-def chosen(names: tuple[str, ...]) -> list[Named]:
+def select_builds(names: tuple[str, ...]) -> list[Named]:
     """Return configurations by name, all when no name is given; raise InputError for an unknown name."""
     for name in names:
         if name not in CONFIGURATIONS:

@@ -223,17 +223,17 @@ def _lens_numbers(
     flat_exit, square = model in ("paraxial", "exact") and array.plano_side == "viewer", array.grid == "square"
     # Local points of a converged display are 1 - share of their length: so they follow from the lattice coordinates.
     convergence = System.of(display).convergence
-    share, rest = convergence.share, 1.0 - convergence.share
+    share, shrink = convergence.share, 1.0 - convergence.share
     axis_x = convergence.axis_x - lean * convergence.axis_y
     depth = 1.0 - T / R
     rounded = math.ldexp(math.floor(math.ldexp(depth, f) + 0.5), -f)
     return {
-        "slope_x": slope[0] * p / rest,
-        "slope_y": slope[0] * row / rest,
+        "slope_x": slope[0] * p / shrink,
+        "slope_y": slope[0] * row / shrink,
         "slope_aim_x": slope[1] * p,
         "slope_aim_y": slope[1] * row,
-        "point_x": point[0] * p / R / rest,
-        "point_y": point[0] * row / R / rest,
+        "point_x": point[0] * p / R / shrink,
+        "point_y": point[0] * row / R / shrink,
         "point_aim_x": point[1] * p / R,
         "point_aim_y": point[1] * row / R,
         "cell_pitch_x": p / R,
@@ -289,8 +289,8 @@ def _check_build(display: Display, build: Build, model: Model) -> None:
         )
     converge = build.converge or display.viewing_distance_mm is not None
     sizes = build.fraction_bits, build.aims, build.max_cell_steps
-    wanted = Build.of(display, model, *sizes, converge, build.shear)
-    needs, has = dataclasses.asdict(wanted) | {"cross_cells": build.cross_cells}, dataclasses.asdict(build)
+    fitting = Build.of(display, model, *sizes, converge, build.shear)
+    needs, has = dataclasses.asdict(fitting) | {"cross_cells": build.cross_cells}, dataclasses.asdict(build)
     if differ := [name for name in has if needs[name] != has[name]]:
         raise InputError(
             f"this build is not for display '{display.name}' and model {model}: "
@@ -390,10 +390,10 @@ def _check_lens(display: Display, build: Build) -> None:
     In exact builds, refuse also an index out of range, and a substrate whose rays are longer than a far word holds, 8
     radii.
     """
-    array, f, most = display.array, build.fraction_bits, words.FRACTIONS[-1]
+    array, f, widest = display.array, build.fraction_bits, words.FRACTIONS[-1]
     half, least = 0.5 * array.finest_mm / array.radius_mm, math.ldexp(LEAST_HALF, -f - 1)
     if build.model != "pinhole" and half < least:
-        more = f", or take more fraction bits, up to {most}" if f < most else ""
+        more = f", or take more fraction bits, up to {widest}" if f < widest else ""
         remedy = f"the lenslet is too flat: lower array.radius_mm or raise array.pitch_mm{more}"
         raise _refusal("cell_half", f"{half:.6g}", f"[{least:.6g}, 1) at F = {f}", remedy)
     if build.model != "exact":

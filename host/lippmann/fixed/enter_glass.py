@@ -36,8 +36,8 @@ def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, In
     word, extra = f + 2, extra_bits(f)
     tx = guarded(multiplier(ex, index_inverse, word + extra, word, f + 1 - GUARD))
     ty = guarded(multiplier(ey, index_inverse, word + extra, word, f + 1 - GUARD))
-    rest, _ = left_of_unit(tx, ty, f, extra)
-    return tx, ty, sqrt(rest, f, normalise=False, extra=3 * extra), below_quarter(rest, f)
+    square, _ = left_of_unit(tx, ty, f, extra)
+    return tx, ty, sqrt(square, f, normalise=False, extra=3 * extra), below_quarter(square, f)
 
 
 def left_of_unit(dx: Ints, dy: Ints, f: int, extra: int = 0) -> tuple[Ints, Bools]:
@@ -45,13 +45,13 @@ def left_of_unit(dx: Ints, dy: Ints, f: int, extra: int = 0) -> tuple[Ints, Bool
     word, drop = f + 2 + extra, f - 3 + 2 * extra
     total = multiplier(dx, dx, word, word, drop) + multiplier(dy, dy, word, word, drop)
     g = np.maximum(total, 0) >> 2
-    most = (1 << (f + 3)) - 1
-    return (most - g) & most, g > most
+    top = (1 << (f + 3)) - 1
+    return (top - g) & top, g > top
 
 
-def below_quarter(rest: Ints, f: int) -> Bools:
+def below_quarter(square: Ints, f: int) -> Bools:
     """Tell which squares, F + 3 fraction bits, are below 1/4."""
-    return rest < 1 << (f + 1)
+    return square < 1 << (f + 1)
 
 
 def cosine_behind(s: Ints, ratio_square: int, f: int) -> tuple[Ints, Ints]:

@@ -91,8 +91,8 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
     `rsqrt` does not take, u, l, X or Y outside its word, or d'_x or d'_y outside [-1, 1], by more than roundings.
     """
     near, far = f + 2, f + 4
-    rest, over = left_of_unit(dx, dy, f)
-    half_inverse = np.minimum(rsqrt(rest, f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
+    square, over = left_of_unit(dx, dy, f)
+    half_inverse = np.minimum(rsqrt(square, f), (1 << (f + 1)) - 1)  # 1 does not fit a near word
     to_go = (met.nz + (1 - 2 * depth)) >> 1
     path = halved(multiplier(wrapped(to_go, far), half_inverse, far, near, f - 1))
     drop = f - GUARD
@@ -101,12 +101,12 @@ def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_s
         for n, d in ((met.nx, dx), (met.ny, dy))
     )
 
-    g = ((1 << (f + 3)) - 1) - rest
+    g = ((1 << (f + 3)) - 1) - square
     c, dz_air = cosine_behind(g, index_square, f)
     dx_air, dy_air = (guarded(multiplier(d, index, near, near + 1, drop)) for d in (dx, dy))
-    dz_glass = wrapped(halved(multiplier(rest, half_inverse, far, near, f + 1)), near)
+    dz_glass = wrapped(halved(multiplier(square, half_inverse, far, near, f + 1)), near)
     reflected = c <= 0
-    lost = np.any([~fits(w, far) for w in (to_go, path, x, y)], axis=0) | below_quarter(rest, f)
+    lost = np.any([~fits(w, far) for w in (to_go, path, x, y)], axis=0) | below_quarter(square, f)
     over = over | above_one(c, f) | (~reflected & (lost | beyond(dx_air, near) | beyond(dy_air, near)))
     return FlatExit(
         wrapped(x, far),

@@ -73,12 +73,12 @@ def meet_dome(
 
     drop = f - 3
     h2 = multiplier(hx, hx, wide, wide, drop) + multiplier(hy, hy, wide, wide, drop)
-    rest = (depth_rest if upward else 0) - h2
-    c = wrapped(rest + multiplier(b, b, foot, foot, drop + 8), 2 * far - drop)
-    most = (1 << (f + 3)) - 1
-    cos = sqrt(np.clip(c, 0, most), f)
-    s = np.clip((1 << (f + 3)) - c, 0, most)
-    s = np.where(c > most, 0, s)
+    square = (depth_rest if upward else 0) - h2
+    c = wrapped(square + multiplier(b, b, foot, foot, drop + 8), 2 * far - drop)
+    top = (1 << (f + 3)) - 1
+    cos = sqrt(np.clip(c, 0, top), f)
+    s = np.clip((1 << (f + 3)) - c, 0, top)
+    s = np.where(c > top, 0, s)
 
     missed = c < 0
     length = ((8 * cos if upward else np.where(missed, 1 << (f + 3), -8 * cos)) - b + 8) >> 4
@@ -119,8 +119,8 @@ def cell_step(
     if grid == "square":
         di, dj = side(q0, half), side(ny, half_y)
         return di, dj, (di == 0) & (dj == 0)
-    whole, part = rise >> (f + 1), rise & ((1 << (f + 1)) - 1)
-    climb = multiplier(ny, part, word, word, f + 1 - GUARD) + (whole * ny << GUARD)
+    units, part = rise >> (f + 1), rise & ((1 << (f + 1)) - 1)
+    climb = multiplier(ny, part, word, word, f + 1 - GUARD) + (units * ny << GUARD)
     q = np.stack([q0, guarded(climb + (nx << (GUARD - 1))), np.zeros_like(nx)])
     q[2] = q[1] - q[0]
     inside = (np.stack([side(k, half) for k in q]) == 0).all(axis=0)

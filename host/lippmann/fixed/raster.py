@@ -146,12 +146,12 @@ def lfsr(seed: int, count: int) -> Ints:
     states = np.empty(max(count, 1), np.int64)
     leap = POLYNOMIAL  # x^32
     states[0] = seed or 1
-    known = 1
-    while known < count:
-        new = min(known, count - known)
-        states[known : known + new] = _times(states[:new], leap)
+    count_so_far = 1
+    while count_so_far < count:
+        new = min(count_so_far, count - count_so_far)
+        states[count_so_far : count_so_far + new] = _times(states[:new], leap)
         leap = int(_times(np.array([leap], np.int64), leap)[0])
-        known += new
+        count_so_far += new
     return states[:count]
 
 

@@ -133,8 +133,8 @@ def _through_lenslet(
     met = meet(hx, hy)
     for _ in range(build.max_cell_steps):
         di, dj, _ = step(met)
-        way = config.cell_pitch_x, config.cell_pitch_y, config.shear_row
-        hx, hy, outside = move_lenslet(hx, hy, di, dj, *way, grid, f, build.shear)
+        pitches = config.cell_pitch_x, config.cell_pitch_y, config.shear_row
+        hx, hy, outside = move_lenslet(hx, hy, di, dj, *pitches, grid, f, build.shear)
         i, j = i + di, j + dj
         beyond = beyond | met.beyond | outside | ~fits(i, INDEX_BITS) | ~fits(j, INDEX_BITS)
         i, j = wrapped(i, INDEX_BITS), wrapped(j, INDEX_BITS)

@@ -178,9 +178,11 @@ def build_of(words: Mapping[str, int]) -> Build:
     if words["identity"] != identity:
         raise InputError(f"no optics block answers: its identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
     version = read("version", words["version"])["major"]
-    known = OPTICS_REGISTERS["version"].fields["major"].reset
-    if version != known:
-        raise InputError(f"the optics block has registers of version {version}, this host knows {known}; update one")
+    version_here = OPTICS_REGISTERS["version"].fields["major"].reset
+    if version != version_here:
+        raise InputError(
+            f"the optics block has registers of version {version}, this host knows {version_here}; update one"
+        )
     fields = read("build", words["build"])
     models, model = get_args(HardwareModel), fields["model"]
     if model >= len(models):

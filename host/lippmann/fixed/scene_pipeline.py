@@ -63,13 +63,13 @@ class SceneWords:
     @property
     def slots(self) -> tuple[int | None, ...]:
         """The slot of each layer: of the visible ones that name a slot, the first has it; None: without one."""
-        taken: set[int] = set()
-        found: list[int | None] = []
+        used: set[int] = set()
+        owners: list[int | None] = []
         for layer in self.layers:
-            found.append(layer.slot if layer.visible and layer.slot not in taken else None)
+            owners.append(layer.slot if layer.visible and layer.slot not in used else None)
             if layer.visible:
-                taken.add(layer.slot)
-        return tuple(found)
+                used.add(layer.slot)
+        return tuple(owners)
 
     @property
     def bits(self) -> int:
@@ -249,12 +249,12 @@ def composite(
     """
     half, mask = 1 << 15, (1 << _SUM_BITS) - 1
     so_far = np.zeros((len(draws), 3), np.int64)
-    left = np.full(len(draws), WHOLE)
+    passing = np.full(len(draws), WHOLE)
     for one, covered, bright in zip(light, opacity, brightness, strict=True):
-        gain = (left * min(bright, 256) + 128) >> 8
+        gain = (passing * min(bright, 256) + 128) >> 8
         so_far = (so_far + ((one * gain[:, None] + half) >> 16)) & mask
-        left = left - ((left * covered + half) >> 16)
-    so_far = (so_far + ((left[:, None] * background + half) >> 16)) & mask
+        passing = passing - ((passing * covered + half) >> 16)
+    so_far = (so_far + ((passing[:, None] * background + half) >> 16)) & mask
     return np.where(draws[:, None], np.minimum(so_far, 65535), 0)
 
 
@@ -324,8 +324,8 @@ def scene_light(rays: FixedRays, words: SceneWords, slots: Mapping[int, Bytes], 
     layers = words.layers[: build.layers]
     for layer, slot in zip(layers, words.slots, strict=False):
         s, t, beyond = layer_coordinate(lines, layer, build.bilinear, f)
-        held = None if slot is None or slot >= build.slots_built else slots.get(slot, empty)
-        one_light, one_opacity = texel_blend(*texel_fetch(s, t, beyond, held, build))
+        content = None if slot is None or slot >= build.slots_built else slots.get(slot, empty)
+        one_light, one_opacity = texel_blend(*texel_fetch(s, t, beyond, content, build))
         light.append(one_light)
         opacity.append(one_opacity)
     brightness = [layer.brightness for layer in layers]

@@ -49,9 +49,9 @@ def share_bits(f: int) -> int:
     return f + 9
 
 
-def guarded(x: Ints, kept: int = 0) -> Ints:
+def guarded(x: Ints, more: int = 0) -> Ints:
     """Round the guard bits away, but for K that are kept: (x + (4 >> K)) >> (3 - K)."""
-    return (x + (1 << (GUARD - 1) >> kept)) >> (GUARD - kept)
+    return (x + (1 << (GUARD - 1) >> more)) >> (GUARD - more)
 
 
 def halved(x: Ints) -> Ints:

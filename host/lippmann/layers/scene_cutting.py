@@ -36,7 +36,7 @@ from lippmann.layers.stack import (
 )
 from lippmann.optics.backend import Arr
 from lippmann.optics.rays import Status
-from lippmann.optics.sampling import points_in_pixel
+from lippmann.optics.sample_points import points_in_pixel
 from lippmann.optics.zones import half_width, middle_eye, viewing_distance
 from lippmann.rendering.bands import CHUNK_SAMPLES
 from lippmann.rendering.options import Settings

@@ -65,8 +65,8 @@ class NumpyBackend(Backend):
             state = tuple(np.array(x) for x in state)
         while index.size:
             part = body(*(x[index] for x in state))
-            for whole, piece in zip(state, part, strict=True):
-                whole[index] = piece
+            for column, piece in zip(state, part, strict=True):
+                column[index] = piece
             index = index[active(*part)]
         return state
 

@@ -95,9 +95,9 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
     views = []
-    whole = sees_all(display, np.array(eyes_mm, float)).tolist()
-    found = zones(display, [eye[2] for eye in eyes_mm])
-    for eye, share, all_right, zone in zip(eyes_mm, shares, whole, found, strict=True):
+    clear = sees_all(display, np.array(eyes_mm, float)).tolist()
+    texts = zones(display, [eye[2] for eye in eyes_mm])
+    for eye, share, all_right, zone in zip(eyes_mm, shares, clear, texts, strict=True):
         z = eye[2]
         depths = (z * reach / (reach - z) if z > reach else -math.inf, z * reach / (reach + z))
         arcmin, moire = 60.0 * math.degrees(display.array.coarsest_mm / z), visible_moire(display, z)
@@ -216,23 +216,23 @@ def visible_moire(display: Display, distance_mm: float) -> float | None:
 
 def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> list[str]:
     panel, array = display.panel, display.array
-    found = []
+    texts = []
     ratio = array.finest_mm / panel.coarsest_mm
     if ratio < 2.0:
-        found.append(
+        texts.append(
             f"an elemental image is only {ratio:.3g} pixels across: fewer than two views; "
             "take a finer panel or a coarser array"
         )
     px, py = array.pitches_mm
     if array.grid == "hex" and abs(py / px / HALF_SQRT3 - 1.0) < 0.01:
-        found.append(
+        texts.append(
             f"rows are {array.row_pitch_mm:.4g} mm apart, because py of a hexagonal pitch_mm is not their distance; "
             f"if they are {py:g} mm apart give pitch_mm = [{px:g}, {py / HALF_SQRT3:.6g}]"
         )
     distance = viewing_distance(display)
     moire = visible_moire(display, distance)
     if moire is not None:
-        found.append(
+        texts.append(
             f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
             "pitch of either, or the angle of the array by some degrees"
         )
@@ -240,45 +240,45 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"
-        found.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
+        texts.append(f"colour moire: colour {kind} run parallel to the lenslets; turn the array by some degrees")
     if half_field_deg < 5.0:
-        found.append(
+        texts.append(
             f"crosstalk: eyes more than {half_field_deg:.3g} degrees off {axis_text(display)} see its neighbour's "
             "elemental image; shorten the focal length and the gap"
         )
-    found += _eye_warnings(display, zone)
+    texts += _eye_warnings(display, zone)
     defocus = abs(display.aperture_distance_mm / array.focal_length_mm - 1.0)
     if defocus > 0.5:
-        found.append(
+        texts.append(
             f"the panel is {display.aperture_distance_mm:.4g} mm from the lenslets, far from their focal length "
             f"of {array.focal_length_mm:.4g} mm: little depth is sharp; change gap_mm or thickness_mm"
         )
     if display.gap_mm == 0.0 and array.plano_side == "viewer":
-        found.append("the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap")
-    return found
+        texts.append("the domes touch the panel: nothing is focused; turn the plano side to the panel or give a gap")
+    return texts
 
 
 def _eye_warnings(display: Display, zone: Zone | None) -> list[str]:
     """Return warnings of the eye's place and of what it sees, from the zone at its distance."""
-    panel, distance, found = display.panel, viewing_distance(display), []
-    beside = [
+    panel, distance, texts = display.panel, viewing_distance(display), []
+    off_panel = [
         abs(at) > 0.5 * side
         for at, side in zip(display.viewing_axis_mm, (panel.width_mm, panel.height_mm), strict=True)
     ]
-    if any(beside):
-        found.append(
+    if any(off_panel):
+        texts.append(
             f"viewing_axis_mm, {display.viewing_axis_mm[0]:g}, {display.viewing_axis_mm[1]:g}, is beside the panel of "
             f"{panel.width_mm:.4g} x {panel.height_mm:.4g} mm; give the point of the panel that the eye is in front of"
         )
     elif zone is None:
         share = status_share(display, middle_eye(display, distance))["crosstalk"]
-        found.append(
+        texts.append(
             f"no eye at {distance:g} mm sees the whole panel: {percent(share, sampled=True)} of the view from the "
             f"middle is crosstalk; {remedy(display)}"
         )
     if (display.viewing_distance_mm or 0.0) > FAR_MM:
-        found.append(
+        texts.append(
             f"an eye {display.viewing_distance_mm:g} mm away is {distance / 1000.0:g} m away; give millimetres, or "
             "leave viewing_distance_mm out for elemental images right behind their lenslets"
         )
-    return found
+    return texts

@@ -150,15 +150,15 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     def unsettled(*state: Arr) -> Arr:
         return ~state[0] & (state[1] < MAX_CELLS)
 
-    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *rest: Arr) -> tuple[Arr, ...]:
+    def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> tuple[Arr, ...]:
         # `rest`: the ray (x, y, z, dx, dy, dz) in its present cell, then the point on the dome and the cosine there.
-        here = Ray(*rest[:6])
-        hit, t, at, cosine = cap(b, dome, here, upward)
-        t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
+        local = Ray(*tail[:6])
+        hit, t, at, cosine = cap(b, dome, local, upward)
+        t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
         settled = hit & (t <= t_flat)
         if dome.lattice.stepped:
             # Through the wall between two domes: the glass ends there, or begins.
-            x, y, z = (p + t_flat * d for p, d in zip(here[:3], here[3:], strict=True))
+            x, y, z = (p + t_flat * d for p, d in zip(local[:3], local[3:], strict=True))
             depth = dome.height(x - to_x, y - to_y, z) * (1.0 if upward else -1.0)
             steps = b.where(settled | (depth <= 0.0), steps, MAX_CELLS)
         return (
@@ -166,19 +166,19 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
             steps + 1,
             b.where(settled, di, di + step_i),
             b.where(settled, dj, dj + step_j),
-            b.where(settled, here.x, here.x - to_x),
-            b.where(settled, here.y, here.y - to_y),
-            *here[2:],
+            b.where(settled, local.x, local.x - to_x),
+            b.where(settled, local.y, local.y - to_y),
+            *local[2:],
             *at[:3],
             cosine,
         )
 
     state = (settled, b.integer(zero), zero, zero, *ray, at.x, at.y, at.z, cosine)
     state = b.loop(unsettled, step, state)
-    found, _, di, dj, *rest = state
+    is_met, _, di, dj, *tail = state
     # A ray that met nothing keeps its last point.
-    x, y, z = (b.where(found, rest[6 + k], rest[k]) for k in range(3))
-    return Crossing(Ray(x, y, z, *ray[3:]), di, dj, b.where(found, rest[9], cosine), ~found)
+    x, y, z = (b.where(is_met, tail[6 + k], tail[k]) for k in range(3))
+    return Crossing(Ray(x, y, z, *ray[3:]), di, dj, b.where(is_met, tail[9], cosine), ~is_met)
 
 
 def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, upward: bool) -> tuple[Ray, Arr]:
@@ -210,12 +210,12 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     `ray` is local to the lenslet left, its point on that dome. Only rays of `suspect` are examined.
     """
 
-    def meets_cap(steps: Arr, here: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
+    def meets_cap(steps: Arr, local: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
         # This cell's cap, entered from the side: both roots are behind the vertex's foot, nothing cancels.
         # The dome just left cannot be met again, so step 0 skips it.
-        hit, _, _, cosine = cap(b, dome, here, upward=True)
-        foot = here.x * here.dx + here.y * here.dy + here.z * here.dz
-        t_cap = -(here.dz + cosine) * dome.radius_mm - foot
+        hit, _, _, cosine = cap(b, dome, local, upward=True)
+        foot = local.x * local.dx + local.y * local.dy + local.z * local.dz
+        t_cap = -(local.dz + cosine) * dome.radius_mm - foot
         return (steps > 0) & hit & (t_cap > t) & (t_cap <= b.minimum(t_flat, t_top))
 
     # At the vertices' plane still above its own cell: clear, because a dome cannot be met twice from outside.
@@ -228,8 +228,8 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     `ray` is local to the lenslet entered, its point on that dome. Only rays of `suspect` are examined.
     """
 
-    def leaves_glass(_steps: Arr, here: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
-        x, y, z = here.x + t_flat * here.dx, here.y + t_flat * here.dy, here.z + t_flat * here.dz
+    def leaves_glass(_steps: Arr, local: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
+        x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz
         return (t_flat < t_rim) & (dome.height(x, y, z) > 0.0)
 
     # At the rims' plane still inside its own cell: a chord of one sphere, all in the glass.
@@ -251,17 +251,17 @@ def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: f
         return searching & (steps < MAX_CELLS)
 
     def step(_: Arr, steps: Arr, blocked: Arr, t: Arr, *state: Arr) -> tuple[Arr, ...]:
-        here = Ray(*state)
-        t_flat, _, (to_x, to_y) = dome.lattice.leave(b, here.x, here.y, here.dx, here.dy)
-        t_plane = (plane - here.z) / here.dz
-        met = meets(steps, here, t, t_flat, t_plane)
+        local = Ray(*state)
+        t_flat, _, (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
+        t_plane = (plane - local.z) / local.dz
+        met = meets(steps, local, t, t_flat, t_plane)
         if dome.lattice.stepped:
             # The wall where the ray has come into this cell.
-            x, y, z = here.x + t * here.dx, here.y + t * here.dy, here.z + t * here.dz
+            x, y, z = local.x + t * local.dx, local.y + t * local.dy, local.z + t * local.dz
             met = met | ((steps > 0) & (up * dome.height(x, y, z) < 0.0))
         searching = ~met & (t_flat < t_plane)
-        x, y = b.where(searching, here.x - to_x, here.x), b.where(searching, here.y - to_y, here.y)
-        return searching, steps + 1, blocked | met, t_flat, x, y, *here[2:]
+        x, y = b.where(searching, local.x - to_x, local.x), b.where(searching, local.y - to_y, local.y)
+        return searching, steps + 1, blocked | met, t_flat, x, y, *local[2:]
 
     zero = 0.0 * ray.x
     searching, _, blocked, *_ = b.loop(active, step, (suspect & ~clear & ~away, b.integer(zero), away, zero, *ray))

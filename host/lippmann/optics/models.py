@@ -66,8 +66,8 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     aim = aperture or ()
     coarse = traced(b, b.real(x), b.real(y), *(b.real(a) for a in aim))
     inputs = (x, y, *(b.double(a) for a in aim))
-    done = b.refine(coarse[-1] < GRAZING_SQUARE, traced, inputs, coarse)
-    return Exit(Ray(*done[:6]), *done[6:])
+    fine = b.refine(coarse[-1] < GRAZING_SQUARE, traced, inputs, coarse)
+    return Exit(Ray(*fine[:6]), *fine[6:])
 
 
 def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
@@ -130,11 +130,11 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
     # Point on the array's near plane: the flat face, or the domes' vertices. A pixel of a display for a near eye may be
     # many lenslets aside, where the last place counts: from the nearer end. Other displays keep the words they had.
-    share, rest = system.gap_mm / depth, (depth - system.gap_mm) / depth
+    share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y
     else:
-        near_x, near_y = aim_x - rest * towards_x, aim_y - rest * towards_y
+        near_x, near_y = aim_x - other * towards_x, aim_y - other * towards_y
     # An elemental image that converges on the eye may lie under a neighbour.
     strays = aperture is not None or system.convergence.share > 0.0
     if system.plano_to_panel:

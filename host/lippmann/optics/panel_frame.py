@@ -22,8 +22,8 @@ from lippmann.optics.backend import Arr
 def exact_rotation(degrees: float) -> tuple[float, float]:
     """Return (cos, sin) of an angle in degrees, exact at whole quarter turns."""
     quarter = round(degrees / 90.0)
-    rest = math.radians(degrees - 90.0 * quarter)
-    c, s = math.cos(rest), math.sin(rest)
+    angle = math.radians(degrees - 90.0 * quarter)
+    c, s = math.cos(angle), math.sin(angle)
     return ((c, s), (-s, c), (-c, -s), (s, -c))[quarter % 4]
 
 
@@ -97,8 +97,8 @@ class Convergence:
         """Return the same as `towards_eye`; point and result are measured from the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
-        rest = 1.0 - self.share
-        return x * rest - (cx - self.axis_x) * self.share, y * rest - (cy - self.axis_y) * self.share
+        shrink = 1.0 - self.share
+        return x * shrink - (cx - self.axis_x) * self.share, y * shrink - (cy - self.axis_y) * self.share
 
     def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
         """Return the point of the panel that the eye sees through a point of the cell of the lenslet at (cx, cy).
@@ -107,5 +107,5 @@ class Convergence:
         """
         if self.share == 0.0:
             return x, y
-        rest = 1.0 - self.share
-        return (x + (cx - self.axis_x) * self.share) / rest, (y + (cy - self.axis_y) * self.share) / rest
+        shrink = 1.0 - self.share
+        return (x + (cx - self.axis_x) * self.share) / shrink, (y + (cy - self.axis_y) * self.share) / shrink

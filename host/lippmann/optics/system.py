@@ -70,14 +70,16 @@ class System:
         """Tell whether the lenslet at (cx, cy) owns a point of the panel, measured from there; array's axes, mm."""
         return self.lattice.holds(*self.convergence.within_cell(x, y, cx, cy))
 
-    def through_mount(self, b: Backend, status: Arr, left: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None) -> Arr:
+    def through_mount(
+        self, b: Backend, status: Arr, passed: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None
+    ) -> Arr:
         """Return statuses, blocked where lenslets (i, j) are missing: the mount is opaque there.
 
         `left` are those that rays pass, `own` the pixels' own ones. A ray that met no dome stays missed.
         """
         if self.lattice.half_steps is None:
             return status
-        there = self.lattice.present(b, *left) | (status == int(Status.MISSED))
+        there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
         if own is not None:
             there = there & self.lattice.present(b, *own)
         return b.where(there, status, int(Status.BLOCKED))

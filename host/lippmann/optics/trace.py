@@ -128,7 +128,7 @@ def check_model(model: str) -> None:
         raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
 
 
-def columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Floats:
+def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:
     """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `most`."""
     try:
         array = np.asarray(values, np.float64)
@@ -138,8 +138,8 @@ def columns(name: str, values: npt.ArrayLike, width: int, most: float) -> Floats
         raise InputError(f"{name} has shape {array.shape}; give (N, {width})")
     if not np.isfinite(array).all():
         raise InputError(f"{name} holds values that are not finite; remove them")
-    if (np.abs(array) > most).any():
-        raise InputError(f"{name} holds values beyond {most:.6g}, outside every array; remove them")
+    if (np.abs(array) > limit).any():
+        raise InputError(f"{name} holds values beyond {limit:.6g}, outside every array; remove them")
     return array
 
 

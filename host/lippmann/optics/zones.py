@@ -18,7 +18,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import Floats, Status
-from lippmann.optics.sampling import R2_STEPS
+from lippmann.optics.sample_points import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 
@@ -115,17 +115,17 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
 def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
     """Return the zone at each distance; None where the middle eye sees crosstalk."""
     middle = np.array([middle_eye(display, z) for z in distances_mm])
-    seen = sees_all(display, middle)
+    clear = sees_all(display, middle)
     away = np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
     reach = np.zeros((len(middle), len(away), 1))
     step = FARTHEST * half_width(display) * middle[:, None, 2:]
-    for _ in range(HALVINGS if seen.any() else 0):
+    for _ in range(HALVINGS if clear.any() else 0):
         step = 0.5 * step
-        eyes = (middle[:, None] + (reach + step) * away)[seen].reshape(-1, 3)
-        reach[seen] += np.where(sees_all(display, eyes).reshape(-1, len(away), 1), step[seen], 0.0)
+        eyes = (middle[:, None] + (reach + step) * away)[clear].reshape(-1, 3)
+        reach[clear] += np.where(sees_all(display, eyes).reshape(-1, len(away), 1), step[clear], 0.0)
     ends = middle[:, None] + reach * away
     places = np.stack([ends[:, 0, 0], ends[:, 1, 0], ends[:, 2, 1], ends[:, 3, 1]], axis=1).tolist()
-    return [Zone(*place) if whole else None for place, whole in zip(places, seen, strict=True)]
+    return [Zone(*place) if is_clear else None for place, is_clear in zip(places, clear, strict=True)]
 
 
 def half_width(display: Display) -> float:
@@ -151,8 +151,8 @@ def remedy(display: Display) -> str:
         aside = WORTH * z * half_width(changed)
         if sees_all(changed, np.array([(x - aside, y, z), (x, y, z), (x + aside, y, z)])).all():
             pairs = zip(_Change._fields, new, old, strict=True)
-            given = ", ".join(f"{key} = {value:.4g}" for key, value, was in pairs if value not in (was, None))
-            return f"give {given}" + ("" if z == viewing_distance(display) else " and look from there")
+            changes = ", ".join(f"{key} = {value:.4g}" for key, value, was in pairs if value not in (was, None))
+            return f"give {changes}" + ("" if z == viewing_distance(display) else " and look from there")
     return "take lenslets of another pitch and focal length, or a smaller panel"
 
 

@@ -14,7 +14,7 @@ import math
 from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.optics.backend import DrJitBackend
-from lippmann.optics.sampling import points_in_pixel
+from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds, colour_count
 
 #: Samples of a pixel, at most, that count for neighbours: of more, their own mean is as good where detail is finest.

@@ -17,7 +17,7 @@ from lippmann.fixed.words import PIXEL_FRACTION
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Model, gets_through
-from lippmann.optics.sampling import points_in_pixel, points_in_square, square_to_cell
+from lippmann.optics.sample_points import points_in_pixel, points_in_square, square_to_cell
 from lippmann.optics.system import System
 from lippmann.optics.trace import rays_from_pixels
 from lippmann.scenes.placement import Placement

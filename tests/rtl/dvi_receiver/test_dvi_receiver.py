@@ -10,7 +10,7 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from lippmann.simulation.compilation import kept
+from lippmann.simulation.compilation import cached_file
 from runner import BUILD, TOP, compiled, seed
 from tmds import CONTROLS, by_the_flow_chart
 
@@ -37,7 +37,7 @@ def build(program):
 @pytest.fixture(scope="module")
 def counts():
     """What the receiver counts in levels, as a function of them."""
-    program = kept(BUILD / "dvi-receiver", [MAIN, RECEIVER], build)
+    program = cached_file(BUILD / "dvi-receiver", [MAIN, RECEIVER], build)
 
     def of(levels):
         words = [program, *map(str, TIMING)]

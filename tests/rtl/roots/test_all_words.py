@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lippmann.fixed.roots import rsqrt, sqrt
-from lippmann.simulation.compilation import kept, verilated
+from lippmann.simulation.compilation import cached_file, verilated
 from lippmann.simulation.toolchain import OPTICS_FOLDERS, needed, rtl_sources
 from runner import BUILD, TOP
 
@@ -35,7 +35,7 @@ def library(name: str, text: str, f: int) -> ctypes.CDLL:
         beside.write_text(text)
         verilated(path, "root_bench", [*sources, beside], [main], {"F": f}, options=["-Wno-fatal"])
 
-    path = kept(BUILD / f"all-{name}-F{f}", [*sources, main, text, str(f)], make, ".so")
+    path = cached_file(BUILD / f"all-{name}-F{f}", [*sources, main, text, str(f)], make, ".so")
     made = ctypes.CDLL(str(path))
     made.lippmann_sweep.argtypes = [ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
     return made

@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from lippmann.simulation.compilation import kept
+from lippmann.simulation.compilation import cached_file
 from runner import BUILD, TOP
 
 MAIN = Path(__file__).with_name("main.cpp")
@@ -34,7 +34,7 @@ def build(program: Path) -> None:
 
 @pytest.fixture(scope="module")
 def model():
-    program = kept(BUILD / "sdram-model", [MAIN, MODEL], build)
+    program = cached_file(BUILD / "sdram-model", [MAIN, MODEL], build)
     return lambda *words: subprocess.run([program, *words], capture_output=True, text=True, check=True).stdout
 
 

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from lippmann.simulation.compilation import FAST, kept, verilated
+from lippmann.simulation.compilation import FAST, cached_file, verilated
 from lippmann.simulation.toolchain import needed, rtl_sources
 from runner import BUILD, CHECKS, OPTIONS, TOP, seed
 
@@ -43,7 +43,9 @@ def store(build, must_fail=False, **arguments):
     def make(program):
         verilated(program, "lipp_sdram_store", sources, [MAIN], parameters, options=OPTIONS, flags=FAST)
 
-    program = kept(BUILD / f"sdram_store-{build}", [*sources, MAIN, MODEL, repr(parameters), *OPTIONS, *FAST], make)
+    program = cached_file(
+        BUILD / f"sdram_store-{build}", [*sources, MAIN, MODEL, repr(parameters), *OPTIONS, *FAST], make
+    )
     chosen = seed()
     size = {"width": parameters["Width"], "height": parameters["Height"], "seed": chosen}
     words = [f"{key}={value}" for key, value in {**size, **ARGUMENTS.get(build, {}), **arguments}.items()]

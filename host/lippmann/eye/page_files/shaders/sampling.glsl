@@ -1,4 +1,4 @@
-// Sample points of a view's pixels: optics/sampling.py, the same points for the same seed 0, so that the page and
+// Sample points of a view's pixels: optics/sample_points.py, the same points for the same seed 0, so that the page and
 // `lippmann observe` follow the same rays.
 
 const vec2 R2_STEPS = vec2(0.7548776662466927, 0.5698402909980532);
