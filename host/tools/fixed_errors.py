@@ -15,16 +15,18 @@ import numpy as np
 from lippmann.conformance import ray_sets
 from lippmann.display.description import Display
 from lippmann.engines import trace
-from lippmann.fixed.build import Build, Named
+from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
-from lippmann.fixed.lenslet_choice import lenslet_hex, lenslet_square, pixel_to_lattice
 from lippmann.fixed.ray_pipeline import ray_pipeline
+from lippmann.fixed.ray_start import lenslet_hex, lenslet_square, pixel_to_lattice
 from lippmann.fixed.words import PIXEL_FRACTION, WIDEST, Bools, Ints
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.model_choice import in_cells_mm, located, panel_size, pixels_from_cells
 from lippmann.optics.rays import Floats, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
+
+from tools.named_builds import Named
 
 if TYPE_CHECKING:
     pass

@@ -31,12 +31,13 @@ from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display
 from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
-from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, Named
+from lippmann.fixed.build import Build
 from lippmann.rendering.sampling import Aperture
 from lippmann.simulation.toolchain import repository
 
 from tools import renderer_speed, stage_errors
 from tools.measured_page import SYNTHESIS
+from tools.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from tools.report_plots import TEMPLATES, draw_lines
 
 #: The tables that are kept, in the order of the sections.

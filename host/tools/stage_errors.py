@@ -24,10 +24,10 @@ from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display, Grid
 from lippmann.engines import trace
 from lippmann.fixed import ray_pipeline
-from lippmann.fixed.build import CONFIGURATIONS, Build, Named, select_builds
+from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import pixels_of_words
-from lippmann.fixed.meet_dome import Meeting
+from lippmann.fixed.lenslet_faces import Meeting
 from lippmann.fixed.words import OFFSET_FRACTION, Ints, extra_bits
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
@@ -48,6 +48,7 @@ from tools.fixed_errors import (
     random_pixels,
     sets_of,
 )
+from tools.named_builds import CONFIGURATIONS, Named, select_builds
 from tools.report_plots import draw_bar_charts, draw_bars, make_page
 
 if TYPE_CHECKING:

@@ -26,7 +26,6 @@ from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
 from lippmann.errors import InputError, LippmannError
-from lippmann.fixed.build import CONFIGURATIONS, Named
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation.harness import optics_parameters, scene_parameters
 from lippmann.simulation.toolchain import repository
@@ -37,6 +36,7 @@ from tools.fixed_errors import frame_words, measure
 from tools.flow import SYNTHESIS, Source
 from tools.lint import elaborated
 from tools.measured_page import measured_page
+from tools.named_builds import CONFIGURATIONS, Named
 from tools.report_plots import draw_bar_charts, make_page
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.

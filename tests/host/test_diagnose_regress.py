@@ -15,7 +15,8 @@ from lippmann.conformance.judge import _rounding, judge
 from lippmann.conformance.ray_sets import PanelRays, random_aims, random_pixels
 from lippmann.conformance.ray_words import INPUTS, ForeignRays, fixed_words
 from lippmann.display.description import display_text, load_display
-from lippmann.fixed import leave_glass
+from lippmann.fixed import lenslet_faces
+from lippmann.fixed import ray_pipeline as twin
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import wrapped
 from lippmann.simulation.toolchain import repository
@@ -551,10 +552,21 @@ def test_right_words(written, capsys):
     assert (code, said["wrong"], said["stage"]) == (0, 0, None)
 
 
+def put_into_leave_dome(monkeypatch, name, fault):
+    """Have the step out of the glass, and no other one, do an operation wrong."""
+
+    def leave_dome(*arguments):
+        with monkeypatch.context() as patched:
+            patched.setattr(lenslet_faces, name, fault)
+            return lenslet_faces.leave_dome(*arguments)
+
+    monkeypatch.setattr(twin, "leave_dome", leave_dome)
+
+
 def test_truncation_for_rounding(written, capsys, monkeypatch):
     """The last rounding of the direction left out: floor(x) for floor(x + 1/2)."""
     case, judge_words = written
-    monkeypatch.setattr(leave_glass, "guarded", lambda x: x >> 3)
+    put_into_leave_dome(monkeypatch, "guarded", lambda x: x >> 3)
     out = case.trace()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)
@@ -565,7 +577,7 @@ def test_truncation_for_rounding(written, capsys, monkeypatch):
 
 def test_wrapped_word(written, capsys, monkeypatch):
     case, judge_words = written
-    monkeypatch.setattr(leave_glass, "saturate", wrapped)
+    put_into_leave_dome(monkeypatch, "saturate", wrapped)
     out = case.trace()
     monkeypatch.undo()
     code, said = judge_words(out, capsys)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from lippmann.display.description import load_display
 from lippmann.engines import trace, trace_fixed
-from lippmann.fixed.build import CONFIGURATIONS, DISPLAYS, Build, turned_over
+from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.ray_pipeline import ray_pipeline
@@ -26,6 +26,7 @@ from lippmann.optics.system import System
 from lippmann.simulation.toolchain import repository
 from optics_cases import exit_cosine, random_in_cell
 from tools import bench, fixed_errors, stage_errors
+from tools.named_builds import CONFIGURATIONS, DISPLAYS, turned_over
 
 SCENES = repository() / "scenes"
 RAYS = 20_000

@@ -5,10 +5,10 @@ import re
 
 import pytest
 from lippmann.conformance.figures import read_stored
-from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.optics.rays import ENGINES, MODELS
 from lippmann.simulation.toolchain import repository
 from tools.full_report import TABLES, WHOLE, on_front
+from tools.named_builds import CONFIGURATIONS
 
 REPORTS = repository() / "docs/reports"
 

@@ -15,12 +15,12 @@ from lippmann.conformance.figures import Figures, Measured
 from lippmann.display.description import load_display
 from lippmann.engines import trace
 from lippmann.errors import InputError
-from lippmann.fixed.build import CONFIGURATIONS
 from lippmann.fixed.words import FRACTIONS
 from lippmann.optics.rays import Status
 from lippmann.simulation.toolchain import repository
 from tools import full_report, renderer_speed
 from tools.full_report import QUICK, WHOLE
+from tools.named_builds import CONFIGURATIONS
 from tools.renderer_speed import noise_levels, size_label
 
 SCENES = repository() / "scenes"

@@ -8,7 +8,7 @@ from lippmann.display.description import Array, Display, Panel
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.lenslet_choice import lenslet_hex, lenslet_square, pixel_to_lattice
+from lippmann.fixed.ray_start import lenslet_hex, lenslet_square, pixel_to_lattice
 from lippmann.fixed.words import PIXEL_BITS
 from random_cases import random_lattice
 from words import Ints, around, mixed, signed

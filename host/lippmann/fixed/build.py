@@ -1,4 +1,4 @@
-"""A build of the RTL: the parameters that decide what hardware is made; and the builds that have a name."""
+"""A build of the RTL: the parameters that decide what hardware is made."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from numbers import Integral
-from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 from lippmann.base.toml import documented, key
-from lippmann.display.description import Display, Grid, load_display
+from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError
-from lippmann.fixed.words import COMPACT, FRACTIONS, WIDEST, extra_bits
+from lippmann.fixed.words import FRACTIONS, extra_bits
 from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
@@ -144,82 +143,3 @@ def _chief_rays_stray(display: Display) -> bool:
     # At the rims' plane; nearer to the viewer the ray is nearer to the axis.
     depth = array.thickness_mm - array.sag_mm
     return slope * array.thickness_mm / array.index - depth * sine / math.sqrt(1.0 - sine**2) >= nearest_side
-
-
-#: Shipped displays (scenes/displays) of each grid.
-DISPLAYS: dict[Grid, tuple[str, ...]] = {"square": ("paper-square", "uhd-8k"), "hex": ("paper-hex", "uhd-4k")}
-
-#: Viewing distance of the displays of a build with `converge`.
-EYE_MM = 600.0
-
-
-@dataclass(frozen=True)
-class Named:
-    """A build with a name.
-
-    `promise_urad` and `promise_nm` bound its error against golden, in direction (times min(1, 2 cos theta_t)) and in
-    exit point; None makes no promise.
-    """
-
-    name: str
-    build: Build
-    promise_urad: float | None = None
-    promise_nm: float | None = None
-
-    def displays(self, scenes: Path) -> list[Display]:
-        """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
-
-        A build with `converge` gets an eye in front of them, one with `shear` a lattice with two pitches and a shear.
-        `scenes` is the project's folder of scenes.
-        """
-        shipped = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
-        if self.build.converge:
-            shipped = [near_eye(display) for display in shipped]
-        if self.build.shear:
-            shipped = [skewed(display) for display in shipped]
-        return [turned_over(display) for display in shipped] if self.build.viewer else shipped
-
-
-def turned_over(display: Display) -> Display:
-    """Return the display with its array's plano side to the viewer, at least a focal length from the panel."""
-    array = dataclasses.replace(display.array, plano_side="viewer")
-    gap = max(display.gap_mm, array.focal_length_mm)
-    return dataclasses.replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
-
-
-def near_eye(display: Display) -> Display:
-    """Return the display for an eye at `EYE_MM`."""
-    return dataclasses.replace(display, name=f"{display.name}, near eye", viewing_distance_mm=EYE_MM)
-
-
-def skewed(display: Display) -> Display:
-    """Return the display with rows 3 % nearer to each other, lenslets 2 % farther along them, and a shear of 5 %."""
-    array = display.array
-    px, py = array.pitches_mm
-    moved = dataclasses.replace(array, pitch_mm=(1.02 * px, 0.97 * py), shear=0.05)
-    moved = dataclasses.replace(moved, thickness_mm=max(array.thickness_mm, moved.sag_mm))
-    return dataclasses.replace(display, name=f"{display.name}, skewed", array=moved)
-
-
-_NAMED = (
-    *(Named(f"widest-{g}", Build(WIDEST, g), 1.0, 2.0) for g in DISPLAYS),
-    *(Named(f"widest-aims-{g}", Build(WIDEST, g, aims=True, max_cell_steps=1), 1.0, 2.0) for g in DISPLAYS),
-    *(Named(f"compact-{g}", Build(COMPACT, g), 60.0) for g in DISPLAYS),
-    Named("converged-hex", Build(WIDEST, "hex", converge=True), 1.0, 2.0),
-    Named("affine-hex", Build(WIDEST, "hex", shear=True), 1.0, 2.0),
-    Named("viewer-square", Build(WIDEST, "square", viewer=True, max_cell_steps=2), 1.0, 2.0),
-    Named("paraxial-square", Build(WIDEST, "square", "paraxial")),
-    Named("pinhole-square", Build(WIDEST, "square", "pinhole")),
-    *(Named(f"square-{f}", Build(f, "square")) for f in (18, 20, 21, 22)),
-    Named("pinhole-compact", Build(COMPACT, "square", "pinhole")),
-)
-#: The named configurations, by name.
-CONFIGURATIONS = {one.name: one for one in _NAMED}
-
-
-def select_builds(names: tuple[str, ...]) -> list[Named]:
-    """Return configurations by name, all when no name is given; raise InputError for an unknown name."""
-    for name in names:
-        if name not in CONFIGURATIONS:
-            raise InputError(f"unknown configuration '{name}'; choose from {', '.join(CONFIGURATIONS)}")
-    return [CONFIGURATIONS[name] for name in names or CONFIGURATIONS]

@@ -11,7 +11,7 @@ from lippmann.base.toml import documented, key
 from lippmann.display.description import Grid
 from lippmann.errors import InputError
 from lippmann.fixed.configuration import Configuration
-from lippmann.fixed.lenslet_choice import lenslet_hex, lenslet_square, pixel_to_lattice
+from lippmann.fixed.ray_start import lenslet_hex, lenslet_square, pixel_to_lattice
 from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BITS, Bools, Ints, fits, wrapped
 from lippmann.optics.rays import Floats
 

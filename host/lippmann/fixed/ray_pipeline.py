@@ -8,11 +8,27 @@ import numpy as np
 
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, in_words
-from lippmann.fixed.enter_glass import enter_dome, enter_flat
-from lippmann.fixed.leave_glass import leave_dome, leave_flat
-from lippmann.fixed.lenslet_choice import aim, extent, lenslet_hex, lenslet_square, pixel_to_lattice
-from lippmann.fixed.meet_dome import Meeting, cell_step, meet_dome, move_lenslet
-from lippmann.fixed.ray_start import blend, converge, shear, unit_slope
+from lippmann.fixed.lenslet_faces import (
+    Meeting,
+    cell_step,
+    enter_dome,
+    enter_flat,
+    leave_dome,
+    leave_flat,
+    meet_dome,
+    move_lenslet,
+)
+from lippmann.fixed.ray_start import (
+    aim,
+    blend,
+    converge,
+    extent,
+    lenslet_hex,
+    lenslet_square,
+    pixel_to_lattice,
+    shear,
+    unit_slope,
+)
 from lippmann.fixed.words import INDEX_BITS, Bools, Ints, extra_bits, fits, wrapped
 from lippmann.optics.rays import Status
 

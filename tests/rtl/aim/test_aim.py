@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.lenslet_choice import aim
+from lippmann.fixed.ray_start import aim
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.meet_dome import cell_step
+from lippmann.fixed.lenslet_faces import cell_step
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from rtl_coverage import Coverage

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Instance, Segment, stream
-from lippmann.fixed.lenslet_choice import extent
+from lippmann.fixed.ray_start import extent
 from rtl_coverage import Coverage
 from runner import seed
 from steps import GRIDS

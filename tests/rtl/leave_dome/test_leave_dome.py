@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.leave_glass import leave_dome
-from lippmann.fixed.meet_dome import Meeting
+from lippmann.fixed.lenslet_faces import Meeting, leave_dome
 from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage
 from runner import seed

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.leave_glass import leave_flat
-from lippmann.fixed.meet_dome import Meeting
+from lippmann.fixed.lenslet_faces import Meeting, leave_flat
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.lenslet_choice import lenslet_square
+from lippmann.fixed.ray_start import lenslet_square
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.meet_dome import meet_dome
+from lippmann.fixed.lenslet_faces import meet_dome
 from lippmann.fixed.words import extra_bits
 from rtl_coverage import Coverage
 from runner import seed

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.meet_dome import move_lenslet
+from lippmann.fixed.lenslet_faces import move_lenslet
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step

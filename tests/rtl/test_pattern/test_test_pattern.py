@@ -5,8 +5,8 @@ import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
-from lippmann.fixed.lenslet_choice import extent
 from lippmann.fixed.raster import holds_centre, locate_pixels, places_in_cell
+from lippmann.fixed.ray_start import extent
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.simulation.harness import packed
