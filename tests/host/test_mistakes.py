@@ -132,7 +132,7 @@ COMMANDS = [
     ("observ image.exr", "observ", "Did you mean 'observe'"),
     ("Inspect tiny.toml", "Inspect", "Did you mean 'inspect'"),
     ("board strat", "strat", "Did you mean 'start'"),
-    ("bench rendr", "rendr", "Did you mean 'render'"),
+    ("bench rendr", "lippmann bench", "python -m tools.bench"),
     ("export pov", "pov", "Did you mean 'povray'"),
     (RENDER.replace("--display", "--dispaly"), "--dispaly", "Did you mean '--display'?"),
     (f"{RENDER} --sample 2", "--sample", "--samples"),

@@ -14,8 +14,8 @@ from lippmann.base.images import check_output
 from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Point, Vector
-from lippmann.cli.options.rendering import RENDERING
+from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Point, Vector
+from lippmann.cli.options_rendering import RENDERING
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display

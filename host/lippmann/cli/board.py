@@ -15,8 +15,8 @@ from lippmann.board.packets import SCENE_VERSION
 from lippmann.board.session import OPTICS_BASE, SCENE_BASE
 from lippmann.cli.board_start import start_command, stop_command
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DISPLAY, Vector
-from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
+from lippmann.cli.options_common import DISPLAY, Vector
+from lippmann.cli.options_port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error

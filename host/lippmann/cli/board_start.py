@@ -18,7 +18,7 @@ import click
 from lippmann.base import interrupts
 from lippmann.base.files import new_file, no_space, on_full_disk, own_text, refused, replacing
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DISPLAY, FRACTION_BITS, Slot
+from lippmann.cli.options_common import DISPLAY, FRACTION_BITS, Slot
 from lippmann.cli.output import emit, log
 from lippmann.display.description import Display, load_display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error

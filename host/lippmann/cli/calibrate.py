@@ -19,8 +19,8 @@ from lippmann.board.board import Board
 from lippmann.board.streaming import send_frame
 from lippmann.calibration.coded_patterns import FILE, PatternSet, Pixels, write_patterns
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, Finite, Point, Vector
-from lippmann.cli.options.port import BAUD, check_board, chosen_port
+from lippmann.cli.options_common import DEVICE, DISPLAY, Finite, Point, Vector
+from lippmann.cli.options_port import BAUD, check_board, chosen_port
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display

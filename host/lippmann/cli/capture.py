@@ -16,8 +16,8 @@ from lippmann.base.variant import current_device
 from lippmann.capturing.capture import placement_before, shown_depth
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, SEED
-from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
+from lippmann.cli.options_common import DEVICE, SEED
+from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import display_text

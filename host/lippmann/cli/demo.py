@@ -23,7 +23,7 @@ from lippmann.board.panel_frames import panel_values
 from lippmann.board.tiles import Pixels
 from lippmann.board.virtual_loop import Loop, draw_on_virtual_board, run_on_virtual_board
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DEVICE, SCENES, Point
+from lippmann.cli.options_common import DEVICE, SCENES, Point
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, Panel, load_display

@@ -9,8 +9,8 @@ from lippmann.base.images import check_input
 from lippmann.board.board import Board
 from lippmann.board.panel_frames import Target, load_frame
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import Finite
-from lippmann.cli.options.port import BAUD, check_board, chosen_port
+from lippmann.cli.options_common import Finite
+from lippmann.cli.options_port import BAUD, check_board, chosen_port
 from lippmann.cli.output import emit
 from lippmann.display.description import load_display
 from lippmann.errors import InputError

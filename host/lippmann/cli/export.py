@@ -22,8 +22,8 @@ from lippmann.capturing.povray_export import POVRAY, check_folder, export_displa
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
-from lippmann.cli.options.rendering import MOVED, Moved
+from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
+from lippmann.cli.options_rendering import MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display

@@ -10,8 +10,8 @@ import click
 
 from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, SEED, Finite, Slot, Vector
-from lippmann.cli.options.rendering import MOVED, Moved
+from lippmann.cli.options_common import DEVICE, SEED, Finite, Slot, Vector
+from lippmann.cli.options_rendering import MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit

@@ -16,7 +16,7 @@ from lippmann.base.images import check_output
 from lippmann.base.toml import schema
 from lippmann.base.tones import transfer_name
 from lippmann.cli.frame import Choice, argument, make_command, option
-from lippmann.cli.options.common import Point, Vector
+from lippmann.cli.options_common import Point, Vector
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
 from lippmann.optics.display_properties import (

@@ -15,8 +15,8 @@ from lippmann import api
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Slot
-from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
+from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Slot
+from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display

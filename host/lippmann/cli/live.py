@@ -15,9 +15,9 @@ from lippmann.base.variant import start_mitsuba
 from lippmann.board.board import Board
 from lippmann.board.streaming import Sender
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
-from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
-from lippmann.cli.options.rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
+from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
+from lippmann.cli.options_port import BAUD, PORT, check_board, chosen_port
+from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error

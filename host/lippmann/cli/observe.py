@@ -15,7 +15,7 @@ from lippmann.base.images import SUFFIXES, check_output
 from lippmann.base.progress import report_each
 from lippmann.base.tones import encoded_values
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
+from lippmann.cli.options_common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display

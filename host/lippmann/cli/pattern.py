@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from lippmann.base.images import check_output
 from lippmann.base.variant import own_variant
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, FRACTION_BITS, Point, Vector
+from lippmann.cli.options_common import DEVICE, DISPLAY, FRACTION_BITS, Point, Vector
 from lippmann.cli.output import emit, log
 from lippmann.display.description import load_display
 from lippmann.eye.observer import Eye

@@ -10,8 +10,8 @@ from lippmann.base import interrupts
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import Played, load_textures, play_film
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DISPLAY
-from lippmann.cli.options.port import OPEN_BOARD, OpenBoard, check_board
+from lippmann.cli.options_common import DISPLAY
+from lippmann.cli.options_port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import load_display

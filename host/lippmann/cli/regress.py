@@ -16,7 +16,7 @@ from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import LENS_MODEL, Finite, word_length
+from lippmann.cli.options_common import LENS_MODEL, Finite, word_length
 from lippmann.cli.output import as_json, emit, log
 from lippmann.conformance.comparison import Bounds, load_bounds
 from lippmann.conformance.coverage_points import summary

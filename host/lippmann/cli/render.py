@@ -14,8 +14,8 @@ from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.variant import current_device
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED
-from lippmann.cli.options.rendering import MOVED, RENDERING, Moved
+from lippmann.cli.options_common import DEVICE, DISPLAY, SEED
+from lippmann.cli.options_rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
@@ -66,14 +66,15 @@ def command(
     path = check_output(output)
     start_seconds, started = process_seconds(), time.perf_counter()
     executor = choose_executor(workers, scheduler, device)
+    scene_file = None if is_layers(scene_path) else check_scene_file(scene_path)
     display = load_display(display_path)
     keeps_bands = executor is not render_here or is_long_render(options.settings, display)
-    if is_layers(scene_path):
+    if scene_file is None:
         opened = _open_layers(scene_path, display, options, moved, filter)
     else:
         if not keeps_bands:
             check_display_memory(display, options.settings, display_path)
-        opened = _open_scene(scene_path, display, options, moved, device, keeps_bands)
+        opened = _open_scene(scene_file, display, options, moved, device, keeps_bands)
     with progress_bar("render") as progress, opened as plan:
         sink: KeptBands | MemorySink = KeptBands(bands_folder(path), plan) if keeps_bands else MemorySink(plan)
         times, write_started = render_into(sink, executor, progress), time.perf_counter()
@@ -89,7 +90,7 @@ def command(
         "output": str(path), "display": display.name, "identity": display.identity,
         "width_px": display.panel.width_px, "height_px": display.panel.height_px,
         "model": metadata["model"], "engine": metadata["engine"], **own, "shading": metadata.get("shading"),
-        "device": None if is_layers(scene_path) else current_device(), **measured,
+        "device": None if scene_file is None else current_device(), **measured,
         # With the two above, the whole process: before the command, scene and warnings, and the file.
         **seconds, "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
@@ -114,14 +115,13 @@ def _given(name: str) -> bool:
 
 @contextlib.contextmanager
 def _open_scene(
-    path: str, display: Display, options: RenderOptions, moved: Moved, device: str, keeps_bands: bool
+    path: Path, display: Display, options: RenderOptions, moved: Moved, device: str, keeps_bands: bool
 ) -> Iterator[Plan]:
     """Yield the plan of a scene's picture, with Mitsuba's variant set; refuse options that only layers have."""
     if _given("filter"):
         raise InputError("--filter is for layers; leave it out with a scene")
-    checked = check_scene_file(path)
-    with open_scene(checked, moved.placement(checked), device) as scene:
-        yield Job(scene, display, options, moved.arrange(checked)).plan(portable=keeps_bands)
+    with open_scene(path, moved.placement(path), device) as scene:
+        yield Job(scene, display, options, moved.arrange(path)).plan(portable=keeps_bands)
 
 
 @contextlib.contextmanager

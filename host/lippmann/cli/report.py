@@ -12,7 +12,7 @@ from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DEVICE, SCENES, SEED, shipped_scenes
+from lippmann.cli.options_common import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit
 from lippmann.errors import input_error
 

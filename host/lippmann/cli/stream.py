@@ -14,8 +14,8 @@ from lippmann.board.retries import END_SCENE
 from lippmann.board.streaming import Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import Finite
-from lippmann.cli.options.port import BAUD, PORT, check_board, chosen_port
+from lippmann.cli.options_common import Finite
+from lippmann.cli.options_port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import TransferName, load_display

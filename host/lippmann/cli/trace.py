@@ -18,7 +18,7 @@ from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
+from lippmann.cli.options_common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
 from lippmann.engines import trace

@@ -10,7 +10,7 @@ import click
 
 from lippmann.base.provenance import provenance
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options.common import DISPLAY, LENS_MODEL, SEED, word_length
+from lippmann.cli.options_common import DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import as_json, emit
 from lippmann.conformance.ray_stream import Stream
 from lippmann.conformance.vector_files import write_vectors

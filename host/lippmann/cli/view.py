@@ -13,8 +13,8 @@ from lippmann.base import interrupts
 from lippmann.base.files import replacing
 from lippmann.base.images import SUFFIXES, check_output, read_picture
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options.common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
-from lippmann.cli.options.rendering import MOVED, Moved
+from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
+from lippmann.cli.options_rendering import MOVED, Moved
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.cli.frame import option
-from lippmann.cli.options.common import FRACTION_BITS, Point, Vector
+from lippmann.cli.options_common import FRACTION_BITS, Point, Vector
 from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.model_choice import TOLERANCE
