@@ -42,7 +42,7 @@ from lippmann.layers.layer_choice import (
 )
 from lippmann.layers.layer_drawing import Filter
 from lippmann.layers.layer_plan import plan_layers
-from lippmann.layers.layers_folder import load_layers as load_layers_folder
+from lippmann.layers.layers_folder import load_named_layers
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE
@@ -260,7 +260,7 @@ def load_layers(path: str | Path) -> LayerStack:
     InputError
         With file, key and remedy, for bad keys and for pictures that are not PNGs with a palette.
     """
-    return load_layers_folder(path)
+    return load_named_layers(path)[0]
 
 
 def draw(

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lippmann import load_layers
 from lippmann.board.board import QUERY_S
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.virtual_loop import capturing
@@ -22,7 +23,6 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.words import COMPACT, WIDEST
-from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.rays import MODELS, Model
 from lippmann.rendering.sampling import Aperture

@@ -114,13 +114,13 @@ def setup_file(path):
 
 
 def layers_file(path):
-    from lippmann.layers.layers_folder import load_layers
+    from lippmann import load_layers
 
     load_layers(path)
 
 
 def layer_picture(path):
-    from lippmann.layers.layers_folder import load_layers
+    from lippmann import load_layers
 
     load_layers(path.parent)
 

@@ -9,13 +9,14 @@ import re
 import lippmann as lp
 import numpy as np
 import pytest
+from lippmann import load_layers
 from lippmann.base.tones import encoded_values
 from lippmann.cli import run
 from lippmann.errors import InputError
 from lippmann.eye.observer import observe, whole_window
 from lippmann.layers.layer_choice import cost_of, eyes_of
 from lippmann.layers.layer_drawing import exit_lines, texel_coordinates
-from lippmann.layers.layers_folder import load_layers, load_named_layers
+from lippmann.layers.layers_folder import load_named_layers
 from lippmann.layers.scene_cutting import Area, check_slot, cut_scene, reach_of, seen_depths, texels_for
 from lippmann.layers.stack import Layer, light_of
 from lippmann.rendering.options import Settings
@@ -266,7 +267,7 @@ def test_the_command_names_what_is_apart(place, capfd):
     words = ["layers", "cards.xml", "--display", "tiny.toml", "-o", "out", "--apart", "fish", "--slot", "64x64"]
     assert run(words) == 0
     out, err = capfd.readouterr()
-    assert load_named_layers("out").names == ("apart", "layer_1")
+    assert load_named_layers("out")[1] == ("apart", "layer_1")
     assert out.splitlines()[0] == "out/layers.toml: 2 layers, front to back"
     beyond = "note: fine detail is lost in 'layer_1' (-40 mm): the display's depth range is z = -20 to 20 mm"
     assert beyond in err
@@ -318,9 +319,9 @@ def test_a_picture_that_shows_nothing_is_told_and_one_without_loss_is_exact(plac
 
 def test_a_folder_of_pictures_becomes_layers(place, capfd):
     assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
-    named = load_named_layers("out")
-    assert named.names == ("front", "hill")
-    front, hill = named.stack.layers
+    stack, names = load_named_layers("out")
+    assert names == ("front", "hill")
+    front, hill = stack.layers
     assert (front.depth_mm, hill.depth_mm) == (5.0, -20.0)
     # 10 mm wide about (1, 2): its left edge is at x = -4, its top edge, 8 mm high, at y = 6.
     assert front.matrix @ [-4.0, 6.0, 1.0] == pytest.approx([0.0, 0.0], abs=1e-9)
@@ -335,7 +336,7 @@ def test_a_folder_of_pictures_becomes_layers(place, capfd):
     assert min(s.min(), t.min()) > -1e-6
     assert s.max() < hill.width + 1e-6
     assert t.max() < hill.height + 1e-6
-    assert named.stack.background.tolist() == [0.0, 0.0, 1.0]
+    assert stack.background.tolist() == [0.0, 0.0, 1.0]
 
 
 def test_the_pictures_themselves_are_not_overwritten(place, capfd):
@@ -355,7 +356,7 @@ def test_names_are_made_different(place):
     )
     (place / "book/pictures.toml").write_text(keys)
     assert run(["layers", "book", "--display", "tiny.toml", "-o", "out", "--slot", "64x64"]) == 0
-    names = load_named_layers("out").names
+    names = load_named_layers("out")[1]
     assert names[2:] == ("a_1", "A_0")
     assert len({name.casefold() for name in names}) == 4
 

@@ -9,6 +9,7 @@ import zlib
 import numpy as np
 import pytest
 from fault_line import FAULTS, NO_FAULTS, Proxy
+from lippmann import load_layers
 from lippmann.board.board import Board
 from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
 from lippmann.cli import run
@@ -17,7 +18,7 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.registers import BOARD_REGISTERS, build_word
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.layers_folder import load_layers, save_layers
+from lippmann.layers.layers_folder import save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation.toolchain import repository
 from model_board import DRAW, LOOK, ModelBoard

@@ -9,6 +9,7 @@ import os
 import numpy as np
 import pytest
 from layer_cases import float_coordinates, float_light, random_stack
+from lippmann import load_layers
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import load_display
 from lippmann.engines import trace
@@ -34,7 +35,6 @@ from lippmann.fixed.scene_pipeline import (
     texel_fetch,
 )
 from lippmann.layers.layer_drawing import draw_golden, exit_lines, panel_bytes
-from lippmann.layers.layers_folder import load_layers
 from lippmann.layers.scene_cutting import reach_of
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.optics.rays import gets_through

@@ -129,11 +129,11 @@ def _open_layers(path: str, display: Display, options: RenderOptions, moved: Mov
     """Yield the plan of a picture of layers; refuse options that only scenes have."""
     for name in moved.given.keys() - {"scale", "offset"} | {name for name in SCENE_ONLY_OPTIONS if _given(name)}:
         raise InputError(f"--{name.replace('_', '-')} is for scenes; leave it out with layers")
-    named = load_named_layers(path)
+    stack, names = load_named_layers(path)
     scale = 1.0 if moved.scale is None else moved.scale
     try:
-        stack = named.stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
-        for name, layer in zip(named.names, stack.layers, strict=True):
+        stack = stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
+        for name, layer in zip(names, stack.layers, strict=True):
             check_depth(layer.depth_mm, display, f"layer '{name}': depth")
         plan = plan_layers(
             stack,
@@ -144,7 +144,7 @@ def _open_layers(path: str, display: Display, options: RenderOptions, moved: Mov
             options.engine if _given("engine") else "golden",
             options.fraction_bits,
         )
-        depths = [(name, layer.depth_mm) for name, layer in zip(named.names, stack.layers, strict=True)]
+        depths = [(name, layer.depth_mm) for name, layer in zip(names, stack.layers, strict=True)]
         warn_of_depths(depths, display)
         yield plan
     except InputError as error:

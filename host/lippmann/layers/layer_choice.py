@@ -144,8 +144,7 @@ def row_of(cut: Cut, views_db: Sequence[float], slot: tuple[int, int], filter: F
     """Return what a cut costs and is worth, by name: decibels of the eye's view, their mean and least, if measured."""
     cost = cost_of(len(cut.stack.layers), slot, filter)
     quality = {"view_db": float(np.mean(views_db)), "worst_db": min(views_db)} if views_db else {}
-    spent = dataclasses.asdict(cost)
-    return {"layers": spent.pop("layers"), **quality, **spent}
+    return {"layers": cost.layers, **quality, **dataclasses.asdict(cost)}
 
 
 #: Default tolerance, dB.
@@ -189,31 +188,13 @@ def choose_layers(
     settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> LayerChoice:
-    """Choose the cheapest layers of a placed scene, and the build that draws them.
+    """Choose the cheapest layers of a placed scene, and the build that draws them; `fit_layers` tells the parameters.
 
     Costs are block RAMs first, then bytes, then multipliers. From the cheapest on, layers are cut, drawn, and looked at
     by an eye that moves: the first ones whose view is within the tolerance at every place of the eye are chosen.
 
-    Parameters
-    ----------
-    scene, display
-        The scene, placed, and the display.
-    tolerance_db
-        Least PSNR, dB, of the drawn layers' view against the full render's.
-    slots
-        Sizes of slots that are tried, texels across and down.
-    block_rams, multipliers
-        Most of each (DP16KD, MULT18X18D) that the drawing may take.
-    settings
-        How each texel is rendered: samples, integrator, seed.
-    progress
-        Called with (builds tried, builds in all).
-
-    Raises
-    ------
-    InputError
-        For a tolerance that is not positive and finite, slots that no board has, too little hardware for a layer, and a
-        scene of which no eye sees anything.
+    Raises InputError for a tolerance that is not positive and finite, slots that no board has, too little hardware for
+    a layer, and a scene of which no eye sees anything.
     """
     if not 0.0 < tolerance_db < math.inf:
         raise InputError(f"tolerance {tolerance_db:g} dB is not positive and finite; give dB, such as {TOLERANCE_DB:g}")
@@ -223,13 +204,14 @@ def choose_layers(
     affordable, dearer = _candidates(slots, block_rams, multipliers)
     full, lines = full_views(scene, display, settings), list(exit_lines(display))
     cut_into = cache(lambda count, slot: cut_scene(scene, display, count, slot, settings))
-    tried: list[Row] = []
-    depths = MAX_LAYERS
+    tried, depths = list[Row](), MAX_LAYERS
     for cost, slot, filter in report_each(affordable, progress):
-        if cost.layers <= depths:
-            cut = cut_into(cost.layers, slot)
-            depths = min(depths, len(cut.stack.layers)) if len(cut.stack.layers) < cost.layers else depths
-        if cost.layers <= depths:  # more layers than the scene has depths would be these again
+        if cost.layers > depths:
+            continue
+        cut = cut_into(cost.layers, slot)
+        if len(cut.stack.layers) < cost.layers:
+            depths = len(cut.stack.layers)  # more layers than the scene has depths would be these again
+        else:
             views_db = decibels(cut.stack, display, full, filter, lines)
             tried.append({"filter": filter, "slot": list(slot), **row_of(cut, views_db, slot, filter)})
             if min(views_db) >= tolerance_db:

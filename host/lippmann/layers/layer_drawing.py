@@ -63,25 +63,10 @@ def draw_golden(
 ) -> Floats:
     """Return the linear light (height, width, 3) of layers for a display; of the rows of `lines` alone if given.
 
-    Parameters
-    ----------
-    display
-        The display; its pixels are drawn at their centres, whatever their sub-pixels.
-    stack
-        The layers.
-    filter
-        "nearest" texel, or "bilinear" between four.
-    samples
-        For each pixel: 1 at its centre, 2 on its diagonal, 4 in its quarters.
-    model
-        The lens model of the exit rays.
-    lines
-        The exit rays, when they are known from `exit_lines`; None: they are traced.
+    Pixels are drawn at their centres, whatever their sub-pixels; of several samples, two are on a pixel's diagonal, and
+    four in its quarters. `lines` are the exit rays (`exit_lines`), which are traced when they are not known.
 
-    Raises
-    ------
-    InputError
-        For an unknown filter, or another number of samples.
+    Raises InputError for an unknown filter, or a number of samples that a board does not have.
     """
     check_options(filter, samples)
     lines = exit_lines(display, samples, model) if lines is None else lines
@@ -111,13 +96,12 @@ def draw_layers(
     if engine == "twin":
         panel = fixed_drawing.draw(display, build, stack, scene_build, model, rows=rows)
     else:
-        from lippmann.simulation.harness import (
-            rtl_pipeline,  # not at the top: golden starts sooner without
-            rtl_scene,
-        )
+        from lippmann.simulation import harness  # not at the top: golden starts sooner without
 
         threads = processor_count()  # the simulators run outside of Python's lock
-        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rtl_pipeline, rtl_scene, threads, rows)
+        panel = fixed_drawing.draw(
+            display, build, stack, scene_build, model, harness.rtl_pipeline, harness.rtl_scene, threads, rows
+        )
     return decode(panel / np.float64(255.0), display.panel.transfer).astype(np.float64)
 
 
@@ -192,7 +176,7 @@ def composite(stack: LayerStack, lines: ExitLines, filter: Filter) -> Floats:
     for layer in stack.layers:
         if layer.visible:
             s, t = texel_coordinates(layer, lines)
-            colour, opacity = _bilinear(layer, s, t) if filter == "bilinear" else _nearest(layer, s, t)
+            colour, opacity = (_bilinear if filter == "bilinear" else _texels)(layer, s, t)
             light += (through * layer.brightness)[:, None] * colour
             through *= 1.0 - opacity
     light += through[:, None] * stack.background
@@ -209,26 +193,22 @@ def texel_coordinates(layer: Layer, lines: ExitLines) -> tuple[Floats, Floats]:
     return a * x + b * y + s0, c * x + d * y + t0
 
 
-def _nearest(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
-    return _texels(layer, np.floor(s), np.floor(t))
-
-
 def _bilinear(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
     """Return the mean of the four texels around, their premultiplied light and their opacity."""
     left, top = np.floor(s - 0.5), np.floor(t - 0.5)
-    right_share, bottom_share = s - 0.5 - left, t - 0.5 - top
+    right, down = s - 0.5 - left, t - 0.5 - top
     light, opacity = np.zeros((len(s), 3)), np.zeros(len(s))
-    for down in (0, 1):
-        for right in (0, 1):
-            share = (right_share if right else 1.0 - right_share) * (bottom_share if down else 1.0 - bottom_share)
-            one_light, one_opacity = _texels(layer, left + right, top + down)
-            light += share[:, None] * one_light
-            opacity += share * one_opacity
+    for row, height in ((top, 1.0 - down), (top + 1, down)):
+        for column, width in ((left, 1.0 - right), (left + 1, right)):
+            one_light, one_opacity = _texels(layer, column, row)
+            light += (width * height)[:, None] * one_light
+            opacity += width * height * one_opacity
     return light, opacity
 
 
-def _texels(layer: Layer, column: Floats, row: Floats) -> tuple[Floats, Floats]:
-    """Return the premultiplied light (N, 3) and the opacity (N,) of texels; outside of the texture both are 0."""
+def _texels(layer: Layer, s: Floats, t: Floats) -> tuple[Floats, Floats]:
+    """Return the premultiplied light (N, 3) and the opacity (N,) of the texels at places; both are 0 outside."""
+    column, row = np.floor(s), np.floor(t)
     inside = (column >= 0.0) & (column < layer.width) & (row >= 0.0) & (row < layer.height)
     index = layer.texels[np.where(inside, row, 0.0).astype(np.int64), np.where(inside, column, 0.0).astype(np.int64)]
     opacity = np.where(inside, opacity_of(layer.palette[:, 3])[index], 0.0)

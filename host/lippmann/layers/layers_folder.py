@@ -68,30 +68,17 @@ class LayersFile:
     layer: Annotated[tuple[LayerKeys, ...], key("", lengths=(1, MAX_LAYERS))]
 
 
-@dataclass(frozen=True)
-class NamedLayers:
-    """A stack, and the names of its layers in the same order."""
-
-    stack: LayerStack
-    names: tuple[str, ...]
-
-
 def is_layers(path: str | Path) -> bool:
     """Tell whether a path is a folder of layers, or its `layers.toml`."""
     path = Path(path)
     return path.name == FILE or (path.is_dir() and (path / FILE).is_file())
 
 
-def load_layers(path: str | Path) -> LayerStack:
-    """Read a folder of layers, or its `layers.toml`.
+def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
+    """Read a folder of layers, or its `layers.toml`; return the stack, and the names of its layers.
 
     Raises InputError, with file, key and remedy, for bad keys and for pictures that are not 8-bit PNGs with a palette.
     """
-    return load_named_layers(path).stack
-
-
-def load_named_layers(path: str | Path) -> NamedLayers:
-    """Read a folder of layers with the layers' names; raises as `load_layers`."""
     folder = path_of(path, "a folder of layers")
     file = folder / FILE if folder.is_dir() else folder
     if not file.exists():
@@ -113,7 +100,7 @@ def load_named_layers(path: str | Path) -> NamedLayers:
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         names.append(name)
-    return NamedLayers(LayerStack(tuple(layers), np.array(keys.background)), tuple(names))
+    return LayerStack(tuple(layers), np.array(keys.background)), tuple(names)
 
 
 def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) -> Path:

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.progress import Progress, report_each
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.display.description import Display
 from lippmann.engines import trace
@@ -129,31 +128,13 @@ def cut_scene(
     slot: tuple[int, int] = SLOT,
     settings: Settings | None = None,
     apart: Scene | None = None,
-    progress: Progress | None = None,
 ) -> Cut:
-    """Cut a scene into at most `count` layers for a display.
+    """Cut a placed scene into at most `count` layers for a display; a scene of fewer depths gives fewer.
 
-    Parameters
-    ----------
-    scene
-        The scene, placed.
-    display
-        The display.
-    count
-        Number of layers, 1 to 8. A scene of fewer depths gives fewer.
-    slot
-        Most texels of a layer, across and down.
-    settings
-        How each texel is rendered: samples, integrator, seed.
-    apart
-        What moves by itself, as a scene without the rest: it becomes one layer more, at its own depth.
-    progress
-        Called with (layers done, layers in all).
+    `slot` is the most texels of a layer, across and down. `apart` is what moves by itself, as a scene without the rest:
+    it becomes one layer more, at its own depth.
 
-    Raises
-    ------
-    InputError
-        For counts and sizes out of range, and a scene of which no eye sees anything.
+    Raises InputError for counts and sizes out of range, and a scene of which no eye sees anything.
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
@@ -164,7 +145,7 @@ def cut_scene(
     parts.sort(key=lambda part: -part[0].depth_mm)
     layers, slabs, errors = list[Layer](), list[Slab](), list[float]()
     background, before, apart_number = np.zeros(3), None, None
-    for slab, part in report_each(parts, progress):
+    for slab, part in parts:
         view = _picture(part, display, reach, slab, before if part is scene else None, slot, settings)
         before = slab if part is scene else before
         if view is None:
@@ -195,8 +176,7 @@ def scene_slabs(scene: Scene, reach: Reach, count: int, settings: Settings) -> l
     near = scene.placement.near_mm
     front = z if near is None else min(near, z)
     eyes = [(x + a * reach.aside_mm, y + b * reach.aside_mm, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
-    low, high = reach.places_mm.min(axis=0), reach.places_mm.max(axis=0)
-    window = Area(0.0, float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    window = reach.area(0.0)
     trial = replace(settings, samples=TRIAL_SAMPLES)
     depths, detail = zip(*(seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes), strict=True)
     try:
@@ -218,9 +198,7 @@ def _picture(
     depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
     # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
     reached = reach.area(depth)
-    texel = max(
-        finest_texel(depth, display), *(side / max_texels for side, max_texels in zip(reached.size, slot, strict=True))
-    )
+    texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
     reached_area = reached.grown(texel)
     between = slab.front_mm, slab.back_mm
     trial = peel(scene, reached_area, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
@@ -260,11 +238,8 @@ def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_
 
 def texels_for(area: Area, display: Display, slot: tuple[int, int]) -> tuple[int, int]:
     """Return the texels across and down: a slot's, or fewer where they would be finer than what a pixel sees."""
-    finest = finest_texel(area.depth_mm, display)
-    width, height = (
-        min(max_texels, max(2, math.ceil(side / finest))) for max_texels, side in zip(slot, area.size, strict=True)
-    )
-    return width, height
+    width, height = (max(2, math.ceil(side / finest_texel(area.depth_mm, display))) for side in area.size)
+    return min(slot[0], width), min(slot[1], height)
 
 
 def finest_texel(depth_mm: float, display: Display) -> float:
@@ -384,10 +359,8 @@ def seen_depths(
     depths = np.where(np.asarray(valid), np.asarray(z, np.float64), -np.inf).reshape(shape)
     colour = np.sqrt(np.clip(peel(scene, area, eye_mm, (front, -math.inf), size, settings).light, 0.0, 1.0))
     detail = np.zeros(shape)
-    for axis in (0, 1):
-        square = (np.diff(colour, axis=axis) ** 2).sum(axis=-1)
-        one = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
-        other = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+    for one, other in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        square = ((colour[other] - colour[one]) ** 2).sum(axis=-1)
         nearer = depths[one] > depths[other]
         detail[one] += np.where(nearer, square, 0.0)
         detail[other] += np.where(nearer, 0.0, square)

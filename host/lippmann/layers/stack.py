@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -248,16 +248,10 @@ class Picture:
         return np.concatenate([colours, alpha[..., None]], axis=-1).astype(np.uint8)
 
 
-class Quantised(NamedTuple):
-    """Texels and palette of a picture, and the error that they add, dB: its peak signal over the noise."""
-
-    texels: Bytes
-    palette: Bytes
-    error_db: float
-
-
-def quantise(rgba: Bytes) -> Quantised:
+def quantise(rgba: Bytes) -> tuple[Bytes, Bytes, float]:
     """Quantise a picture (height, width, 4), bytes as in a palette, to 256 colours.
+
+    Returns texels, palette, and the error that they add, dB: the peak signal over the noise.
 
     Colour 0 is transparent, so that a smaller texture can fill a slot. A picture of at most 255 other colours keeps
     them all. Opaque texels stay opaque.
@@ -274,7 +268,7 @@ def quantise(rgba: Bytes) -> Quantised:
         place[visible] = 1 + nearest(every[visible], colours)
     error = float(((_perceived(every) - _perceived(palette[place]))[:, :3] ** 2).mean(axis=1) @ counts) / counts.sum()
     texels = place[index.ravel()].reshape(height, width).astype(np.uint8)
-    return Quantised(texels, palette, float("inf") if error == 0.0 else float(-10.0 * np.log10(error)))
+    return texels, palette, math.inf if error == 0.0 else float(-10.0 * np.log10(error))
 
 
 def _perceived(rgba: Bytes) -> Floats:

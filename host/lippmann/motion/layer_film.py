@@ -101,22 +101,21 @@ def load_layer_film(path: str | Path) -> LayerFilm:
     """Read a film of layers, or a folder of layers as a film of one frame; InputError names file, key and remedy."""
     path = Path(path)
     if is_layers(path) or path.is_dir():
-        named = load_named_layers(path)
-        return LayerFilm(named.stack, named.names)
+        return LayerFilm(*load_named_layers(path))
     if not path.exists():
         remedy = likely_file(path, (".toml",)) or "give a film of layers (.toml), or a folder that lippmann layers made"
         raise input_error(str(path), "no such file", remedy)
     film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))))
     try:
-        named = load_named_layers(path.parent / film.layers)
+        stack, names = load_named_layers(path.parent / film.layers)
     except InputError as error:
         raise InputError(f"{path}: layers: {error}") from None
     seen: set[str] = set()
     for place, one in enumerate(film.layer):
         where = f"{path}: layer[{place}]"
-        if one.name not in named.names:
-            hint = did_you_mean(one.name, named.names)
-            remedy = hint or f"choose from {', '.join(named.names)}"
+        if one.name not in names:
+            hint = did_you_mean(one.name, names)
+            remedy = hint or f"choose from {', '.join(names)}"
             raise input_error(f"{where}.name", f"{film.layers} has no layer '{one.name}'", remedy)
         if one.name in seen:
             raise input_error(f"{where}.name", f"'{one.name}' moves already", "put all its keys into one table")
@@ -129,12 +128,12 @@ def load_layer_film(path: str | Path) -> LayerFilm:
             if frame <= before:
                 raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
             before = frame
-        if named.stack.layers[named.names.index(one.name)].sky:
+        if stack.layers[names.index(one.name)].sky:
             for number, sky_key in enumerate(one.keys):
                 if sky_key.offset_mm != ORIGIN:
                     what = f"'{one.name}' is a sky, which has no place to be shifted from"
                     raise input_error(f"{where}.keys[{number}].offset_mm", what, "give the layer a depth in its folder")
-    return LayerFilm(named.stack, named.names, film.frames, film.frames_per_second, film.motion, film.layer)
+    return LayerFilm(stack, names, film.frames, film.frames_per_second, film.motion, film.layer)
 
 
 def _last(moving: MovingLayer, frame: int) -> LayerKey | None:

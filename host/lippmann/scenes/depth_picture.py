@@ -19,7 +19,7 @@ from lippmann.base.limits import read_limited
 from lippmann.base.toml import documented, key
 from lippmann.errors import input_error, not_there
 from lippmann.scenes.meshes import write_surface
-from lippmann.scenes.mitsuba_xml import add_light_field, new_scene, plugin, to_world, value, write
+from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 from lippmann.scenes.window_views import Views, read_light
 
 #: Most pixels of the depths, and largest file.
@@ -80,7 +80,6 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
         depth = depth[tuple(nearest)]
     focal = 0.5 * depth.shape[1] / math.tan(math.radians(0.5 * form.fov_deg))
     _write_points(folder / "surface.ply", depth, focal)
-    Views(colours[None, None], [0.0], [0.0], 1.0, (1.0, 1.0)).write(folder / "views.npz")
     scene = new_scene()
     camera = plugin(scene, "sensor", "perspective")
     value(camera, "float", "fov", form.fov_deg)
@@ -88,7 +87,7 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     to_world(camera, "rotate", y=1, angle=180)  # Mitsuba's cameras look along z
     shape = plugin(scene, "shape", "ply", id="surface")
     value(shape, "string", "filename", "surface.ply")
-    add_light_field(shape, "views.npz")
+    Views(colours[None, None], [0.0], [0.0], 1.0, (1.0, 1.0)).show_on(shape, folder)
     return write(scene, folder / "scene.xml")
 
 

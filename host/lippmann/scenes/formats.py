@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from lippmann.base.files import scratch_folder
-from lippmann.errors import InputError, input_error
+from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes import depth_picture, meshes, splats, window_views
 
@@ -29,14 +29,14 @@ def kind_of(path: Path) -> Kind | None:
     """Return what a scene's file or folder is; None: nothing that is known."""
     suffix = path.suffix.lower()
     if path.is_dir():
-        return "views" if window_views.is_folder(path) else None
+        return "views" if (path / window_views.EYES).is_file() else None
     if suffix == ".xml":
         return "mitsuba"
     if suffix == ".ply" and _has_splats(path):
         return "splats"
     if suffix in meshes.SUFFIXES:
         return "mesh"
-    if window_views.is_quilt(path):
+    if suffix in window_views.PICTURES and window_views.TILING.search(path.stem):
         return "quilt"
     return "depth picture" if depth_picture.is_depth_picture(path) else None
 
@@ -49,29 +49,27 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 
 @contextmanager
-def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str] | None = None) -> Iterator[Path]:
+def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
     """Give the path of a file's Mitsuba scene; that of another tool's file is gone after the block.
 
     `scene_from_display` (3, 3) is the rotation by which lights that are added stay with the display. What the user
     should know is added to `notes`. Raises InputError as the functions that write or read the kinds.
     """
-    kind, lines = kind_of(path), [] if notes is None else notes
+    kind = kind_of(path)
     if kind == "mitsuba":
         yield path
         return
     with scratch_folder() as folder:
         try:
             if kind == "mesh":
-                scene_file = meshes.write_scene(path, folder, scene_from_display, lines)
+                scene_file = meshes.write_scene(path, folder, scene_from_display, notes)
             elif kind == "splats":
                 scene_file = splats.write_scene(path, folder)
             elif kind == "depth picture":
-                scene_file = depth_picture.write_scene(path, folder, lines)
+                scene_file = depth_picture.write_scene(path, folder, notes)
             else:
                 read_views = window_views.read_quilt if kind == "quilt" else window_views.read_folder
                 scene_file = read_views(path).write_scene(folder)
-        except InputError:
-            raise
         except OSError as error:
             raise input_error(str(path), f"cannot be read ({error.strerror or error})", "check file and disk") from None
         yield scene_file

@@ -213,8 +213,8 @@ class _Textures:
 
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self._source = folder, source
-        self._names: dict[tuple[int, str, tuple[float, ...]], str] = {}
-        self._pictures: list[Image] = []
+        #: The pictures are kept, so that no other one gets an id of theirs.
+        self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
         """Write a part of a picture; return the file's name.
@@ -225,8 +225,8 @@ class _Textures:
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
-        if key in self._names:
-            return self._names[key]
+        if key in self._written:
+            return self._written[key][0]
         if picture.width * picture.height > MOST_PIXELS:
             what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
             raise input_error(str(self._source), f"{what} are allowed", "make it smaller")
@@ -241,10 +241,9 @@ class _Textures:
                 rows[:] = np.round(255.0 * encode(decode(rows / 255.0, "srgb") * factor, "srgb"))
         elif (factor != 1.0).any():
             values = np.round(255.0 * np.clip(values / 255.0 * factor, 0.0, 1.0)).astype(np.uint8)
-        name = f"texture-{len(self._names)}.png"
+        name = f"texture-{len(self._written)}.png"
         PIL.Image.fromarray(values).save(self._folder / name)
-        self._names[key] = name
-        self._pictures.append(picture)  # so that no other picture gets its id
+        self._written[key] = name, picture
         return name
 
 
@@ -378,18 +377,10 @@ def _add_material(shape: Element, material: Material | None, textures: _Textures
         add(parent, "normalmap", "normalTexture", "colour", np.ones(3), raw=True)
     principled = plugin(parent, "bsdf", "principled")
     add(principled, "base_color", "baseColorTexture", "colour", factor[:3])
-    for name, channel, number in (
-        ("metallic", "B", material.metallicFactor),
-        ("roughness", "G", material.roughnessFactor),
-    ):
-        add(
-            principled,
-            name,
-            "metallicRoughnessTexture",
-            channel,
-            [USUAL if number is None else float(number)],
-            raw=True,
-        )
+    for name, channel in (("metallic", "B"), ("roughness", "G")):
+        number = getattr(material, f"{name}Factor")
+        share = [USUAL if number is None else float(number)]
+        add(principled, name, "metallicRoughnessTexture", channel, share, raw=True)
     glow = np.zeros(3) if material.emissiveFactor is None else np.ravel(material.emissiveFactor)[:3]
     if glow.any():
         add(plugin(shape, "emitter", "area"), "radiance", "emissiveTexture", "colour", glow)

@@ -55,12 +55,6 @@ def to_world(parent: Element, step: str, **numbers: float) -> None:
     SubElement(placed, step, {name: repr(float(number)) for name, number in numbers.items()})
 
 
-def add_light_field(shape: Element, file: str) -> None:
-    """Let a shape show the views of a file, and reflect nothing."""
-    value(plugin(shape, "bsdf", "diffuse"), "rgb", "reflectance", 0.0)
-    value(plugin(shape, "emitter", "light_field"), "string", "filename", file)
-
-
 def write(scene: Element, path: Path) -> Path:
     """Write a scene; return its path."""
     indent(scene)

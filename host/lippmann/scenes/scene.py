@@ -103,16 +103,11 @@ def check_scene_file(path: str | Path) -> Path:
 
 def _check_files(path: Path) -> None:
     """Refuse a scene file that Mitsuba's parser would not survive, and such includes."""
-    checked, waiting = set[Path](), [path]
-    while waiting:
-        file = waiting.pop()
-        if file in checked:
-            continue
-        checked.add(file)
-        for name in check_xml(file, "mend the scene file"):
-            include = _file_of(name)
-            if include.is_file() or include.is_fifo():
-                waiting.append(include)
+    files = [path]
+    for file in files:  # which grows
+        for include in map(_file_of, check_xml(file, "mend the scene file")):
+            if include not in files and (include.is_file() or include.is_fifo()):
+                files.append(include)
 
 
 @contextmanager
@@ -131,7 +126,8 @@ def parsed(
     register_light_field()
     before = mi.file_resolver()
     try:
-        with as_mitsuba(path, np.eye(3) if scene_from_display is None else scene_from_display, notes) as file:
+        turn = np.eye(3) if scene_from_display is None else scene_from_display
+        with as_mitsuba(path, turn, [] if notes is None else notes) as file:
             resolver = mi.FileResolver(before)
             resolver.prepend(mi.filesystem.path(str(file.parent)))
             mi.set_file_resolver(resolver)
@@ -359,7 +355,7 @@ def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Mat
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
-    corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))[:, :4]
+    corners = np.array(list(itertools.product(*zip(low, high, strict=True), (1.0,))))
     placed = corners @ placement.display_from_scene[:3].T
     return placed.min(axis=0), placed.max(axis=0)
 

@@ -17,6 +17,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +25,8 @@ import numpy.typing as npt
 from lippmann.base.images import LINEAR_SUFFIXES, Radiance, read_picture
 from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode
-from lippmann.errors import InputError, input_error
-from lippmann.scenes.mitsuba_xml import add_light_field, new_scene, plugin, to_world, write
+from lippmann.errors import input_error
+from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 
 #: The file of a folder that tells where its views' eyes are.
 EYES = "views.json"
@@ -50,20 +51,21 @@ class Views:
     distance_mm: float
     size_mm: tuple[float, float]
 
-    def write(self, path: Path) -> None:
-        """Write the views as the emitter `light_field` reads them."""
+    def show_on(self, shape: Element, folder: Path) -> None:
+        """Let a shape of the scene in a folder show the views (the emitter `light_field`), and reflect nothing."""
         np.savez(
-            path, views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
+            folder / "views.npz", views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
             size_mm=self.size_mm,
         )  # fmt: skip
+        value(plugin(shape, "bsdf", "diffuse"), "rgb", "reflectance", 0.0)
+        value(plugin(shape, "emitter", "light_field"), "string", "filename", "views.npz")
 
     def write_scene(self, folder: Path) -> Path:
         """Write the scene into an empty folder; return its path."""
-        self.write(folder / "views.npz")
         scene = new_scene()
         shape = plugin(scene, "shape", "rectangle", id="window")
         to_world(shape, "scale", x=0.5 * self.size_mm[0], y=0.5 * self.size_mm[1], z=1)
-        add_light_field(shape, "views.npz")
+        self.show_on(shape, folder)
         return write(scene, folder / "scene.xml")
 
 
@@ -71,11 +73,6 @@ def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Seq
     """Return the text of `EYES` for files of views of a window (mm), from eyes (mm)."""
     views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
     return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
-
-
-def is_folder(path: Path) -> bool:
-    """Tell whether a folder has views."""
-    return path.is_dir() and (path / EYES).is_file()
 
 
 def read_folder(folder: Path) -> Views:
@@ -160,8 +157,6 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
         with Image.open(path) as opened:
             _check_size(path, count * opened.width * opened.height)
             return decode(np.asarray(opened.convert("RGB"), np.float32) / np.float32(255.0), "srgb")
-    except InputError:
-        raise
     except FileNotFoundError:
         raise input_error(str(path), "no such picture", "put it there, or leave it out of the list") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
@@ -207,11 +202,6 @@ def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
 def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict[str, str]:
     """Return the metadata of a quilt that tell its window's size and its eyes, mm, which its name does not."""
     return {EYES_KEY: json.dumps({"window_mm": list(size_mm), "first_mm": list(eyes[0]), "last_mm": list(eyes[-1])})}
-
-
-def is_quilt(path: Path) -> bool:
-    """Tell whether a file is a quilt by its name, such as fish_qs8x6a1.33.png."""
-    return path.suffix.lower() in PICTURES and TILING.search(path.stem) is not None
 
 
 def read_quilt(path: Path) -> Views:
