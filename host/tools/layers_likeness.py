@@ -101,7 +101,7 @@ def measure_scene(
         if len(cut.stack.layers) < count:
             break  # the scene has no more depths
         for filter in FILTERS:
-            seen = decibels(cut.stack, display, full, filter, lines)
+            seen = decibels(draw_golden(display, cut.stack, filter, lines=lines), display, full)
             yield {
                 "drawn": filter, **row_of(cut, seen, slot, filter),
                 "line_bytes": block_bytes(cut.stack, slot), "frame_bytes": move,

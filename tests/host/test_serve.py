@@ -8,14 +8,14 @@ from contextlib import ExitStack
 
 import pytest
 from lippmann.eye import page_server as serve
-from lippmann.eye.page_server import MAX_REQUESTS, page_server
+from lippmann.eye.page_server import MAX_REQUESTS, PageServer
 
 PAGE = b"<p>the page</p>"
 
 
 @pytest.fixture
 def server():
-    with page_server(PAGE) as server:
+    with PageServer(PAGE) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.05,))
         thread.start()
         yield server
@@ -44,7 +44,7 @@ def test_only_who_knows_the_address_gets_the_page(server):
     for path in ("/", "/etc/passwd", server.path[:-2] + "/", server.path + "x", "//", "/%2e%2e/"):
         status, body = answer(server, path)
         assert (status, PAGE in body) == (404, False)
-    with page_server(PAGE) as other:
+    with PageServer(PAGE) as other:
         assert other.path != server.path
         assert len(other.path) >= 20
 

@@ -211,10 +211,7 @@ class SetupFile:
 def load_setup(path: str | Path) -> Setup:
     """Read a set-up file.
 
-    Raises
-    ------
-    InputError
-        Naming file, key and remedy, for whatever is missing, unknown, or cannot be built.
+    Raises InputError, with file, key and remedy, for whatever is missing, unknown, or cannot be built.
     """
     path = path_of(path, "a set-up file")
     keys = toml.read(SetupFile, toml.load(path, "set-up"), str(path))

@@ -33,10 +33,7 @@ SAME_SCALE = 1e-4
 def register() -> None:
     """Register the sensor `integral` for Mitsuba's current variant.
 
-    Raises
-    ------
-    InputError
-        When the variant is not a vectorised RGB variant, or none is set.
+    Raises InputError when the variant is not a vectorised RGB variant, or none is set.
     """
     import mitsuba as mi
 

@@ -132,8 +132,7 @@ def export_display(scene: Scene, display: Display, model: Model, folder: Path) -
         )
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, model)
-    near = scene.placement.near_mm
-    assert near is not None
+    _, near = scene.depth_range_mm
     t = (near - rays.origin_mm[:, 2]) / rays.direction[:, 2]
     origin = rays.origin_mm + t[:, None] * rays.direction
     active = gets_through(rays.status)

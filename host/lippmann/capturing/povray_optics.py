@@ -51,21 +51,18 @@ def setup_view(setup: Setup) -> View:
     panel = setup.display.panel
     to_plane = setup.camera_distance_mm
     assert to_plane is not None
-    origin = object_from_lens(setup, 0.0)
+    # The lens's origin in the object's frame, or the array's vertices without a lens.
+    origin = setup.subject.distance_mm + (0.0 if setup.lens is None else setup.lens.hiatus_mm)
     position = (0.0, 0.0, origin + setup.pickup.distance_mm)
     camera = pinhole(position, (0.0, 0.0, -to_plane), panel.width_mm, panel.height_mm)
-    parts = [lenslets(setup)]
+    # +1 where the glass lies beyond the vertices' plane, seen from the object.
+    side = 1.0 if setup.plano_to_camera else -1.0
+    parts = [array_solids(setup.captured, origin + setup.array_distance_mm, side, setup.concave)]
     faces = ARRAY_FACES
     if isinstance(setup.lens, LensPair):
         parts += [_plano_convex(setup.lens, setup.lens.faces[k : k + 2], origin) for k in (0, 2)]
         faces += 4
     return View(camera, panel.width_px, panel.height_px, "\n".join(parts), faces)
-
-
-def object_from_lens(setup: Setup, z_mm: float) -> float:
-    """Return z in the object's frame of a point on the axis, z_mm from the lens (or array) towards the object."""
-    hiatus = 0.0 if setup.lens is None else setup.lens.hiatus_mm
-    return setup.subject.distance_mm + hiatus - z_mm
 
 
 def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> str:
@@ -89,14 +86,6 @@ def _plano_convex(pair: LensPair, faces: tuple[Face, ...], origin_mm: float) -> 
     return f"{solid}\n{stop}"
 
 
-def lenslets(setup: Setup) -> str:
-    """Return the lenslets that the camera of a set-up sees."""
-    vertex = object_from_lens(setup, -setup.array_distance_mm if setup.lens is not None else 0.0)
-    # +1 where the glass lies beyond the vertices' plane, seen from the object.
-    side = 1.0 if setup.plano_to_camera else -1.0
-    return array_solids(setup.captured, vertex, side, setup.concave)
-
-
 def array_solids(display: Display, vertex_mm: float, side: float, concave: bool = False) -> str:
     """Return the lenslets before a display's panel: one lenslet, and a loop that repeats it.
 
@@ -116,19 +105,19 @@ def array_solids(display: Display, vertex_mm: float, side: float, concave: bool 
     body = f"difference {{ {cell} {sphere}" if concave else f"intersection {{ {sphere} {cell}"
     lenslet = f"#declare L_lenslet = {body} {GLASS} interior {{ ior {number(array.index)} }} no_shadow }}"
     rows, lattice = lattice_rows(display), Lattice.of(array)
+    row = f"(Row + {rows[0][0]})"
     (p, _), (step_x, step_y) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
     solid, mount = "L_lenslet", ""
     if lattice.half_steps is not None:
         mount = f"#declare L_mount = object {{ {cell} {BLACK} no_shadow no_reflection }}\n"
-        along = f"abs(2 * Column + {'(Row + ' + str(rows[0][0]) + ')' if array.grid == 'hex' else '0'})"
-        inside = f"{along} <= {lattice.half_steps[0]} & abs(2 * (Row + {rows[0][0]})) <= {lattice.half_steps[1]}"
+        along = f"abs(2 * Column + {row if array.grid == 'hex' else '0'})"
+        inside = f"{along} <= {lattice.half_steps[0]} & abs(2 * {row}) <= {lattice.half_steps[1]}"
         solid = f"#if ({inside}) L_lenslet #else L_mount #end"
     frame = PanelFrame.of(display)
     place = np.eye(4)
     place[:2, :2] = [[frame.cos, -frame.sin], [frame.sin, frame.cos]]
     place[:3, 3] = *frame.offset_mm, vertex_mm
-    starts, ends = (", ".join(str(row[k]) for row in rows) for k in (1, 2))
-    row = f"(Row + {rows[0][0]})"
+    starts, ends = (", ".join(str(one[k]) for one in rows) for k in (1, 2))
     at = f"Column * {number(p)} + {row} * {number(step_x)}, {row} * {number(step_y)}, 0"
     return f"""{lenslet}
 {mount}#declare L_first = array[{len(rows)}] {{ {starts} }}

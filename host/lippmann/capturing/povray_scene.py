@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import drjit, mitsuba
 from lippmann.capturing.povray_source import Item, Tree
 from lippmann.capturing.povray_text import block, identifier, matrix, number, plain, rows, vector
 from lippmann.scenes.placement import ORIGIN, Placement, Triple
@@ -315,9 +315,7 @@ def _outside(mesh: Any, points: Array, faces: Array) -> npt.NDArray[np.bool_]:
     The normal is Mitsuba's own at each face's centre: it depends on winding, vertex normals, flip_normals and whether
     the transform mirrors.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     centre = dr.zeros(mi.PreliminaryIntersection3f, len(faces))
     centre.t = 1.0
     centre.prim_index = dr.arange(mi.UInt32, len(faces))

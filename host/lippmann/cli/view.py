@@ -21,7 +21,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.eye.many_views import grid_of_eyes
 from lippmann.eye.observer import Eye
-from lippmann.eye.page_server import page_server
+from lippmann.eye.page_server import PageServer
 from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, check_direct
 from lippmann.motion.film_frames import FRAME_STEM
 from lippmann.rendering.integral_image import IntegralImage
@@ -126,7 +126,7 @@ def _read_direct(eye: Point, path: str, display: Display) -> Direct:
 
 def _serve(page: bytes, tcp_port: int, result: dict[str, object]) -> None:
     """Serve until Ctrl-C or SIGTERM."""
-    with page_server(page, tcp_port) as server:
+    with PageServer(page, tcp_port) as server:
         emit({"url": server.url, **result}, f"{server.url} (Ctrl-C ends it)")
         sys.stdout.flush()
         try:

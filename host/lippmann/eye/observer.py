@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.images import Radiance, StoredRows, write_picture
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import layout_of
 from lippmann.errors import InputError, whole_number
@@ -79,10 +79,7 @@ class View(Showable):
     def save(self, path: str | Path) -> None:
         """Write the view: .exr or .tif with linear radiance, .png in sRGB.
 
-        Raises
-        ------
-        InputError
-            When the file cannot be written.
+        Raises InputError when the file cannot be written.
         """
         write_picture(path, self.radiance, self.metadata)
 
@@ -94,6 +91,16 @@ def whole_window(display: Display, width_px: int | None = None) -> Window:
         width_px = max(1, round(panel.width_mm / display.array.pitches_mm[0]))
     height_px = max(1, round(width_px * panel.height_mm / panel.width_mm))
     return Window(panel.width_mm, panel.height_mm, width_px, height_px)
+
+
+def check_size(radiance: npt.NDArray[np.floating] | StoredRows, display: Display) -> None:
+    """Refuse an image that has not the size of a display's panel."""
+    panel = display.panel
+    if radiance.shape != (panel.height_px, panel.width_px, 3):
+        raise InputError(
+            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
+            f"{panel.width_px} x {panel.height_px}; render it for this display"
+        )
 
 
 def observe(
@@ -112,20 +119,11 @@ def observe(
     are in memory. The view covers the window, with `samples` rays for each of its pixels. Without `crosstalk`, rays
     that land in a neighbour's cell see black.
 
-    Raises
-    ------
-    InputError
-        When the image's size is not the panel's, or samples is out of range.
+    Raises InputError when the image's size is not the panel's, or samples is out of range.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     panel = display.panel
-    if radiance.shape != (panel.height_px, panel.width_px, 3):
-        raise InputError(
-            f"the image is {radiance.shape[1]} x {radiance.shape[0]} pixels, the panel of '{display.name}' "
-            f"{panel.width_px} x {panel.height_px}; render it for this display"
-        )
+    check_size(radiance, display)
     samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")
@@ -159,9 +157,7 @@ def observe(
 
 def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHits, seen: Arr) -> list[Arr]:
     """Return the three colours that rays see where they hit a panel; black for those that do not see it."""
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     column = mi.UInt32(dr.clip(dr.floor(hits.u), 0, panel.width_px - 1))
     row = mi.UInt32(dr.clip(dr.floor(hits.v), 0, panel.height_px - 1))
     # The look-up may evaluate the pixels; the rays are not traced again then.
@@ -182,9 +178,7 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
 
 def _light_in_memory(radiance: npt.NDArray[np.floating]) -> LookUp:
     """Return the look-up of an image that is copied to the device as a whole."""
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     light = mi.Float(np.ascontiguousarray(radiance, np.float32).ravel())
 
     def look_up(seen: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
@@ -196,9 +190,7 @@ def _light_in_memory(radiance: npt.NDArray[np.floating]) -> LookUp:
 
 def _light_on_disk(radiance: StoredRows, seen: Arr, column: Arr, row: Arr, hits: PixelHits) -> list[Arr]:
     """Return the light of an image on disk where some rays see it; only the parts with such rays are read."""
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     dr.eval(seen, column, row, hits.u, hits.v, hits.status)
     _, width, _ = radiance.shape
     rows = max(1, STORED_BYTES // (12 * width))
@@ -218,9 +210,7 @@ def eye_rays(
     b: DrJitBackend, eye: Eye, window: Window, pixel: Arr, sample: Arr, seed: int
 ) -> tuple[tuple[Arr, ...], tuple[Arr, ...]]:
     """Return origins and unit directions (double) from the pupil through the window's pixels."""
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     row = pixel // window.width_px
     column = pixel - row * window.width_px
     s, t = points_in_square(pixel, sample, seed, stream=0)

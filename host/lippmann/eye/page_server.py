@@ -18,15 +18,22 @@ MAX_REQUESTS, SILENCE_S = 8, 10.0
 
 
 class PageServer(ThreadingHTTPServer):
-    """A server of one page, at an address that only this user is told; `url` is that address."""
+    """A server of one page, at an address that only this user is told; `url` is that address.
+
+    It is bound to loopback but not started; port 0 means any free port. InputError when the port is taken.
+    """
 
     daemon_threads = True
 
-    def __init__(self, page: bytes, tcp_port: int) -> None:
+    def __init__(self, page: bytes, tcp_port: int = 0) -> None:
         self.page = page
         self.path = f"/{secrets.token_urlsafe(16)}/"
         self._free = threading.Semaphore(MAX_REQUESTS)
-        super().__init__((LOOPBACK, tcp_port), _Handler)
+        try:
+            super().__init__((LOOPBACK, tcp_port), _Handler)
+        except OSError as error:
+            what = f"cannot be opened ({error.strerror})"
+            raise input_error(f"--tcp-port {tcp_port}", what, "choose another, or 0") from None
         port = self.server_address[1]
         self.url = f"http://{LOOPBACK}:{port}{self.path}"
         self.hosts = [f"{host}:{port}" for host in HOSTS]
@@ -79,16 +86,3 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *arguments: object) -> None:
         """Do not log requests."""
-
-
-def page_server(page: bytes, tcp_port: int = 0) -> PageServer:
-    """Return a server of the page, bound to loopback but not started; port 0 means any free port.
-
-    InputError when the port is taken.
-    """
-    try:
-        return PageServer(page, tcp_port)
-    except OSError as error:
-        raise input_error(
-            f"--tcp-port {tcp_port}", f"cannot be opened ({error.strerror})", "choose another, or 0"
-        ) from None

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lippmann import __version__
 from lippmann.base import interrupts
 from lippmann.base.tones import decode
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import CHUNK_RAYS, Eye, eye_rays
@@ -150,9 +150,7 @@ def white_for_eye(display: Display, eye: Eye) -> Values:
 
     The eye's rays are traced through the exact lenslets to the whole panel. Pixels seen by crosstalk stay black.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     panel, b, system = display.panel, DrJitBackend(current_device()), System.of(display)
     # Points of a lenslet are seen this many times farther apart on the panel. There, rays may be half a pixel apart.
     spread = abs(1.0 - display.aperture_distance_mm / display.array.focal_length_mm)

@@ -22,6 +22,7 @@ from lippmann.base.animation import png_bytes
 from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
+from lippmann.eye.observer import check_size
 from lippmann.optics.display_properties import DisplayProperties, display_properties
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.zones import middle_eye, viewing_distance
@@ -44,14 +45,9 @@ def filled(name: str, **values: str) -> str:
     return HOLE.sub(lambda hole: values[hole[1]], text)
 
 
-def shader(name: str, defines: dict[str, str]) -> str:
-    """Return a shader's source (GLSL ES 3.00) with its includes and definitions."""
-    head = "".join(f"#define {key} {value}\n" for key, value in defines.items())
-    return f"#version 300 es\n{head}{_included(name)}"
-
-
-def _included(name: str) -> str:
-    return INCLUDE.sub(lambda line: _included(line[1]), read(f"shaders/{name}"))
+def shader(name: str) -> str:
+    """Return a shader's source with its includes."""
+    return INCLUDE.sub(lambda line: shader(line[1]), read(f"shaders/{name}"))
 
 
 #: Range of the eye's distance, in viewing distances.
@@ -203,11 +199,7 @@ def page_html(
     panel, array = display.panel, display.array
     frames = [radiance, *later]
     for frame in frames:
-        if frame.shape != (panel.height_px, panel.width_px, 3):
-            raise InputError(
-                f"the image is {frame.shape[1]} x {frame.shape[0]} pixels, the panel of '{display.name}' "
-                f"{panel.width_px} x {panel.height_px}; render it for this display"
-            )
+        check_size(frame, display)
     if panel.width_px * panel.height_px * len(frames) > MAX_PX:
         times = f"{len(frames)} frames of " * bool(later)
         what = f"{times}{panel.width_px} x {panel.height_px} pixels are more than browsers hold ({MAX_PX})"
@@ -227,6 +219,7 @@ def page_html(
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]
     derived = display_properties(display)
+    head = "#version 300 es\n" + "".join(f"#define {key} {value}\n" for key, value in _defines(display).items())
     return filled(
         "page.html",
         title=html.escape(title),
@@ -237,7 +230,7 @@ def page_html(
         controls=controls_html(display, derived),
         depth=_depth_drawing(display, derived),
         display=script_json(described),
-        shaders=script_json({name: shader(name, _defines(display)) for name in SHADERS}),
+        shaders=script_json({name: head + shader(name) for name in SHADERS}),
         directs=script_json(shown),
         play=filled("play.html", rate=f"{frames_per_second:g}", frames=str(len(frames))) if later else "",
         panel="\n".join(tile for number, frame in enumerate(frames) for tile in _tiles(frame, number)),

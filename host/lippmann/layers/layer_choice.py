@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -19,9 +19,9 @@ from lippmann.base.tones import decode, psnr_db
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
-from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines, panel_bytes
+from lippmann.layers.layer_drawing import FILTERS, Filter, draw_golden, exit_lines, panel_bytes
 from lippmann.layers.scene_cutting import Cut, Reach, check_slot, cut_scene, reach_of
-from lippmann.layers.stack import COLOURS, MAX_LAYERS, LayerStack
+from lippmann.layers.stack import COLOURS, MAX_LAYERS
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import MOST_SAMPLES
 from lippmann.rendering.renderer import render_integral
@@ -87,18 +87,10 @@ def views_of(radiance: Radiance, display: Display) -> list[Radiance]:
     return [observe(radiance, display, eye, window, EYE_SAMPLES).radiance for eye in eyes_of(reach_of(display))]
 
 
-def decibels(
-    stack: LayerStack,
-    display: Display,
-    full: Sequence[Radiance],
-    filter: Filter = "nearest",
-    lines: Iterable[ExitLines] | None = None,
-) -> list[float]:
-    """Return, for each place of the moving eye, the PSNR (dB) of its view of drawn layers against the full render.
-
-    `lines` are the display's exit rays, one for each pixel, when they are known.
-    """
-    return _against(draw_golden(display, stack, filter, lines=lines), display, full)
+def decibels(light: npt.NDArray[np.floating], display: Display, full: Sequence[Radiance]) -> list[float]:
+    """Return the PSNR (dB) of each view of the moving eye, of a panel's light, against the full render's."""
+    views = views_of(light.astype(np.float32), display)
+    return [psnr_db(view, reference) for view, reference in zip(views, full, strict=True)]
 
 
 def streamed(
@@ -111,12 +103,7 @@ def streamed(
     """
     again = replace(settings, samples=FULL_SAMPLES + 1, seed=(settings.seed + 1) % 2**32)
     frame = panel_bytes(display, render_integral(scene, display, "exact", again).radiance)
-    return frame, _against(decode(frame / np.float64(255.0), display.panel.transfer), display, full)
-
-
-def _against(light: npt.NDArray[np.floating], display: Display, full: Sequence[Radiance]) -> list[float]:
-    views = views_of(light.astype(np.float32), display)
-    return [psnr_db(view, reference) for view, reference in zip(views, full, strict=True)]
+    return frame, decibels(decode(frame / np.float64(255.0), display.panel.transfer), display, full)
 
 
 def measured_cuts(
@@ -137,7 +124,7 @@ def measured_cuts(
     full = [] if filter is None else full_views(scene, display, settings)
     for count in report_each(counts, progress):
         cut = cut_scene(parts[0], display, count, slot, settings, parts[1])
-        yield cut, [] if filter is None else decibels(cut.stack, display, full, filter)
+        yield cut, [] if filter is None else decibels(draw_golden(display, cut.stack, filter), display, full)
 
 
 def row_of(cut: Cut, views_db: Sequence[float], slot: tuple[int, int], filter: Filter) -> dict[str, Any]:
@@ -212,7 +199,7 @@ def choose_layers(
         if len(cut.stack.layers) < cost.layers:
             depths = len(cut.stack.layers)  # more layers than the scene has depths would be these again
         else:
-            views_db = decibels(cut.stack, display, full, filter, lines)
+            views_db = decibels(draw_golden(display, cut.stack, filter, lines=lines), display, full)
             tried.append({"filter": filter, "slot": list(slot), **row_of(cut, views_db, slot, filter)})
             if min(views_db) >= tolerance_db:
                 return LayerChoice(tried[-1], tried, None, None)

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.variant import current_device, mitsuba
+from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, whole_number
@@ -173,8 +173,7 @@ def layer_of(area: Area, picture: Picture) -> tuple[Layer, float]:
 def scene_slabs(scene: Scene, reach: Reach, count: int, settings: Settings) -> list[Slab]:
     """Return the slabs of a scene that eyes in the middle and to all sides see."""
     x, y, z = reach.eye_mm
-    near = scene.placement.near_mm
-    front = z if near is None else min(near, z)
+    front = min(scene.depth_range_mm[1], z)
     eyes = [(x + a * reach.aside_mm, y + b * reach.aside_mm, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
     window = reach.area(0.0)
     trial = replace(settings, samples=TRIAL_SAMPLES)
@@ -310,9 +309,7 @@ def peel(
 
     `size` is (width, height). With a back of -infinity the scene's surroundings are seen, too.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     width, height = size
     (front, back), samples = between_mm, settings.samples
     integrator = make_integrator(scene, settings)
@@ -346,11 +343,8 @@ def seen_depths(
     Detail is the squared difference of neighbouring texels, which is the nearer one's: a surface hides with its edge
     what is behind it. The surroundings are at -infinity.
     """
-    mi = mitsuba()
-    import drjit as dr
-
-    assert scene.placement.near_mm is not None
-    front = min(scene.placement.near_mm, eye_mm[2])
+    mi, dr = mitsuba(), drjit()
+    front = min(scene.depth_range_mm[1], eye_mm[2])
     index = dr.arange(mi.UInt32, size[0] * size[1])
     # A single sample is at the texel's centre.
     lines = _lines(area, eye_mm, size, index, dr.zeros(mi.UInt32, size[0] * size[1]), replace(settings, samples=1))
@@ -377,9 +371,7 @@ def _chunks(texels: int, samples: int) -> Iterator[tuple[int, int]]:
 
 def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Arr, sample: Arr, settings: Settings) -> Lines:
     """Return the lines from samples of an area's texels to an eye; of an area of slopes, through the origin."""
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     # Opaque, so that another area or eye needs no compilation.
     columns = dr.opaque(mi.UInt32, size[0])
     left, top, across, down = (

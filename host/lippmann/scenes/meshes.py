@@ -26,7 +26,7 @@ from lippmann.base.tones import decode, encode
 from lippmann.base.variant import mitsuba
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
-from lippmann.scenes.mitsuba_xml import add_lights, bitmap, new_scene, plugin, unique, value, write
+from lippmann.scenes.mitsuba_xml import add_lights, new_scene, plugin, unique, value, write
 
 if TYPE_CHECKING:
     import trimesh
@@ -79,8 +79,7 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
         instances = list(_instances(path, notes))
     names = unique(name for name, _, _ in instances)
     for number, (name, (_, mesh, matrix)) in enumerate(zip(names, instances, strict=True)):
-        note = _add_shape(scene, name, mesh, matrix, textures, folder / f"mesh-{number}.ply", path)
-        notes += [note] if note else []
+        notes += _add_shape(scene, name, mesh, matrix, textures, folder / f"mesh-{number}.ply", path)
     return write(scene, folder / "scene.xml")
 
 
@@ -249,19 +248,19 @@ class _Textures:
 
 def _add_shape(
     scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path, source: Path
-) -> str | None:
-    """Add a mesh to a scene, with its file and textures; return a line on what of it is not shown."""
+) -> list[str]:
+    """Add a mesh to a scene, with its file and textures; return a line on what of it is not shown, if anything."""
     visual: Visual = mesh.visual
     if visual.kind == "face":
         mesh = _with_faces_apart(mesh, visual.face_colors, source)
         visual = mesh.visual
-    note = None
+    notes: list[str] = []
     uv, material = getattr(visual, "uv", None), getattr(visual, "material", None)
     colours = _vertex_colours(mesh, source.suffix.lower() in (".glb", ".gltf"))
     images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
     if colours is not None and uv is not None and images != [None, None]:
         if (colours < 0.999).any():
-            note = f"note: {source.name} is shown without the colours of its vertices, for it has a texture"
+            notes = [f"note: {source.name} is shown without the colours of its vertices, for it has a texture"]
         colours = None
     _write_mesh(file, mesh, matrix, uv, colours)
     shape = plugin(scene, "shape", "ply", id=name)
@@ -274,7 +273,7 @@ def _add_shape(
         value(texture, "string", "name", "vertex_color")
     else:
         _add_material(shape, material, textures, uv is not None)
-    return note
+    return notes
 
 
 def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Path) -> Trimesh:
@@ -350,10 +349,15 @@ def _add_material(shape: Element, material: Material | None, textures: _Textures
     def add(
         parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
     ) -> None:
-        """Add a parameter: one of the material's textures, times a factor, or without it the factor alone."""
+        """Add a parameter: one of the material's textures, times a factor, or without it the factor alone.
+
+        `raw`: the texture's numbers are no colours.
+        """
         image = getattr(material, texture, None) if has_uv else None
         if image is not None:
-            bitmap(parent, parameter, textures.write(image, part, np.asarray(factor)), raw)
+            bitmap = plugin(parent, "texture", "bitmap", name=parameter)
+            value(bitmap, "string", "filename", textures.write(image, part, np.asarray(factor)))
+            value(bitmap, "boolean", "raw", raw)
         else:
             value(parent, "rgb" if len(factor) == 3 else "float", parameter, factor)
 

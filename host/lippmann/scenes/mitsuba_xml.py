@@ -77,10 +77,3 @@ def unique(names: Iterable[str]) -> list[str]:
         numbered = (f"{plain}-{number}" for number in itertools.count(2))
         used[plain if plain not in used else next(one for one in numbered if one not in used)] = None
     return list(used)
-
-
-def bitmap(parent: Element, name: str, file: str, raw: bool) -> None:
-    """Add a texture from an image file; `raw`: its numbers are no colours."""
-    texture = plugin(parent, "texture", "bitmap", name=name)
-    value(texture, "string", "filename", file)
-    value(texture, "boolean", "raw", raw)

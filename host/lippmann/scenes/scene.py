@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lippmann.base.limits import check_xml
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import drjit, mitsuba
 from lippmann.errors import InputError, input_error, likely_file, path_of
 from lippmann.scenes.formats import FORMATS, SUFFIXES, as_mitsuba, kind_of
 from lippmann.scenes.light_field import register_light_field
@@ -216,9 +216,7 @@ def _check_lamps(scene: mi.Scene, where: str) -> None:
 
     Pictures are left out.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    mi, dr = mitsuba(), drjit()
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
             numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
