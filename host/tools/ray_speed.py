@@ -21,7 +21,8 @@ from lippmann.conformance.engine_speeds import Plan, Simulation, measure_rays
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
-from lippmann.fixed.scene_build import SceneBuild
+from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
+from lippmann.fixed.scene_configuration import build_curve_table
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.rays import MODELS, Model
@@ -103,7 +104,7 @@ def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -
     """
     with capturing(display, build) as captured:
         scene = SceneBoard(captured.board)
-        scene.load_curve(display)
+        scene.load({CURVE_SLOT: build_curve_table(display).tobytes()})
         scene.load_stack(stack)
         scene.prepare(display, stack)
         scene.draw(True)

@@ -17,7 +17,8 @@ from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.registers import BOARD_REGISTERS, build_word
-from lippmann.fixed.scene_configuration import scene_words
+from lippmann.fixed.scene_build import CURVE_SLOT
+from lippmann.fixed.scene_configuration import build_curve_table, scene_words
 from lippmann.layers.layers_folder import save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation.toolchain import repository
@@ -65,7 +66,7 @@ def test_a_stack_is_loaded_whole(model):
         for slot, one in zip([4, 0, 2], stack.layers, strict=True):
             assert stored(model, slot) == one.texels.tobytes() + one.palette.tobytes()
         assert scene.load_stack(stack, [4, 0, 2]).skipped == 12
-        assert scene.load_curve(DISPLAY).sends == 8
+        assert scene.load({CURVE_SLOT: build_curve_table(DISPLAY).tobytes()}).sends == 8
         assert len(stored(model, 15)) == 8192
         # A texture with a change in one place costs one block.
         texels = stack.layers[1].texels.copy()
@@ -144,12 +145,8 @@ def test_a_layer_moves_by_one_short_write(model):
         # Two layers change in one write, or a frame would show one without the other.
         _, ((first, new),) = sent((1, {"brightness": 0.25}), (3, {"brightness": 0.5}))
         assert (first, len(new), new[0] >> 8, new[-1] >> 8) == (LOOK + 32, 17, 64, 128)
-        scene.set_layer(DISPLAY, stack.layers[0], 1, 4)
-        assert model.writes[-1][0] == 0x620
-        assert model.writes[-1][1][7] >> 4 & 15 == 4
-        scene.move_layer(DISPLAY, stack.layers[0], 1)
-        assert len(model.writes[-1][1]) == 7
-        # What others have written meanwhile is not relied on.
+        # What others have written before is not relied on.
+        scene = SceneBoard(board)
         _, ((first, new),) = sent()
         assert (first, len(new)) == (0x600, 32)
 
@@ -206,8 +203,6 @@ def test_more_layers_than_the_board_draws(model):
         for refused in (lambda: scene.load_stack(stack), lambda: scene.set_stack(DISPLAY, stack)):
             with pytest.raises(InputError, match=r"5 layers do not fit the board, which draws 4.*--count 4"):
                 refused()
-        with pytest.raises(InputError, match="no layer 4"):
-            scene.move_layer(DISPLAY, stack.layers[0], 4)
 
 
 def test_boards_that_do_not_draw():
@@ -357,8 +352,6 @@ def test_layers_behind_the_eyes_are_refused_by_every_write(model):
         for wrong in (
             lambda: scene.prepare(DISPLAY, stack),
             lambda: scene.set_stack(DISPLAY, stack),
-            lambda: scene.set_layer(DISPLAY, behind, 1),
-            lambda: scene.move_layer(DISPLAY, behind, 1),
         ):
             with pytest.raises(InputError, match=r"600 mm is not in front of the eyes .*; give less than 600"):
                 wrong()

@@ -40,8 +40,8 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.registers import BOARD_REGISTERS, optics_writes, raster_writes, write
-from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.scene_configuration import slot_bytes
+from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
+from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
 from lippmann.simulation import virtual_board
 
 SEED = int(os.environ.get("LIPPMANN_SEED", np.random.SeedSequence().entropy % (1 << 32)))
@@ -198,7 +198,7 @@ class BoardMachine(RuleBasedStateMachine):
         self.attempt(faults, lambda: self.scene.draw(False), drawn=False)
 
         def load():
-            self.scene.load_curve(display)
+            self.scene.load({CURVE_SLOT: build_curve_table(display).tobytes()})
             self.scene.load_stack(stack, slots)
             self.scene.prepare(display, stack, slots)
 

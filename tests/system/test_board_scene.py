@@ -19,8 +19,8 @@ from lippmann.board.packets import Kind
 from lippmann.board.streaming import send_frame
 from lippmann.board.virtual_loop import capturing, frames_differ
 from lippmann.errors import DeviceError, InputError, NoBoardError
-from lippmann.fixed.scene_build import SceneBuild
-from lippmann.fixed.scene_configuration import slot_bytes
+from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
+from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
 from lippmann.layers.stack import LayerStack
 from lippmann.motion.layer_film import LayerFilm
 from lippmann.simulation import virtual_board
@@ -62,7 +62,7 @@ def usual(tmp_path):
 
 
 def show(scene, display, stack, slots=None):
-    scene.load_curve(display)
+    scene.load({CURVE_SLOT: build_curve_table(display).tobytes()})
     scene.load_stack(stack, slots)
     scene.prepare(display, stack, slots)
     scene.draw(True)
@@ -193,8 +193,6 @@ def test_what_the_drawing_keeps_from_others(usual):
             scene.load({4: textures})
         with pytest.raises(InputError, match=r"4096 bytes, not 4095"):
             scene.load({3: textures[1:]})
-        with pytest.raises(InputError, match="no layer 3"):
-            scene.set_layer(display, stack.layers[0], 3)
         # A slot that is written to be shown is kept from then on; one that is no longer shown is free after a frame.
         scene.load({3: textures})
         scene.set_stack(display, stack, [3, 0, 1])

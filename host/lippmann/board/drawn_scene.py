@@ -22,10 +22,10 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.registers import SCENE_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_configuration import build_curve_table, layer_words, scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import scene_words, slot_bytes
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
-from lippmann.layers.layers_folder import check_depth, check_for_display
-from lippmann.layers.stack import Layer, LayerStack
+from lippmann.layers.layers_folder import check_for_display
+from lippmann.layers.stack import LayerStack
 
 #: Maximum of bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
@@ -33,8 +33,6 @@ BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
 MAX_ROUNDS = 8
 #: Longest wait for a frame of the panel, s: a simulated panel is slow.
 FRAME_SECONDS = 120.0
-#: Words of a layer, and those that move it.
-LAYER_WORDS, MOVE_WORDS = 8, 7
 
 BLOCK_REQUEST = struct.Struct("<BB")
 BLOCKS_REQUEST = struct.Struct("<BBB")
@@ -69,8 +67,11 @@ class SceneStatus:
     underflows: int
 
 
-#: Address of the words of lattice and background.
+#: Words of a layer.
+LAYER_WORDS = 8
+#: Addresses of the words of lattice and background, and of those of the layers.
 _COMMON = SCENE_BASE + SCENE_REGISTERS["lattice_xi"].address
+LAYERS_BASE = SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address
 
 
 def _common_words(words: SceneWords) -> list[int]:
@@ -166,10 +167,6 @@ class SceneBoard:
         """Return whether a slot holds a content, block for block."""
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
-    def load_curve(self, display: Display) -> Loaded:
-        """Load the table of the panel's curve of a display, unless the board holds it. No scene may be shown."""
-        return self.load({CURVE_SLOT: build_curve_table(display).tobytes()})
-
     def load_stack(
         self,
         stack: LayerStack,
@@ -230,25 +227,9 @@ class SceneBoard:
         first, last = changed[0], changed[-1]
         # Not known while the request is under way: it may have been executed, or not.
         self._held = None
-        self.board.write(self._address(0) + 4 * first, every[first : last + 1])
+        self.board.write(LAYERS_BASE + 4 * first, every[first : last + 1])
         self._held = every
         return last + 1 - first
-
-    def set_layer(self, display: Display, layer: Layer, number: int, slot: int | None = None) -> None:
-        """Write the eight registers of a layer in one request: its place and its look; raises as `set_stack`."""
-        self._write_layer(display, layer, number, number if slot is None else slot, LAYER_WORDS)
-
-    def move_layer(self, display: Display, layer: Layer, number: int) -> None:
-        """Write the seven registers of a layer's place; slot, brightness, visibility stay. Raises as `set_stack`."""
-        self._write_layer(display, layer, number, 0, MOVE_WORDS)
-
-    def _write_layer(self, display: Display, layer: Layer, number: int, slot: int, count: int) -> None:
-        check_depth(layer.depth_mm, display, f"layer {number}: depth_mm")
-        if not 0 <= number < self.build.layers:
-            raise InputError(f"the board has no layer {number}; give 0 to {self.build.layers - 1}")
-        words = layer_words(display, layer, number, slot).words
-        self._held = None
-        self.board.write(self._address(number), words[:count])
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
         """Write a display's optics and lattice, the background and all layers, while no scene is shown.
@@ -300,10 +281,6 @@ class SceneBoard:
         if len(slots) != len(stack.layers):
             raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one")
         return slots
-
-    @staticmethod
-    def _address(number: int) -> int:
-        return SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address + 4 * LAYER_WORDS * number
 
 
 class _BlockWindow(Window):

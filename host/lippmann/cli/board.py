@@ -10,7 +10,7 @@ import click
 
 from lippmann.board.bitstreams import program, read_bitfile
 from lippmann.board.board import Board, check_rays
-from lippmann.board.drawn_scene import LAYER_WORDS, SceneBoard
+from lippmann.board.drawn_scene import LAYER_WORDS, LAYERS_BASE, SceneBoard
 from lippmann.board.packets import SCENE_VERSION
 from lippmann.board.session import OPTICS_BASE, SCENE_BASE
 from lippmann.cli.board_start import start_command, stop_command
@@ -283,7 +283,7 @@ def _check_scene(board: Board, name: str, address: int, count: int) -> int:
     if not SCENE_BASE <= address < SCENE_BASE + SCENE_BYTES:
         return 0
     build = SceneBoard(board).build
-    if address + 4 * count > SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address + 4 * LAYER_WORDS * build.layers:
+    if address + 4 * count > LAYERS_BASE + 4 * LAYER_WORDS * build.layers:
         what = f"the board has {build.layers} layers, 0 to {build.layers - 1}"
         raise input_error(name, what, "see docs/reference/scene-registers.md")
     return build.slots_built
