@@ -169,7 +169,7 @@ def test_a_frame_that_the_memory_lost_is_black_and_told(virtual):
         send_frame(board, first)
         wait_for(virtual.folder, first)
         assert board.read(BOARD_REGISTERS["state"].address) == [1 << names.index("shown")]
-        virtual.lose_memory()
+        virtual.process.send_signal(signal.SIGUSR2)  # the chip of SDRAM forgets, as after a loss of its supply
         wait_for(virtual.folder, np.zeros_like(first))
         assert board.read(BOARD_REGISTERS["state"].address) == [1 << names.index("frame_lost")]
         send_frame(board, second)

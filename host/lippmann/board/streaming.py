@@ -232,9 +232,9 @@ class BoardRows:
         self._sent.wire_bytes += self._session.line.written - written
         self._sent.seconds += time.monotonic() - begun
 
-    def finish(self, progress: Progress | None = None) -> Sent:
+    def finish(self) -> Sent:
         """Send the tiles that the board lacks, show the frame, and return the counts; raises as `send_frame`."""
-        return send_frame(self._session, self._frame, progress, sent=self._sent)
+        return send_frame(self._session, self._frame, sent=self._sent)
 
 
 class BoardSink(BoardRows):

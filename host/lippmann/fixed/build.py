@@ -120,11 +120,9 @@ class Build:
 
 def shift_mm(display: Display) -> float:
     """Return how far from its lenslet's cell a pixel may lie where elemental images converge on an eye."""
-    system, panel = System.of(display), display.panel
-    corners = [(x * panel.width_mm, y * panel.height_mm) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
+    system = System.of(display)
     axis = system.convergence
-    points = [system.frame.array_from_panel(*corner) for corner in corners]
-    return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in points)
+    return axis.share * max(math.hypot(x - axis.axis_x, y - axis.axis_y) for x, y in system.frame.corners)
 
 
 def _chief_rays_stray(display: Display) -> bool:

@@ -19,7 +19,7 @@ from lippmann.fixed import words
 from lippmann.fixed.build import Build, shift_mm
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.models import ray_matrix
-from lippmann.optics.rays import Floats, Model
+from lippmann.optics.rays import Model
 from lippmann.optics.system import System
 
 #: Square of the largest slope to the axis, 60 degrees: the range of `unit_slope`.
@@ -102,11 +102,22 @@ class _Format(NamedTuple):
 
     def word(self, name: str, value: float) -> int:
         """Return the nearest word of a value; refuse a value for which the register is too narrow."""
-        word = math.floor(math.ldexp(value, self.fraction) + 0.5)
-        if not -(1 << (self.bits - 1)) <= word < 1 << (self.bits - 1):
-            limit = 2.0 ** (self.bits - 1 - self.fraction)
-            raise _refusal(name, f"{value:.6g}", f"[{-limit:g}, {limit:g})", self.remedy)
-        return word
+        return nearest_word(value, self.bits, self.fraction, f"register {name}", self.remedy)
+
+
+def nearest_word(
+    value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
+) -> int:
+    """Return the nearest word of a value; refuse a value for which the register is too narrow.
+
+    Errors tell `share` times the value and the limits, in `unit`.
+    """
+    word = math.floor(math.ldexp(value, fraction) + 0.5)
+    if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
+        limit = share * 2.0 ** (bits - 1 - fraction)
+        what = f"{share * value:.6g}{unit} is outside its range [{-limit:g}, {limit:g}){unit}"
+        raise InputError(f"{register}: {what}; {remedy}")
+    return word
 
 
 def _formats(build: Build) -> dict[str, _Format]:
@@ -302,15 +313,8 @@ def _check_build(display: Display, build: Build, model: Model) -> None:
 def _shear_error(display: Display) -> tuple[float, float]:
     """Return how far a sheared lattice moves the lenslets at the panel's farthest corner, mm and pixels."""
     frame = System.of(display).frame
-    off = abs(display.array.shear) * float(np.abs(_corners(display)[1]).max())
+    off = abs(display.array.shear) * max(abs(y) for _, y in frame.corners)
     return off, math.hypot(off * frame.cos / frame.pitch_mm[0], off * frame.sin / frame.pitch_mm[1])
-
-
-def _corners(display: Display) -> Floats:
-    """Return the panel's corners in the array's frame, (2, 4), mm."""
-    corners = 0.5 * np.array([[1.0, 1.0, -1.0, -1.0], [1.0, -1.0, 1.0, -1.0]]).T
-    corners = corners * (display.panel.width_mm, display.panel.height_mm)
-    return np.stack(System.of(display).frame.array_from_panel(*corners.T))
 
 
 def _check_panel(display: Display) -> None:
@@ -323,7 +327,8 @@ def _check_panel(display: Display) -> None:
         )
     # The panel's corners in lenslets, the sum of x_from_u, x_from_v and x_offset (y likewise). On a hexagonal lattice
     # the index i counts along an oblique axis.
-    x, y = System.of(display).convergence.towards_eye(*_corners(display))
+    system = System.of(display)
+    x, y = system.convergence.towards_eye(*np.array(system.frame.corners).T)
     x, y = (x - array.shear * y) / array.pitches_mm[0], y / array.row_pitch_mm
     oblique = x - y / 2.0 if array.grid == "hex" else x
     lenslets = float(np.abs([x, y, oblique]).max())

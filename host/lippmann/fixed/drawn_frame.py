@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
@@ -62,38 +61,23 @@ def draw(
     words = scene_words(display, stack, scene_build)
     slots = {k: slot_bytes(layer, scene_build) for k, layer in enumerate(stack.layers)}
     table = build_curve_table(display)
-    parts = enumerate(sample_words(panel.width_px, panel.height_px, scene_build.samples, rows))
-    one_at_a_time, stopped = threading.Lock(), threading.Event()
+    at_once = max(1, _CHUNK_RAYS // (panel.width_px * scene_build.samples))
 
-    def some() -> dict[int, Bytes]:
-        """Draw parts of the picture until none is left."""
-        drawn = {}
-        while not stopped.is_set():
-            with one_at_a_time:
-                part = next(parts, None)
-            if part is None:
-                break
-            number, (u, v) = part
-            rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
-            drawn[number] = shade(rays, words, slots, table, scene_build, f)
-        return drawn
+    def drawn(part: range) -> Bytes:
+        u, v = sample_words(panel.width_px, panel.height_px, scene_build.samples, part)
+        rays = pipeline(u, v, np.zeros_like(u), np.zeros_like(u), registers, build)
+        return shade(rays, words, slots, table, scene_build, f)
 
     with ThreadPoolExecutor(threads) as pool:
-        try:
-            shares = [one.result() for one in [pool.submit(some) for _ in range(threads)]]
-        finally:
-            stopped.set()  # after an error, or Ctrl-C, no other part is begun
-    drawn = {number: part for share in shares for number, part in share.items()}
-    return np.concatenate([drawn[number] for number in sorted(drawn)]).reshape(len(rows), panel.width_px, 3)
+        # After an error, or Ctrl-C, `map` begins no other part.
+        parts = list(pool.map(drawn, (rows[first : first + at_once] for first in range(0, len(rows), at_once))))
+    return np.concatenate(parts).reshape(len(rows), panel.width_px, 3)
 
 
-def sample_words(width: int, height: int, samples: int, drawn_rows: range | None = None) -> Iterator[tuple[Ints, Ints]]:
-    """Yield the words (u, v) of a panel's samples, or of some of its rows, pixel by pixel in raster order."""
-    drawn_rows = range(height) if drawn_rows is None else drawn_rows
-    at_once = max(1, _CHUNK_RAYS // (width * samples))
+def sample_words(width: int, height: int, samples: int, drawn_rows: range) -> tuple[Ints, Ints]:
+    """Return the words (u, v) of the samples of some rows of a panel, pixel by pixel in raster order."""
     offsets = np.array(SAMPLE_OFFSETS[samples])
-    for first in range(drawn_rows.start, drawn_rows.stop, at_once):
-        rows, columns = np.mgrid[first : min(first + at_once, drawn_rows.stop), :width]
-        u = 8 * (2 * columns + 1 - width)[..., None] + offsets[:, 0]
-        v = 8 * (height - 2 * rows - 1)[..., None] + offsets[:, 1]
-        yield u.ravel(), v.ravel()
+    rows, columns = np.mgrid[drawn_rows.start : drawn_rows.stop, :width]
+    u = 8 * (2 * columns + 1 - width)[..., None] + offsets[:, 0]
+    v = 8 * (height - 2 * rows - 1)[..., None] + offsets[:, 1]
+    return u.ravel(), v.ravel()

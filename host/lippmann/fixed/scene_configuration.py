@@ -19,6 +19,7 @@ import numpy.typing as npt
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.errors import InputError
+from lippmann.fixed.configuration import nearest_word
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_pipeline import (
     COEFFICIENT_FRACTION,
@@ -86,7 +87,7 @@ def scene_words(
     lattice = Lattice.of(display.array)
     (xi, _), (xj, yj) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
     steps = {
-        name: _word(value / radius, 32, LATTICE_FRACTION, f"register {name}", _STEEP)
+        name: nearest_word(value / radius, 32, LATTICE_FRACTION, f"register {name}", _STEEP)
         for name, value in (("lattice_xi", xi), ("lattice_xj", xj), ("lattice_yj", yj))
     }
     red, green, blue = (math.floor(light * WHITE + 0.5) for light in stack.background)
@@ -113,13 +114,13 @@ def layer_words(display: Display, layer: Layer, number: int | str, slot: int) ->
     nearer = "bring the layer nearer, or take a lenslet of larger array.radius_mm"
     # Errors are in the units of the layers' file: mm, texels, and texels by which s or t changes a mm, or a slope of 1.
     share, unit = (SKY_DEPTH, " texels a slope of 1") if layer.sky else (1.0 / radius, " texels/mm")
-    words = {"depth": _word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
+    words = {"depth": nearest_word(depth, 32, DEPTH_FRACTION, f"{name} depth", nearer, radius, " mm")}
     for register, value in zip("abcd", linear.ravel().tolist(), strict=True):
         finer = "the texture is too small, or sheared too far: give it fewer texels, or make it larger"
-        words[register] = _word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer, share, unit)
+        words[register] = nearest_word(value, 32, COEFFICIENT_FRACTION, f"{name} {register}", finer, share, unit)
     for register, value in zip(("s0", "t0"), zero.tolist(), strict=True):
         beside = "the texture is too far beside the display for its size: bring it nearer to the middle"
-        words[register] = _word(value, 32, TEXEL_FRACTION, f"{name} {register}", beside, unit=" texels")
+        words[register] = nearest_word(value, 32, TEXEL_FRACTION, f"{name} {register}", beside, unit=" texels")
     if not layer.sky:
         _check_reach(layer, linear, zero, number, radius)
     bright = math.floor(layer.brightness * FULL_BRIGHTNESS + 0.5)
@@ -140,26 +141,9 @@ def build_curve_table(display: Display) -> Bytes:
     return encoded_values(entry_light(), panel.transfer, min(panel.bits, _BOARD_BITS)).astype(np.uint8)
 
 
-def _word(
-    value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
-) -> int:
-    """Return the nearest word of a value; refuse a value for which the register is too narrow.
-
-    Errors tell `share` times the value and the limits, in `unit`.
-    """
-    word = math.floor(math.ldexp(value, fraction) + 0.5)
-    if not -(1 << (bits - 1)) <= word < 1 << (bits - 1):
-        limit = share * 2.0 ** (bits - 1 - fraction)
-        what = f"{share * value:.6g}{unit} is outside its range [{-limit:g}, {limit:g}){unit}"
-        raise InputError(f"{register}: {what}; {remedy}")
-    return word
-
-
 def _check_place(display: Display) -> None:
     """Refuse a display whose rays leave farther from the array's origin than the position's word holds."""
-    system, panel = System.of(display), display.panel
-    corners = [(x * panel.width_mm, y * panel.height_mm) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]
-    farthest = max(max(map(abs, system.frame.array_from_panel(*corner))) for corner in corners)
+    farthest = max(max(map(abs, corner)) for corner in System.of(display).frame.corners)
     radii = farthest / display.array.radius_mm + EXIT_RADII
     if radii >= MAX_PLACE:
         raise InputError(

@@ -140,7 +140,13 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
     if system.plano_to_panel:
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
-        exit_ = _out_of_concave(b, system, ray) if system.concave else _upward(b, system, ray, strays)
+        if system.concave:
+            # Mirrored, the domes bulge to +z as always, but the glass lies above them and the air below.
+            exit_ = _out_of_glass(b, system, mirrored(ray), 0.0, upward=False)
+            exit_ = exit_._replace(ray=mirrored(exit_.ray))
+        else:
+            # An aimed ray may have left its cell before it comes to the rims' plane.
+            exit_ = _out_of_glass(b, system, ray, -system.dome.sag_mm if strays else None)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
         exit_ = exit_._replace(ray=mirrored(exit_.ray))
@@ -155,7 +161,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
     else:
         ray = mirrored(ray)
         inside, _ = refract_flat(b, ray._replace(z=0.0 * ray.z - system.thickness_mm), 1.0 / system.index)
-        exit_ = _upward(b, system, inside, strays=True)
+        exit_ = _out_of_glass(b, system, inside, -system.dome.sag_mm)
         panel_z = system.gap_mm
     active = gets_through(exit_.status)
     last = exit_.ray
@@ -163,19 +169,18 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
     return Landing(last.x + t * last.dx, last.y + t * last.dy, exit_.di, exit_.dj, exit_.status)
 
 
-def _upward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
-    """From the flat face (ray already in the glass) through a dome into the air above.
+def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
+    """From the flat face (ray already in the glass) through a dome into the air: above, or below where it is concave.
 
-    `strays`: the ray may have left the cell that it is local to before it comes to the rims' plane.
+    `plane`: where the ray is told the lenslet that it is over; None: it is still over its own.
     """
     start = (0.0, 0.0)
-    if strays:
-        ray = transported(ray, -system.dome.sag_mm)
-        ray, start = _relocated(b, system, ray)
-    crossing = meet(b, system.dome, ray, upward=True)
-    out, square = _through_dome(b, system, crossing, system.index, upward=True)
+    if plane is not None:
+        ray, start = _relocated(b, system, transported(ray, plane))
+    crossing = meet(b, system.dome, ray, upward)
+    out, square = _through_dome(b, system, crossing, system.index, upward)
     reflected = square <= 0.0
-    blocked = blocked_above(b, system.dome, out, ~crossing.missed & ~reflected)
+    blocked = (blocked_above if upward else blocked_below)(b, system.dome, out, ~crossing.missed & ~reflected)
     return _exit(b, out, start, crossing, reflected, blocked, square)
 
 
@@ -195,17 +200,6 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     # A ray may graze the dome where it enters, or the flat face where it leaves: rounding hurts both alike.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
-
-
-def _out_of_concave(b: Backend, system: System, ray: Ray) -> Exit:
-    """From the flat face (ray already in the glass) through a dome of air pressed into it."""
-    # Mirrored, the domes bulge to +z as always, but the glass lies above them and the air below.
-    ray, start = _relocated(b, system, transported(mirrored(ray), 0.0))
-    crossing = meet(b, system.dome, ray, upward=False)
-    out, square = _through_dome(b, system, crossing, system.index, upward=False)
-    reflected = square <= 0.0
-    blocked = blocked_below(b, system.dome, out, ~crossing.missed & ~reflected)
-    return _exit(b, mirrored(out), start, crossing, reflected, blocked, square)
 
 
 def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, upward: bool) -> tuple[Ray, Arr]:

@@ -49,6 +49,12 @@ class PanelFrame:
         turn = exact_rotation(array.rotation_deg)
         return cls(panel.pitches_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
 
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Corners of the panel in the array's frame, mm."""
+        x, y = 0.5 * (self.width_px * self.pitch_mm[0]), 0.5 * (self.height_px * self.pitch_mm[1])
+        return tuple(self.array_from_panel(*corner) for corner in ((-x, -y), (-x, y), (x, -y), (x, y)))
+
     def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
         """Map pixel coordinates (column, row; continuous) to panel millimetres."""
         return (u - 0.5 * self.width_px) * self.pitch_mm[0], (0.5 * self.height_px - v) * self.pitch_mm[1]

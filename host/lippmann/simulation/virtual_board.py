@@ -91,10 +91,6 @@ class RunningBoard:
         """Press the board's reset button: it forgets the frames that it received."""
         self.process.send_signal(signal.SIGUSR1)
 
-    def lose_memory(self) -> None:
-        """Have the chip of SDRAM forget the frames, as after a loss of its supply; block RAM keeps them."""
-        self.process.send_signal(signal.SIGUSR2)
-
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 

@@ -176,7 +176,8 @@ def test_whole_frames(file, size, f, built, angle):
     harness.load(CURVE_SLOT, table)
     parts = [
         ray_pipeline(u, v, np.zeros_like(u), np.zeros_like(u), config, build)
-        for u, v in sample_words(*size, built.samples)
+        for row in range(size[1])
+        for u, v in [sample_words(*size, built.samples, range(row, row + 1))]
     ]
     rays = FixedRays(*(np.concatenate(words) for words in zip(*parts, strict=True)))
     pixels = 0
