@@ -35,9 +35,8 @@ from lippmann.errors import LippmannError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, gets_through
-from lippmann.optics.system import System
+from lippmann.optics.system import PanelFrame, System
 from lippmann.optics.trace import trace_to_panel
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_integral

@@ -23,7 +23,7 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Dome, Ray, meet, refract_flat
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import exact_rotation
+from lippmann.optics.system import exact_rotation
 from lippmann.simulation.harness import rtl_pipeline
 
 from tools.bench import MeasurementRun, measurement

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.board.drawn_scene import BLOCK_REQUEST, MOVE_WORDS
+from lippmann.board.drawn_scene import BLOCK_REQUEST, LAYER_WORDS
 from lippmann.board.packets import Kind, packed
 from lippmann.board.session import ADDRESS
 from lippmann.board.streaming import TILE_REQUEST
@@ -93,7 +93,8 @@ def measure_scene(
         "drawn": "streamed", "layers": None, **decibel, **nothing, "line_bytes": sent, "frame_bytes": sent,
         "holes_percent": None,
     }  # fmt: skip
-    move = len(packed(Kind.WRITE, 0, ADDRESS.pack(0) + bytes(4 * MOVE_WORDS)))
+    # A layer that moves keeps its last word, its look.
+    move = len(packed(Kind.WRITE, 0, ADDRESS.pack(0) + bytes(4 * (LAYER_WORDS - 1))))
     for count in counts:
         if count == 1 and apart is not None:
             continue

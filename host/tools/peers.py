@@ -33,7 +33,7 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.system import PanelFrame
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_rays
 from lippmann.rendering.sampling import Lines, RaySource

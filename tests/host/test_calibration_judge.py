@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lippmann.calibration.result import Calibration, Parameter
 from lippmann.display.description import load_display
-from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.system import PanelFrame
 from tools.calibration_accuracy import GAP, centres_px, deviations, eye_difference, judge, random_case, seen_px
 from tools.simulated_bench import corners_mm
 

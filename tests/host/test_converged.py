@@ -16,9 +16,8 @@ from lippmann.capturing.elemental_rotation import rotation_map
 from lippmann.conformance.fit import INSIDE, away_from_borders
 from lippmann.display.description import Panel, load_display
 from lippmann.optics.model_choice import choose_model, in_cells_mm, located, pixels_from_cells, probe
-from lippmann.optics.panel_frame import Convergence
 from lippmann.optics.rays import MODELS, Status
-from lippmann.optics.system import System
+from lippmann.optics.system import Convergence, System
 from optics_cases import GRIDS, SIDES, display_of, optics_of, random_display, random_in_cell, random_pixels
 from scene_cases import generator
 

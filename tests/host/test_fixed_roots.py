@@ -8,8 +8,7 @@ import re
 import mpmath
 import numpy as np
 import pytest
-from lippmann.fixed.roots import root_table, rsqrt, sqrt
-from lippmann.fixed.words import FRACTIONS
+from lippmann.fixed.words import FRACTIONS, root_table, rsqrt, sqrt
 from lippmann.simulation.toolchain import repository
 
 mpmath.mp.dps = 50

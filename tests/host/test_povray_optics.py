@@ -14,7 +14,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.system import PanelFrame
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_rays
 from lippmann.scenes.placement import placement_beside

@@ -9,14 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
-
 from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
-from lippmann.board.board import QUERY_S, Board
+from lippmann.board.board import FRAME_SECONDS, QUERY_S, Board
 from lippmann.board.packets import SCENE_VERSION, Kind, ReplyStatus
-from lippmann.board.retries import END_SCENE, UPDATE, Window
+from lippmann.board.retries import END_SCENE, MAX_ROUNDS, UPDATE, Window
 from lippmann.board.session import SCENE_BASE
 from lippmann.display.description import Display
 from lippmann.errors import InputError
@@ -29,15 +26,9 @@ from lippmann.layers.stack import LayerStack
 
 #: Maximum of bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
-#: Maximum of rounds of a load, before it fails.
-MAX_ROUNDS = 8
-#: Longest wait for a frame of the panel, s: a simulated panel is slow.
-FRAME_SECONDS = 120.0
 
 BLOCK_REQUEST = struct.Struct("<BB")
 BLOCKS_REQUEST = struct.Struct("<BBB")
-
-Bytes = npt.NDArray[np.uint8]
 
 
 @documented

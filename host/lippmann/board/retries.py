@@ -24,6 +24,9 @@ LONGEST_S = 5.0
 #: noise, and more attempts are better than longer ones.
 GROWTH = 1.5
 
+#: Maximum of rounds of a frame or of a load, before it fails.
+MAX_ROUNDS = 8
+
 #: What runs, in the reply of a busy board: a frame that a write started, the SIGN that is answered, the drawing of
 #: the panel; or the slot of a BLOCK is shown.
 FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5

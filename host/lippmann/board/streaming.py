@@ -16,7 +16,7 @@ from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.panel_frames import check_shape, panel_values
-from lippmann.board.retries import Window
+from lippmann.board.retries import MAX_ROUNDS, Window
 from lippmann.board.session import Session
 from lippmann.board.tiles import TILE, Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError
@@ -26,8 +26,6 @@ from lippmann.rendering.sinks import bands_of_plan
 
 #: Maximum of bytes that are sent and not yet acknowledged: about 16 raw tiles.
 WINDOW_BYTES = 50_000
-#: Maximum of rounds of a frame, before it fails (see `Sent.rounds`).
-MAX_ROUNDS = 8
 
 TILE_REQUEST = struct.Struct("<HHB")
 TILE_REPLY = struct.Struct("<H")

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError, input_error
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats
+from lippmann.optics.system import PanelFrame
 
 #: How far the nominal file may be off: rotation, degrees, and pitch, a share.
 MOST_ROTATION_DEG = 8.0

@@ -25,9 +25,9 @@ from lippmann.calibration.lenslet_measurement import INNER, MIDDLE
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, Hits, Status, gets_through
 from lippmann.optics.sample_points import R2_STEPS, square_to_cell
+from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import trace_to_panel
 
 #: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.

@@ -21,8 +21,8 @@ from lippmann.display.description import Display, Grid
 from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
 #: Pixels that the map is fitted to.

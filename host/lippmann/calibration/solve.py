@@ -40,8 +40,8 @@ from lippmann.calibration.result import (
 from lippmann.calibration.subpixel_intervals import movement_of, refined
 from lippmann.display.description import Display
 from lippmann.errors import input_error
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats
+from lippmann.optics.system import PanelFrame
 
 #: Range in which the radius is looked for, as factors of the file's.
 RANGE = (0.75, 1.33)

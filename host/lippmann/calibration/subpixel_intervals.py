@@ -31,8 +31,8 @@ from scipy.special import ndtr
 from lippmann.calibration.lens_projection import inner_rays
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings
 from lippmann.display.description import Display
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]

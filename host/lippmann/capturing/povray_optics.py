@@ -20,7 +20,7 @@ from lippmann.capturing.povray_text import block, matrix, number, pinhole, vecto
 from lippmann.display.description import Array, Display
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import PanelFrame
+from lippmann.optics.system import PanelFrame
 
 #: Lenslets beyond the panel on each side, which oblique rays may reach.
 SPARE_LENSLETS = 2

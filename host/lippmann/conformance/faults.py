@@ -21,9 +21,8 @@ from lippmann.display.description import Display, Grid
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import MODELS, Floats
-from lippmann.optics.system import System
+from lippmann.optics.system import PanelFrame, System
 
 #: The steps of a ray, in its order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")

@@ -24,9 +24,8 @@ from lippmann.conformance.ray_sets import Bools, PanelRays, WorldRays
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Dome
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import Convergence, PanelFrame
 from lippmann.optics.rays import Floats, Hits, Rays
-from lippmann.optics.system import System
+from lippmann.optics.system import Convergence, PanelFrame, System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
 #: A private context: nobody can lower the precision by touching mpmath.mp.

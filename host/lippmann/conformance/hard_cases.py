@@ -33,8 +33,8 @@ from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.model_choice import corners_mm
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Floats, Status
+from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import FARTHEST_LENSLETS
 
 #: Distances of rays around an onset, in units of the last place of the aim.

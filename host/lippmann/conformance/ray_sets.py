@@ -17,9 +17,8 @@ from lippmann.engines import trace
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.model_choice import corners_mm, located, panel_size, pixels_from_cells
-from lippmann.optics.panel_frame import PanelFrame
 from lippmann.optics.rays import Engine, Floats, Model, Rays
-from lippmann.optics.system import System
+from lippmann.optics.system import PanelFrame, System
 
 Bools = npt.NDArray[np.bool_]
 #: Which of N rays: their indices, a mask (N,), or a slice.

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lippmann.display.description import Grid
-from lippmann.fixed.roots import rsqrt, sqrt
 from lippmann.fixed.words import (
     GUARD,
     Bools,
@@ -19,7 +18,9 @@ from lippmann.fixed.words import (
     guarded,
     halved,
     multiplier,
+    rsqrt,
     saturate,
+    sqrt,
     wrapped,
 )
 

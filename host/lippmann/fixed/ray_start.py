@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lippmann.display.description import Grid
-from lippmann.fixed.roots import rsqrt
 from lippmann.fixed.words import (
     GUARD,
     INDEX_BITS,
@@ -19,6 +18,7 @@ from lippmann.fixed.words import (
     fits,
     guarded,
     multiplier,
+    rsqrt,
     share_bits,
     wrapped,
 )

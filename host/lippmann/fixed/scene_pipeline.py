@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.fixed.ray_pipeline import FixedRays
-from lippmann.fixed.roots import quadratic
 from lippmann.fixed.scene_build import MAX_LAYERS, SceneBuild
-from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, wrapped
+from lippmann.fixed.words import MUL_BITS, Bools, Bytes, Ints, fits, guarded, multiplier, quadratic, wrapped
 from lippmann.optics.rays import gets_through
 
 #: Fraction bits of the registers.

@@ -13,8 +13,7 @@ import numpy as np
 from lippmann.base.toml import documented, key
 from lippmann.display.description import Display, Pair
 from lippmann.optics.lattice import HALF_SQRT3
-from lippmann.optics.panel_frame import PanelFrame
-from lippmann.optics.system import System
+from lippmann.optics.system import PanelFrame, System
 from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_share, viewing_distance, zones
 
 #: Distances of the eyes in the table of views, in viewing distances.

@@ -1,7 +1,21 @@
-"""The optical system of a display as plain numbers, and the rays at its two ends."""
+"""The optical system of a display as plain numbers, and the rays at its two ends.
+
+Step 1 of a ray: pixel coordinates to panel millimetres, to the array's frame, and back; and the eye that images
+converge on.
+
+A pixel belongs to the lenslet through which an eye sees it. The eye is in front of the axis point a, at the distance E
+from the aperture plane. This plane is at the distance D from the panel. The line from the eye to the pixel's point x
+crosses it at
+
+    q = x - (x - a) s,   s = D / (D + E),
+
+and the lenslet whose cell contains q owns the pixel. So the elemental image of the lenslet with centre c is its cell,
+enlarged by 1 + D/E around the point c + (c - a) D/E. Without a viewing distance s is 0, and q is x itself.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,8 +23,105 @@ from lippmann.display.description import Display
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.faces import Dome, Ray
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.panel_frame import Convergence, PanelFrame
 from lippmann.optics.rays import Status
+
+
+def exact_rotation(degrees: float) -> tuple[float, float]:
+    """Return (cos, sin) of an angle in degrees, exact at whole quarter turns."""
+    quarter = round(degrees / 90.0)
+    angle = math.radians(degrees - 90.0 * quarter)
+    c, s = math.cos(angle), math.sin(angle)
+    return ((c, s), (-s, c), (-c, -s), (s, -c))[quarter % 4]
+
+
+@dataclass(frozen=True)
+class PanelFrame:
+    """The maps between pixel coordinates, the panel's frame and the array's frame.
+
+    They hold the pixel pitches in x and y, the panel's size in pixels, the array's origin in the panel's frame, and
+    cosine and sine of the array's rotation.
+    """
+
+    pitch_mm: tuple[float, float]
+    width_px: int
+    height_px: int
+    offset_mm: tuple[float, float]
+    cos: float
+    sin: float
+
+    @classmethod
+    def of(cls, display: Display) -> PanelFrame:
+        """Return the frame of a display."""
+        panel, array = display.panel, display.array
+        turn = exact_rotation(array.rotation_deg)
+        return cls(panel.pitches_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Corners of the panel in the array's frame, mm."""
+        x, y = 0.5 * (self.width_px * self.pitch_mm[0]), 0.5 * (self.height_px * self.pitch_mm[1])
+        return tuple(self.array_from_panel(*corner) for corner in ((-x, -y), (-x, y), (x, -y), (x, y)))
+
+    def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
+        """Map pixel coordinates (column, row; continuous) to panel millimetres."""
+        return (u - 0.5 * self.width_px) * self.pitch_mm[0], (0.5 * self.height_px - v) * self.pitch_mm[1]
+
+    def pixel_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Map panel millimetres to pixel coordinates."""
+        return x / self.pitch_mm[0] + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm[1]
+
+    def array_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Map a point from the panel's frame to the array's frame, mm."""
+        return self.turn_back(x - self.offset_mm[0], y - self.offset_mm[1])
+
+    def panel_from_array(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Map a point from the array's frame to the panel's frame, mm."""
+        x, y = self.turn(x, y)
+        return x + self.offset_mm[0], y + self.offset_mm[1]
+
+    def turn(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Turn a vector from the array's axes to the panel's axes."""
+        if self.sin == 0.0 and self.cos == 1.0:
+            return x, y
+        return self.cos * x - self.sin * y, self.sin * x + self.cos * y
+
+    def turn_back(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Turn a vector from the panel's axes to the array's axes."""
+        if self.sin == 0.0 and self.cos == 1.0:
+            return x, y
+        return self.cos * x + self.sin * y, self.cos * y - self.sin * x
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """The share s = D / (D + E), and the axis point a in the array's frame, mm."""
+
+    share: float = 0.0
+    axis_x: float = 0.0
+    axis_y: float = 0.0
+
+    def towards_eye(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+        """Return where the line from a point of the panel to the eye crosses the aperture plane, array frame, mm."""
+        if self.share == 0.0:
+            return x, y
+        return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
+
+    def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
+        """Return the same as `towards_eye`; point and result are measured from the lenslet's centre (cx, cy)."""
+        if self.share == 0.0:
+            return x, y
+        shrink = 1.0 - self.share
+        return x * shrink - (cx - self.axis_x) * self.share, y * shrink - (cy - self.axis_y) * self.share
+
+    def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
+        """Return the point of the panel that the eye sees through a point of the cell of the lenslet at (cx, cy).
+
+        Both points are measured from the lenslet's centre. This is the inverse of `within_cell`.
+        """
+        if self.share == 0.0:
+            return x, y
+        shrink = 1.0 - self.share
+        return (x + (cx - self.axis_x) * self.share) / shrink, (y + (cy - self.axis_y) * self.share) / shrink
 
 
 @dataclass(frozen=True)

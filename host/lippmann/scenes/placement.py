@@ -15,7 +15,7 @@ import numpy.typing as npt
 from lippmann.base import toml
 from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError, LippmannWarning
-from lippmann.optics.panel_frame import exact_rotation
+from lippmann.optics.system import exact_rotation
 from lippmann.scenes.formats import Kind, kind_of, usual_rotation
 
 Matrix = npt.NDArray[np.float64]

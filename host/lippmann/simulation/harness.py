@@ -68,18 +68,12 @@ class SceneHarness:
         values, folders = scene_parameters(build, f), ("common", "math", "optics", "scene")
         name, macro = f"scene-{build.layers}-{f}", f"-DLIPPMANN_F={f}"
         self._library = ctypes.CDLL(str(_compiled(name, "draw.cpp", "lipp_scene", folders, values, [*flags, macro])))
-        calls = {
-            "new": (_POINTER, []),
-            "delete": (None, [_POINTER]),
-            "load": (None, [_POINTER, ctypes.c_int, _NUMBER, _POINTER]),
-            "draw": (
-                _NUMBER,
-                [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER],
-            ),
-        }
-        for name, (result, arguments) in calls.items():
-            call = getattr(self._library, f"lippmann_scene_{name}")
-            call.restype, call.argtypes = result, arguments
+        self._library.lippmann_scene_new.restype = _POINTER
+        self._library.lippmann_scene_delete.argtypes = [_POINTER]
+        self._library.lippmann_scene_load.argtypes = [_POINTER, ctypes.c_int, _NUMBER, _POINTER]
+        frame = _POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES
+        self._library.lippmann_scene_draw.restype = _NUMBER
+        self._library.lippmann_scene_draw.argtypes = [*frame, ctypes.c_int, _NUMBER, _POINTER]
         self._model = self._library.lippmann_scene_new()
         self._loaded: dict[int, bytes] = {}
         #: Clocks that the last frame took.

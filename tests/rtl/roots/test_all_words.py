@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.fixed.roots import rsqrt, sqrt
+from lippmann.fixed.words import rsqrt, sqrt
 from lippmann.simulation.compilation import cached_file, verilated
 from lippmann.simulation.toolchain import OPTICS_FOLDERS, needed, rtl_sources
 from runner import BUILD, TOP

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bench import Segment
-from lippmann.fixed.roots import sqrt
+from lippmann.fixed.words import sqrt
 from rtl_coverage import Coverage
 from runner import seed
 from steps import FRACTIONS, stream_step

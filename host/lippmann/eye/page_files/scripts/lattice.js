@@ -1,4 +1,4 @@
-// Which lenslet a point belongs to, and where lenslets stand: optics/lattice.py, optics/panel_frame.py, optics/panel.py.
+// Which lenslet a point belongs to, and where lenslets stand: optics/lattice.py, optics/system.py, optics/panel.py.
 
 const HALF_SQRT3 = Math.sqrt(3) / 2;
 

@@ -1,5 +1,5 @@
 // The display as built: the designed one with the sliders' errors, as plain numbers for shaders and drawing.
-// As display.py, `misaligned`, optics/system.py and optics/panel_frame.py. Millimetres; `display` is the page's description of the display.
+// As display.py, `misaligned`, optics/system.py. Millimetres; `display` is the page's description of the display.
 
 function systemOf(display, built) {
   const { panel, array } = display;

@@ -1,4 +1,4 @@
-// The panel: its frame, the array's frame, and the light of a pixel: optics/panel_frame.py, observe.py.
+// The panel: its frame, the array's frame, and the light of a pixel: optics/system.py, observe.py.
 
 uniform highp sampler2DArray panel;  // panel values, sRGB, in tiles
 uniform ivec2 tile_px;
