@@ -71,9 +71,9 @@ class SceneHarness:
         self._library.lippmann_scene_new.restype = _POINTER
         self._library.lippmann_scene_delete.argtypes = [_POINTER]
         self._library.lippmann_scene_load.argtypes = [_POINTER, ctypes.c_int, _NUMBER, _POINTER]
-        frame = _POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES
-        self._library.lippmann_scene_draw.restype = _NUMBER
-        self._library.lippmann_scene_draw.argtypes = [*frame, ctypes.c_int, _NUMBER, _POINTER]
+        draw = self._library.lippmann_scene_draw
+        draw.restype = _NUMBER
+        draw.argtypes = [_POINTER, _NUMBER, _NUMBER, *[_POINTER] * 3, *_PAUSES, ctypes.c_int, _NUMBER, _POINTER]
         self._model = self._library.lippmann_scene_new()
         self._loaded: dict[int, bytes] = {}
         #: Clocks that the last frame took.
