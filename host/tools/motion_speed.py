@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lippmann.base.machine import gpu_name
 from lippmann.base.variant import current_device
 from lippmann.display.description import load_display
 from lippmann.motion.film import load_film
@@ -24,6 +23,8 @@ from lippmann.rendering.executors import local_workers, render_on_cluster
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sinks import bands_of_plan
 from lippmann.scenes.scene import Scene, load_scene
+
+from tools.renderer_speed import gpu_name
 
 #: Displays, the larger one for a GPU; and the steps of a turn, of 5 degrees each.
 DISPLAYS = {"llvm": ("vga-square",), "cuda": ("vga-square", "uhd-4k")}

@@ -9,6 +9,7 @@ import itertools
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -21,7 +22,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from lippmann.base.images import Radiance
-from lippmann.base.machine import gpu_name
 from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.engine_speeds import in_turn, middle
@@ -62,6 +62,16 @@ GPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1), ("uhd-4k", 16))
 STAGES = {"optics": "nothing", "camera": "first_hit", "shading": "unshadowed", "shadows": "lights"}
 #: Times of a whole process, in their order.
 PROCESS = ("start_seconds", "load_seconds", "prepare_seconds", "seconds", "write_seconds")
+
+
+def gpu_name() -> str:
+    """Return the names of the GPUs that the driver tells; "" without its program."""
+    program = shutil.which("nvidia-smi")
+    if program is None:
+        return ""
+    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
+    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
+    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
 
 
 def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radiance] | None = None) -> Work:

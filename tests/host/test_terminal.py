@@ -10,7 +10,6 @@ import click
 import numpy as np
 import pytest
 from lippmann import errors
-from lippmann.base import progress as work_progress
 from lippmann.cli import output, progress_bar, run
 from lippmann.motion.video import write_video
 from lippmann.rendering import executors as cluster
@@ -96,7 +95,7 @@ def test_the_remaining_time_is_not_estimated_from_what_comes_before_the_work(log
 
 
 def test_no_remaining_time_before_there_is_a_rate(log_lines, monkeypatch):
-    monkeypatch.setattr(work_progress, "MIN_RATE_S", 15.0)
+    monkeypatch.setattr(progress_bar, "MIN_RATE_S", 15.0)
     assert log_lines((0, 6), 33_000, starts_s=25.0) == ["render: 0 % after 45 s"]
 
 

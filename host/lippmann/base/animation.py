@@ -42,15 +42,17 @@ def write_animation(
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
     with replacing(path) as partial, partial.open("wb") as stream:
-        _write(stream, views, kind, there_and_back, frame_ms)
+        save_animation(stream, views, kind, there_and_back, frame_ms)
 
 
-def animation_png(stream: BinaryIO, views: Iterable[Radiance]) -> None:
-    """Write an endless animated PNG of views to and fro into a stream."""
-    _write(stream, views, "PNG", True, FRAME_MS)
-
-
-def _write(stream: BinaryIO, views: Iterable[Radiance], kind: str, there_and_back: bool, frame_ms: float) -> None:
+def save_animation(
+    stream: BinaryIO,
+    views: Iterable[Radiance],
+    kind: str,
+    there_and_back: bool = True,
+    frame_ms: float = FRAME_MS,
+) -> None:
+    """Write views as `write_animation` does into a stream; `kind` is "GIF" or "PNG"."""
     from PIL import Image
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]

@@ -199,9 +199,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield partial
         if not partial.stat().st_size:
             raise OSError(errno.EIO, "nothing was written")
-        sync(partial)
-        os.replace(partial, path)
-        sync(path.parent)
+        moved(partial, path)
     except OSError as error:
         raise refused(path, error, partial) from None
     finally:

@@ -155,10 +155,6 @@ def lines_of(text: str) -> Iterator[str]:
         start = end + 1
 
 
-class _TooDeepError(Exception):
-    pass
-
-
 def check_xml(path: Path, remedy: str) -> list[str]:
     """Refuse an XML file that is too large, or whose elements are nested too deeply; return the files it includes.
 
@@ -171,7 +167,8 @@ def check_xml(path: Path, remedy: str) -> list[str]:
         nonlocal depth
         depth += 1
         if depth > MAX_XML_DEPTH:
-            raise _TooDeepError
+            what = f"has elements more than {MAX_XML_DEPTH} deep (line {parser.CurrentLineNumber})"
+            raise input_error(str(path), what, remedy)
         if name == "include" and "filename" in attributes:
             included.append(attributes["filename"])
 
@@ -183,9 +180,6 @@ def check_xml(path: Path, remedy: str) -> list[str]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(data, True)
-    except _TooDeepError:
-        what = f"has elements more than {MAX_XML_DEPTH} deep (line {parser.CurrentLineNumber})"
-        raise input_error(str(path), what, remedy) from None
     except (expat.ExpatError, ValueError) as error:  # the caller's parser says it better, unless it could be too deep
         if data.count(b"<") > MAX_XML_DEPTH:
             raise input_error(str(path), f"is not XML ({error})", remedy) from None

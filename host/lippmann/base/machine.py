@@ -6,8 +6,6 @@ import functools
 import os
 import platform
 import re
-import shutil
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,12 +62,9 @@ def _text(file: Path) -> str:
 
 def proc_mb(file: str, entry: str) -> float | None:
     """Return an entry of a file below /proc, in MB; None without the file or the entry."""
-    path = Path("/proc", file)
-    found = re.search(rf"^{entry}:\s*(\d+) kB", path.read_text(), re.M) if path.exists() else None
-    if found is None:
-        return None
-    kib = int(found[1])  # which Linux calls kB
-    return kib * 1024 / 1e6
+    match = re.search(rf"^{entry}:\s*(\d+) kB", _text(Path("/proc", file)), re.M)
+    # What Linux calls kB is a KiB.
+    return None if match is None else int(match[1]) * 1024 / 1e6
 
 
 def peak_memory_mb() -> float:
@@ -86,11 +81,11 @@ def peak_memory_mb() -> float:
 
 def process_seconds() -> float:
     """Return the seconds since this process was started; 0 where /proc is not there to tell."""
-    status = Path("/proc/self/stat")
-    if not status.exists() or not hasattr(os, "sysconf"):
+    status = _text(Path("/proc/self/stat"))
+    if not status or not hasattr(os, "sysconf"):
         return 0.0
     # The 22nd field; the second, the program's name in brackets, may hold spaces.
-    ticks = int(status.read_text().rpartition(")")[2].split()[19])
+    ticks = int(status.rpartition(")")[2].split()[19])
     return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
@@ -115,8 +110,7 @@ def features() -> frozenset[str]:
 
 @functools.cache
 def _information() -> str:
-    path = Path("/proc/cpuinfo")
-    return path.read_text() if path.exists() else ""
+    return _text(Path("/proc/cpuinfo"))
 
 
 def machine_name() -> str:
@@ -127,13 +121,3 @@ def machine_name() -> str:
 def processor_count() -> int:
     """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def gpu_name() -> str:
-    """Return the names of the GPUs that the driver tells; "" without its program."""
-    program = shutil.which("nvidia-smi")
-    if program is None:
-        return ""
-    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
-    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
-    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""

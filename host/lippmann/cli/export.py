@@ -42,7 +42,15 @@ from lippmann.scenes.scene import Scene, check_scene_file, load_scene
 from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 
 
-@make_command("povray")
+@click.group("export")
+def command() -> None:
+    """Write scenes and pictures in the forms of other tools.
+
+    Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
+    """
+
+
+@make_command("povray", command)
 def povray(
     scene_path: str = argument("SCENE"),
     display_path: str | None = option(
@@ -155,7 +163,7 @@ MAX_VIEWS = 100
 TILES = click.IntRange(1, MAX_VIEWS)
 
 
-@make_command("quilt")
+@make_command("quilt", command)
 def quilt(
     subject: _Subject = SUBJECT,
     output: str = option("The quilt; the tiling is added to its name.", flag="-o", metavar="FILE.png"),
@@ -192,7 +200,7 @@ def quilt(
     emit(result, f"{path}: {columns * rows} views of {window.width_px} x {window.height_px} pixels")
 
 
-@make_command("views")
+@make_command("views", command)
 def views(
     subject: _Subject = SUBJECT,
     output: str = option("The views' folder; made when missing.", flag="-o", metavar="FOLDER"),
@@ -221,7 +229,7 @@ def views(
     )
 
 
-@make_command("focal-stack")
+@make_command("focal-stack", command)
 def focal_stack(
     subject: _Subject = SUBJECT,
     output: str = option("The pictures' folder; made when missing.", flag="-o", metavar="FOLDER"),
@@ -251,7 +259,7 @@ def focal_stack(
     )
 
 
-@make_command("depth")
+@make_command("depth", command)
 def depth(
     subject: _Subject = SUBJECT,
     output: str = option("Depths z: .tif in mm, or .png in 16 bits, the farthest 0.", flag="-o", metavar="FILE"),
@@ -306,15 +314,3 @@ def _write_folder(subject: _Subject, eyes: Sequence[Eye], folder: Path, stem: st
         for name, eye in zip(names, report_each(eyes, progress), strict=True):
             write_picture(folder / name, subject.view_from(eye), {})
     return names
-
-
-@click.group("export")
-def command() -> None:
-    """Write scenes and pictures in the forms of other tools.
-
-    Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
-    """
-
-
-for _one in (povray, quilt, views, focal_stack, depth):
-    command.add_command(_one)

@@ -7,11 +7,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from lippmann.base.progress import Progress, RemainingTime
+from lippmann.base.progress import Progress
 from lippmann.cli.output import as_json, log
 
 #: Seconds between two lines about a long work's progress.
 LOGGED_S = 30.0
+#: Seconds of work from which a rate is taken: the estimate of fewer would be far off.
+MIN_RATE_S = 5.0
 
 
 @contextmanager
@@ -40,20 +42,25 @@ def progress_bar(label: str) -> Iterator[Progress]:
 
 
 def _progress_lines(label: str) -> Progress:
-    """Return a callback that logs a line every `LOGGED_S` seconds in which something was done."""
+    """Return a callback that logs a line every `LOGGED_S` seconds in which something was done.
+
+    The rate is measured from the first report on: what an earlier run did took this one no time, and what comes before
+    the first report, such as a compilation, is not repeated.
+    """
     started = logged = time.monotonic()
-    done_before: int | None = None
-    remaining = RemainingTime()
+    first: tuple[float, int] | None = None
 
     def log_line(done: int, total: int) -> None:
-        nonlocal logged, done_before
-        now, remaining_s = time.monotonic(), remaining.estimate_s(done, total)
-        if done_before is None:
-            done_before = done
-        if now - logged < LOGGED_S or done <= done_before:
+        nonlocal logged, first
+        now = time.monotonic()
+        first = first or (now, done)
+        elapsed_s, new_steps = now - first[0], done - first[1]
+        if now - logged < LOGGED_S or new_steps <= 0:
             return
         logged = now
-        estimate = "" if remaining_s is None else f", about {remaining_s:.0f} s left"
+        estimate = ""
+        if elapsed_s >= MIN_RATE_S:
+            estimate = f", about {elapsed_s * (total - done) / new_steps:.0f} s left"
         log(f"{label}: {100 * done // total} % after {now - started:.0f} s{estimate}")
 
     return log_line

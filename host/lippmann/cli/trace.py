@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -140,11 +139,10 @@ def _table(path: Path) -> npt.NDArray[Any]:
         if path.suffix in (".csv", ".txt"):
             text = read_limited(path, MAX_TABLE_BYTES, "give the pixels as .npy").decode("utf-8")
             check_expanded(str(path), "its pixels", (text.count("\n") + 1) * RAY_BYTES, "give fewer rays")
-            lines: Iterator[str] = (line for line in lines_of(text) if line.split("#")[0].strip())
+            lines = (line for line in lines_of(text) if line.split("#")[0].strip())
             first = next(lines, "")
-            if not re.fullmatch(r"\s*u\s*,\s*v\s*(#.*)?", first, re.IGNORECASE):
-                lines = itertools.chain([first] if first else [], lines)
-            first = next(lines, "")
+            if re.fullmatch(r"\s*u\s*,\s*v\s*(#.*)?", first, re.IGNORECASE):
+                first = next(lines, "")
             return np.loadtxt(itertools.chain([first], lines), delimiter=",", ndmin=2) if first else np.empty((0, 2))
     except (ValueError, OSError, IndexError) as error:
         raise input_error(str(path), f"cannot be read ({reason(error)})", remedy) from None

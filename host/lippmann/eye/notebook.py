@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from lippmann.base.animation import FRAME_MS, animation_png, write_animation
+from lippmann.base.animation import FRAME_MS, save_animation, write_animation
 from lippmann.base.fullscreen import show_frames
 from lippmann.base.tones import encoded_values
 from lippmann.eye.observer import View
@@ -47,7 +47,7 @@ class Sweep:
     def _repr_html_(self) -> str:
         """Return the animation that a notebook shows, to and fro."""
         stream = io.BytesIO()
-        animation_png(stream, [view.radiance for view in self.views])
+        save_animation(stream, [view.radiance for view in self.views], "PNG")
         return f'<img src="data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}">'
 
     def __repr__(self) -> str:
