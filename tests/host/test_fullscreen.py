@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from lippmann.base.fullscreen import monitors, show
+from lippmann.base.fullscreen import full_screen, monitors
 from lippmann.base.images import write_picture
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
@@ -19,6 +19,11 @@ def dummy(monkeypatch):
 
 def noise(width, height):
     return np.random.default_rng(5).integers(0, 256, (height, width, 3)).astype(np.uint8)
+
+
+def show(image, monitor, seconds):
+    with full_screen(image.shape[1::-1], monitor) as put:
+        return put(image, seconds)
 
 
 def test_every_pixel_is_shown_as_it_is():

@@ -41,19 +41,6 @@ def sizes_of(pygame: ModuleType) -> list[tuple[int, int]]:
     return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
 
 
-def show(image: Pixels, monitor: int, seconds: float | None = None) -> Pixels:
-    """Show an image until Escape or q is pressed, or for some seconds; return the pixels of the screen.
-
-    The image is (height, width, 3) uint8, of the monitor's size; monitors count from 0.
-
-    Raises InputError for a missing monitor, or one of another size: scaled pixels would not match the lenslets;
-    DeviceError when there is no desktop, or it does not allow the whole monitor.
-    """
-    height, width = image.shape[:2]
-    with full_screen((width, height), monitor) as put:
-        return put(image, seconds)
-
-
 def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
     """Refuse a monitor that is missing, or has not just the size of a picture, which would be scaled."""
     if not 0 <= monitor < len(sizes):
@@ -75,9 +62,11 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 
 @contextmanager
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
-    """Give a function that puts an image onto the whole of a monitor: one picture after the other, as `show` does.
+    """Give a function that shows an image (height, width, 3) uint8 on the whole of a monitor; monitors count from 0.
 
-    The function returns the screen's pixels, after `seconds` (default: at once). Raises as `show` does.
+    The function takes a duration, s; it returns the screen's pixels at once, or when Escape or q is pressed, for None.
+    Raises InputError for a missing monitor, or one of another size: scaled pixels would not match the lenslets;
+    DeviceError when there is no desktop, or it does not allow the whole monitor.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size

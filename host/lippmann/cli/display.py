@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from lippmann.base.fullscreen import show
+from lippmann.base.fullscreen import full_screen
 from lippmann.base.images import check_input
 from lippmann.board.board import Board
 from lippmann.board.panel_frames import Target, load_frame
@@ -48,7 +48,8 @@ def command(
                 check_board(board, display, display_path)
             target = Target(board.info.identity, board.info.width, board.info.height)
     pixels = load_frame(image, target, None, panel, force)
-    show(pixels, monitor, seconds)
+    with full_screen((target.width, target.height), monitor) as show:
+        show(pixels, seconds)
     result = {
         "image": image, "monitor": monitor, "width": target.width, "height": target.height,
         "identity": f"{target.identity:016x}",

@@ -33,7 +33,6 @@ from lippmann.eye.observer import Eye, whole_window
 from lippmann.optics.rays import Model
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.job import place_scene
 from lippmann.rendering.options import MAX_SAMPLES, Settings
 from lippmann.rendering.renderer import first_depths
 from lippmann.rendering.sampling import Window
@@ -149,7 +148,7 @@ def _subject(
         return _Subject(display, window, image_viewer(image, window, samples, seed), None)
     path = check_scene_file(source)
     start_mitsuba(device)
-    scene = place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
+    scene = moved.load(path, display)
     return _Subject(display, window, scene_viewer(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 

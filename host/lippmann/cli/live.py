@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 from dataclasses import asdict
-from pathlib import Path
 
 import click
 import numpy as np
@@ -29,11 +28,11 @@ from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, E
 from lippmann.motion.live_picture import LivePicture
 from lippmann.motion.screens import Hand, NoScreens, Screens, screens
 from lippmann.rendering.bands import check_memory
-from lippmann.rendering.job import Job, place_scene
+from lippmann.rendering.job import Job
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import Scene, check_scene_file, load_scene
+from lippmann.scenes.scene import check_scene_file
 
 #: Width of the eye's view, pixels.
 VIEW_PX = 480
@@ -82,7 +81,7 @@ def command(
     start_mitsuba(device)
     options = RenderOptions(model=model, settings=settings)
     reel = None if film is None else Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
-    scene = _place(path, display, moved) if reel is None else reel.plans[0].load()
+    scene = moved.load(path, display) if reel is None else reel.plans[0].load()
     chosen = Job(scene, display, options).choose_model(scene)
     picture = LivePicture(scene, display, chosen, settings)
     if view is not None:
@@ -142,11 +141,6 @@ def _compile_view(view: EyeView, display: Display) -> None:
     """Compile the view's program before a window waits for it."""
     black = np.zeros((display.panel.height_px, display.panel.width_px, 3), np.float32)
     observe(black, display, view.eye, view.window, VIEW_SAMPLES[0])
-
-
-def _place(path: Path, display: Display, moved: Moved) -> Scene:
-    """Load a scene, and place it as the options say."""
-    return place_scene(load_scene(path, moved.placement(path)), display, moved.arrange(path))
 
 
 def _board_sender(

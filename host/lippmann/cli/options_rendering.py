@@ -8,13 +8,16 @@ from typing import Any
 
 from lippmann.cli.frame import option
 from lippmann.cli.options_common import FRACTION_BITS, Point, Vector
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine
+from lippmann.rendering.job import place_scene
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
 from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import Arrange, Placement, placement_beside, usual_arrange
+from lippmann.scenes.scene import Scene, load_scene
 
 SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)
 INTEGRATOR = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights")
@@ -86,6 +89,10 @@ class Moved:
         names = {"scale": "scale", "rotate": "rotation_deg", "near": "near_mm", "far": "far_mm"}
         changed = {names[name]: value for name, value in self.given.items() if name in names}
         return replace(placement, offset_mm=offset, **changed).keeping_depths(own)
+
+    def load(self, scene_path: Path, display: Display) -> Scene:
+        """Load a scene, and place it for a display as the options say."""
+        return place_scene(load_scene(scene_path, self.placement(scene_path)), display, self.arrange(scene_path))
 
 
 #: The options of a scene's placement, as a `Moved`.
