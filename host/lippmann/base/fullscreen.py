@@ -84,22 +84,17 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
         yield put
 
 
-def show_window(image: Pixels, title: str, seconds: float | None = None) -> None:
-    """Show an image (height, width, 3) uint8 in a window until it is closed (Escape, q), or for some seconds.
+def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
+    """Show frames (height, width, 3) uint8 of one size over and over, for some seconds or until Escape, q or the close.
 
-    An image larger than the desktop is scaled down. DeviceError when there is no desktop.
+    Frames larger than the desktop are scaled down. DeviceError when there is no desktop.
     """
-    show_frames([image], title, LOOK_S, seconds)
-
-
-def show_frames(frames: Sequence[Pixels], title: str, frame_s: float, seconds: float | None = None) -> None:
-    """Show frames of one size one after the other, over and over, as `show_window` shows an image."""
     height, width = frames[0].shape[:2]
     size = window_size((width, height), monitors()[0])
     until = math.inf if seconds is None else time.monotonic() + seconds
     with desktop("a window") as pygame:
         screen = pygame.display.set_mode(size)
-        pygame.display.set_caption(title)
+        pygame.display.set_caption("Lippmann")
         pictures = [pygame.surfarray.make_surface(frame.swapaxes(0, 1)) for frame in frames]
         shown = [one if one.get_size() == size else pygame.transform.smoothscale(one, size) for one in pictures]
         for picture in itertools.cycle(shown):

@@ -65,4 +65,4 @@ class Sweep:
             import_module("IPython.display").display(self)
             return
         frames = [encoded_values(view.radiance, "srgb", 8) for view in self.views]
-        shown_or_said(lambda: show_frames([*frames, *frames[-2:0:-1]], "Lippmann", FRAME_MS / 1000.0, seconds))
+        shown_or_said(lambda: show_frames([*frames, *frames[-2:0:-1]], seconds, FRAME_MS / 1000.0))

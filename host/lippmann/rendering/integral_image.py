@@ -16,7 +16,7 @@ from typing import cast
 import numpy as np
 
 from lippmann.base.animation import png_bytes
-from lippmann.base.fullscreen import show_window
+from lippmann.base.fullscreen import show_frames
 from lippmann.base.images import ENCODED_SUFFIXES, Radiance, StoredRows, read_picture, write_picture
 from lippmann.base.tones import encoded_values, transfer_name, transfer_text
 from lippmann.display.description import Display, display_at
@@ -47,7 +47,7 @@ class Showable:
         if in_notebook():
             import_module("IPython.display").display(self)
             return
-        shown_or_said(lambda: show_window(encoded_values(self.radiance, "srgb", 8), "Lippmann", seconds))
+        shown_or_said(lambda: show_frames([encoded_values(self.radiance, "srgb", 8)], seconds))
 
 
 def shown_or_said(show: Callable[[], None]) -> None:
