@@ -31,10 +31,7 @@ MEASUREMENTS = {
     "trace": ("ray_speed:measure_trace", "rays a second of golden and fast for each lens model, and fast's error"),
     "render": ("renderer_speed:measure", "the renderer: time, rate, memory, rate against Mitsuba's own camera"),
     "stages": ("renderer_speed:measure_stages", "where the time of a render goes: each stage, and the whole process"),
-    "live": (
-        "motion_speed:measure_live",
-        "pictures a second of a turning scene, and seconds until one at rest is fine",
-    ),
+    "live": ("motion_speed:measure_live", "pictures a second of a turning scene, seconds until one at rest is fine"),
     "animate": ("motion_speed:measure_animate", "a film by two workers on this machine against one process"),
     "observe": ("view_likeness:measure", "PSNR of views through the lenslets against perspective renders"),
     "rtl": ("ray_speed:rtl", "rays and pixels a second of the simulated RTL"),
@@ -45,10 +42,7 @@ MEASUREMENTS = {
     "layers": ("layers_likeness:layers", "the eye's view of drawn layers against the full render"),
     "content": ("content:content", "the eye's view of other tools' content"),
     "shading": ("shading_speed:shading", "time against error of light that rays share"),
-    "calibration": (
-        "calibration_accuracy:calibration",
-        "errors of random displays that are calibrated",
-    ),
+    "calibration": ("calibration_accuracy:calibration", "errors of random displays that are calibrated"),
     "view": ("view_speed:view", "viewer pages in Chromium: time until the first view, frames a second"),
     "seed": ("seed:seed", "the founding paper's benchmark, ours and POV-Ray's"),
     "peers": ("peers:peers", "time and picture beside POV-Ray"),

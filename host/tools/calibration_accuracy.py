@@ -155,25 +155,15 @@ def _cameras(display: Display, rng: np.random.Generator, photo_px: int, position
         aim = width * between(-0.02, 0.02), width * between(-0.02, 0.02), 0.0
         away = math.dist(place, aim) * between(0.98, 1.02)
         cameras.append(Camera(place, aim, between(-10.0, 10.0), *size, pupil_mm=pupil, focus_mm=away))
-    lens = replace(
-        cameras[0],
-        focal_px=min(framed(camera, display).focal_px for camera in cameras),
-        principal_px=(size[0] * between(0.48, 0.52), size[1] * between(0.48, 0.52)),
-        k1=between(-0.15, 0.1),
-        k2=between(-0.05, 0.05),
-        vignetting=between(0.0, 0.4),
-        blur_px=between(*BLUR_PX),
-    )
-    return tuple(
-        replace(
-            lens,
-            position_mm=camera.position_mm,
-            look_at_mm=camera.look_at_mm,
-            roll_deg=camera.roll_deg,
-            focus_mm=camera.focus_mm,
-        )
-        for camera in cameras
-    )
+    lens: dict[str, Any] = {
+        "focal_px": min(framed(camera, display).focal_px for camera in cameras),
+        "principal_px": (size[0] * between(0.48, 0.52), size[1] * between(0.48, 0.52)),
+        "k1": between(-0.15, 0.1),
+        "k2": between(-0.05, 0.05),
+        "vignetting": between(0.0, 0.4),
+        "blur_px": between(*BLUR_PX),
+    }
+    return tuple(replace(camera, **lens) for camera in cameras)
 
 
 def _sensor(rng: np.random.Generator) -> Sensor:
@@ -202,18 +192,22 @@ def judge(solved: Display, truth: Display) -> Judgement:
     system = System.of(solved)
     _, _, x, y = system.locate(NumpyBackend(), *centres_px(truth).T)
     error = np.hypot(*np.stack(system.frame.turn(x, y), axis=1).T / np.reshape(truth.panel.pitches_mm, (2, 1)))
-    turn = 90.0 if truth.array.grid == "square" else 60.0
-    rotation = (solved.array.rotation_deg - truth.array.rotation_deg + 0.5 * turn) % turn - 0.5 * turn
     ratios = [a / b - 1.0 for a, b in zip(solved.array.pitches_mm, truth.array.pitches_mm, strict=True)]
     depth, true_depth = solved.aperture_distance_mm, truth.aperture_distance_mm
     return Judgement(
         float(np.sqrt((error**2).mean())),
         float(error.max()),
-        abs(rotation),
+        abs(_turn_between(solved.array.rotation_deg, truth)),
         1e6 * max(map(abs, ratios)),
         100.0 * abs(depth - true_depth) / true_depth,
         1e6 * abs(solved.array.shear - truth.array.shear),
     )
+
+
+def _turn_between(rotation_deg: float, truth: Display) -> float:
+    """Return the angle from a display's array to one with this rotation; a whole turn of the grid is none."""
+    turn = 90.0 if truth.array.grid == "square" else 60.0
+    return (rotation_deg - truth.array.rotation_deg + 0.5 * turn) % turn - 0.5 * turn
 
 
 def centres_px(display: Display) -> Floats:
@@ -265,16 +259,14 @@ def deviations(found: Calibration, truth: Display) -> dict[str, float]:
     The offset is compared with the nearest lenslet's true centre, along the axes of the panel.
     """
     array, frame = truth.array, PanelFrame.of(truth)
-    turn = 90.0 if array.grid == "square" else 60.0
     offset = [found.parameter(f"offset_{axis}").value for axis in "xy"]
     *_, x, y = Lattice.of(array).locate(NumpyBackend(), *frame.array_from_panel(*np.array(offset)[:, None]))
     off_x, off_y = frame.turn(x, y)
-    rotation = found.parameter("rotation").value - array.rotation_deg
     errors = {
         "pitch_x": found.parameter("pitch_x").value - array.pitches_mm[0],
         "pitch_y": found.parameter("pitch_y").value - array.pitches_mm[1],
         "shear": found.parameter("shear").value - array.shear,
-        "rotation": (rotation + 0.5 * turn) % turn - 0.5 * turn,
+        "rotation": _turn_between(found.parameter("rotation").value, truth),
         "offset_x": float(off_x[0]),
         "offset_y": float(off_y[0]),
         "gap": found.parameter("gap").value - truth.gap_mm,
@@ -425,13 +417,10 @@ def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> It
         found = calibrate(case.shoot(folder / name, seed), nominal).display
         eye = Eye(case.cameras[0].position_mm)
         reference = _seen(scene, built, built, eye, Settings(samples=REFERENCE_SAMPLES, seed=seed + 1))
-        settings, made = (
-            Settings(samples=PICTURE_SAMPLES, seed=seed),
-            {"before": nominal, "after": found, "ideal": built},
-        )
+        settings = Settings(samples=PICTURE_SAMPLES, seed=seed)
         decibels = {
             f"{when}_db": psnr_db(_seen(scene, display, built, eye, settings), reference)
-            for when, display in made.items()
+            for when, display in (("before", nominal), ("after", found), ("ideal", built))
         }
         yield {"display": name, **judge(found, built)._asdict(), **decibels}
 
@@ -505,11 +494,10 @@ def draw_calibration_sweep(rows: Rows) -> Plot:
     solved = [row for row in rows if "refused" not in row]
     kinds = groups(solved, "over")
     picture, axes = make_axes(2, len(kinds), (3.6, 2.8))
-    for across, kind in enumerate(kinds):
-        for axis, key, label in zip(
-            axes[:, across], ("rms_px", "gap_percent"), ("centres, px rms", "gap, %"), strict=True
-        ):
-            column, heading = SWEPT_AXES[kind[0]["over"]]
+    for column_of_axes, kind in zip(axes.T, kinds, strict=True):
+        column, heading = SWEPT_AXES[kind[0]["over"]]
+        labels = {"rms_px": "centres, px rms", "gap_percent": "gap, %"}
+        for axis, (key, label) in zip(column_of_axes, labels.items(), strict=True):
             draw_lines(axis, kind, "display", column, key)
             axis.set(xlabel=heading, ylabel=label, yscale="log", ylim=(0.5 * min(values(solved, key)), None))
     return Plot("calibration-sweep", finish_picture(picture))

@@ -26,6 +26,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -184,46 +185,21 @@ class Check:
     def _check_meetings(self) -> None:
         """Refuse bits of one clock that come over one by one, and meet in the logic before a register."""
         lone = {
-            row.last: (row, self.net.clock(source[1].bit("CLK")))
+            row.cells[-1]: (row, self.net.clock(source[1].bit("CLK")))
             for row in self.firsts.values()
             if _pointer(row) is None and (source := self._source(row)) is not None
         }
         if len(lone) < 2:
             return
-        # The bits that logic makes of each; small sets, since few bits cross.
-        reached: dict[Pin, list[Bit]] = {}
-        ends = {one.pin for one in self.net.sampled()}
-        for last in lone:
-            todo, seen = [last], set[Bit]()
-            while todo:
-                bit = todo.pop()
-                if bit in seen:
-                    continue
-                seen.add(bit)
-                for pin in self.net.readers.get(bit, []):
-                    if pin in ends:
-                        reached.setdefault(pin, []).append(last)
-                    else:
-                        cell = self.net.cells[pin.cell]
-                        todo += [
-                            out
-                            for port, bits in cell.connections.items()
-                            for out in bits
-                            if self._drives(pin.cell, port, out)
-                        ]
-        for pin, lasts in reached.items():
-            for k, one in enumerate(lasts):
-                for other in lasts[k + 1 :]:
-                    if lone[one][1] == lone[other][1] and lone[one][0].clock == lone[other][0].clock:
-                        self._is_wrong(
-                            f"{lone[one][0].place} and {lone[other][0].place} bring bits of one clock that meet before "
-                            f"{pin.cell}: {_SIDE_BY_SIDE}"
-                        )
-
-    def _drives(self, cell: str, port: str, bit: Bit) -> bool:
-        """Tell whether a bit is an output of a cell of logic."""
-        pin = self.net.driver.get(bit)
-        return pin is not None and pin.cell == cell and pin.port == port and bool(self.net.before(bit)[0])
+        reached = self.net.collect(lambda source: source.cell if source.cell in lone else None)
+        for pin, bit, _ in self.net.sampled():
+            met = reached.get(bit, frozenset())
+            for (one, clock), (other, clock_of_other) in combinations([lone[cell] for cell in lone if cell in met], 2):
+                if clock == clock_of_other and one.clock == other.clock:
+                    self._is_wrong(
+                        f"{one.place} and {other.place} bring bits of one clock that meet before {pin.cell}: "
+                        f"{_SIDE_BY_SIDE}"
+                    )
 
     def _source(self, row: Row) -> tuple[str, Cell] | None:
         """Return the register that a row reads."""
@@ -309,7 +285,7 @@ class Check:
                 return f"depends on {self.net.name(bit)}, which steps apart from it"
             if bit not in state:
                 state[bit] = register[1]
-                todo += self._outputs_before(register[1].bit("DI"))
+                todo += self.net.ends([register[1].bit("DI")])
         values: dict[Bit, int] = {bit: int(cell.choice("REGSET") == "SET") for bit, cell in state.items()}
         seen = set()
         for step in range(1 << len(outputs)):
@@ -327,17 +303,6 @@ class Check:
                 return f"changes {changed} bits in one step"
         return ""
 
-    def _outputs_before(self, bit: Bit) -> list[Bit]:
-        """Return the outputs of registers, and other bits without logic, that a bit depends on."""
-        found, todo = [], [bit]
-        while todo:
-            one = todo.pop()
-            inner, sources = self.net.before(one)
-            todo += inner
-            if sources:
-                found.append(one)
-        return found
-
     def _samples_fifo(self, one: Sampled, memory: str) -> bool:
         """Tell whether a register samples a FIFO's memory under an enable."""
         cell = self.net.cells[one.pin.cell]
@@ -353,13 +318,13 @@ class Check:
         # The writer's enable depends on a register that compares with the read pointer.
         cell = self.net.cells[memory]
         wide = cell.kind == "DP16KD" and cell.bit("WEA") == "1"
-        inner = self._outputs_before(cell.bit("WRE" if cell.kind != "DP16KD" else "ADA0" if wide else "WEA"))
+        inner = self.net.ends([cell.bit("WRE" if cell.kind != "DP16KD" else "ADA0" if wide else "WEA")])
         writer = [register[1].bit("DI") for bit in inner if (register := self.net.register(bit)) is not None]
         return self._depends([enable], written.values()) and self._depends([*inner, *writer], read.values())
 
     def _depends(self, bits: Iterable[Bit], rows: Iterable[Row]) -> bool:
         """Tell whether logic depends on the last registers of all rows."""
-        before = {bit for one in bits for bit in self._outputs_before(one)}
+        before = self.net.ends(bits)
         return all(row.last in before for row in rows)
 
     # ---- held words ----
@@ -393,7 +358,7 @@ class Check:
             register = self.net.register(one)
             if register is None or self.net.clock(register[1].bit("CLK")) != clock:
                 continue
-            new = set(self._outputs_before(register[1].bit("DI"))) - seen
+            new = self.net.ends([register[1].bit("DI")]).keys() - seen
             seen |= new
             todo += new
         return None

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from lippmann.conformance import ray_sets
@@ -27,9 +27,6 @@ from lippmann.optics.rays import Floats, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
 from tools.named_builds import Named
-
-if TYPE_CHECKING:
-    pass
 
 logger = logging.getLogger("lippmann.report")
 #: Rays of each adversarial set, and of the budget.
@@ -104,12 +101,7 @@ def exit_cosine(display: Display, rays: Rays, domes: bool) -> Floats:
     return cosine
 
 
-def measure(
-    named: Named,
-    display: Display,
-    rays_of: str,
-    chunks: Iterator[Words],
-) -> dict[str, Any]:
+def measure(named: Named, display: Display, rays_of: str, chunks: Iterator[Words]) -> dict[str, Any]:
     """Measure a row of the report over chunks of a set of rays.
 
     `refused` counts the rays that were not compared. The errors of direction (microradian; `weighted`: times
@@ -130,14 +122,8 @@ def measure(
         kept = (
             max(found["max_point_nm"], found["edge_nm"]) <= point and found["max_weighted_urad"] <= named.promise_urad
         )
-    logger.info(
-        "%s, %s, %s: %.3g urad, %.3g nm",
-        named.name,
-        display.name,
-        rays_of,
-        found["max_direction_urad"],
-        found["max_point_nm"],
-    )
+    largest = found["max_direction_urad"], found["max_point_nm"]
+    logger.info("%s, %s, %s: %.3g urad, %.3g nm", named.name, display.name, rays_of, *largest)
     return {
         "configuration": named.name,
         "fraction_bits": named.build.fraction_bits,

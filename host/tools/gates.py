@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -224,43 +226,46 @@ class Netlist:
         return inner, sources
 
     @cached_property
-    def clocks(self) -> dict[Bit, frozenset[Bit | None]]:
-        """The clocks of the sources before each bit that a cell reads or drives; None for pins and other levels."""
+    def _order(self) -> list[Bit]:
+        """The bits that cells read or drive, each behind those that it depends on."""
+        graph = {bit: self.before(bit)[0] for bit in (*self.driver, *self.readers)}
+        try:
+            return list(TopologicalSorter(graph).static_order())
+        except CycleError as error:
+            loop = self.name(error.args[1][0])
+            raise LippmannError(f"the netlist has a loop of logic at {loop}; break it by a register") from None
+
+    def collect(self, value: Callable[[Source], Bit | None]) -> dict[Bit, frozenset[Bit | None]]:
+        """Return a value of each of the sources before each bit that a cell reads or drives."""
         found: dict[Bit, frozenset[Bit | None]] = {}
-        for start in [*self.driver, *self.readers]:
-            todo = [start]
-            open_: set[Bit] = set()
-            while todo:
-                bit = todo[-1]
-                if bit in found:
-                    todo.pop()
-                    continue
-                inner, sources = self.before(bit)
-                missing = [one for one in inner if one not in found]
-                if missing and bit in open_:
-                    raise LippmannError(f"the netlist has a loop of logic at {self.name(bit)}; break it by a register")
-                if missing:
-                    open_.add(bit)
-                    todo += missing
-                    continue
-                found[bit] = frozenset(source.clock for source in sources).union(*(found[one] for one in inner))
-                todo.pop()
+        for bit in self._order:
+            inner, sources = self.before(bit)
+            found[bit] = frozenset(map(value, sources)).union(*(found[one] for one in inner))
         return found
 
-    def sources(self, bits: Iterable[Bit]) -> list[Source]:
-        """Return all sources before some bits."""
-        found: dict[Source, None] = {}
+    @cached_property
+    def clocks(self) -> dict[Bit, frozenset[Bit | None]]:
+        """The clocks of the sources before each bit that a cell reads or drives; None for pins and other levels."""
+        return self.collect(lambda source: source.clock)
+
+    def ends(self, bits: Iterable[Bit]) -> dict[Bit, list[Source]]:
+        """Return where the logic before some bits begins: bits, with their sources."""
+        found: dict[Bit, list[Source]] = {}
         seen: set[Bit] = set()
         todo = list(bits)
         while todo:
             bit = todo.pop()
-            if bit in seen:
-                continue
-            seen.add(bit)
-            inner, sources = self.before(bit)
-            todo += inner
-            found.update(dict.fromkeys(sources))
-        return list(found)
+            if bit not in seen:
+                seen.add(bit)
+                inner, sources = self.before(bit)
+                todo += inner
+                if sources:
+                    found[bit] = sources
+        return found
+
+    def sources(self, bits: Iterable[Bit]) -> list[Source]:
+        """Return all sources before some bits."""
+        return list(dict.fromkeys(chain.from_iterable(self.ends(bits).values())))
 
     def straight(self, bit: Bit) -> Bit:
         """Return the bit that this one equals or inverts: a table of one input has no glitch."""
@@ -298,12 +303,11 @@ def read_netlist(path: Path, top: str | None = None) -> Netlist:
     Raises InputError for another file.
     """
     try:
-        modules = json.loads(path.read_text())["modules"]
+        content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {reason(error)}; give a netlist that yosys wrote with -json") from None
-    except (KeyError, TypeError):
-        raise input_error(str(path), "this is no netlist of yosys", "write it with synth_ecp5 -json") from None
     try:
+        modules = content["modules"]
         whole = [name for name, module in modules.items() if not _marks(module) & {"blackbox", "whitebox"}]
         whole = [name for name in whole if modules[name]["cells"]]
         is_top = {name: name == top or (top is None and "top" in _marks(modules[name])) for name in whole}

@@ -11,7 +11,9 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -25,8 +27,7 @@ from lippmann.errors import did_you_mean, input_error
 from lippmann.simulation.toolchain import repository
 
 SCHEMAS = Path("docs/reference/schemas")
-POINTS_MARKED = re.compile(r"(<!-- points -->\n).*?(<!-- end of points -->)", re.S)
-PROMISES_MARKED = re.compile(r"(<!-- promises -->\n).*?(<!-- end of promises -->)", re.S)
+LISTED = re.compile(r"(<!-- (points|promises) -->\n).*?(<!-- end of \2 -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
 FILE = Path("docs/promises.toml")
 
@@ -34,13 +35,12 @@ FILE = Path("docs/promises.toml")
 def generate(top: Path) -> dict[Path, str]:
     """Return the text of every schema, and of every page with its tables filled in, by path in the checkout."""
     made = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
+    lists: dict[str, Callable[[], str]] = {"points": _points, "promises": partial(promises_table, top)}
     for page in sorted(top.glob("docs/**/*.md")):
-        text = page.read_text()
-        filled = POINTS_MARKED.sub(lambda place: place[1] + _points() + place[2], MARKED.sub(_filled, text))
-        if PROMISES_MARKED.search(filled):
-            filled = PROMISES_MARKED.sub(lambda place: place[1] + promises_table(top) + place[2], filled)
-        if MARKED.search(text) or POINTS_MARKED.search(text) or PROMISES_MARKED.search(text):
-            made[page.relative_to(top)] = filled
+        text, tables_filled = MARKED.subn(_filled, page.read_text())
+        text, lists_filled = LISTED.subn(lambda place: place[1] + lists[place[2]]() + place[3], text)
+        if tables_filled or lists_filled:
+            made[page.relative_to(top)] = text
     return made
 
 

@@ -16,8 +16,7 @@ import tempfile
 import time
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -295,46 +294,33 @@ class Told:
     counts: Mapping[str, Any] = field(default_factory=dict)
 
 
-def tell(
-    start: Callable[[Path], object],
-    display: Display,
-    picture: Pixels,
-    stack: LayerStack | None,
-    drawn: bytes | None,
-) -> Told:
+def tell(boards: Boards, program: Program, picture: Pixels, stack: LayerStack | None, drawn: bytes | None) -> Told:
     """Send every request to a board, stream a picture and draw a stack; return what it did.
 
-    `start` starts the board, whose frames are written to a folder. `drawn` are the pixels of the drawn frame.
+    `drawn` are the pixels of the drawn frame.
     """
-    with tempfile.TemporaryDirectory() as work, _started(start, Path(work)) as board:
+    display = boards.display
+    with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
-        with Patient.open(board.url, patience_s=PATIENCE_S) as link:
-            _ask_registers(link, display)
-            _ask_rays(link, display)
-            _stream(link, picture)
-            _wait_for(folder, picture.tobytes())
-            _ask_wrongly(link)
-            if stack is not None and drawn is not None:
-                _draw(link, display, stack)
-                _wait_for(folder, drawn)
-                link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [0])
-            link.put(Kind.RESET)
-            link.put(Kind.TILES, struct.pack("<BHH", FRONT, 0, 1))
-            replies = link.replies
-        counts = board.stop()
+        started = virtual_board.running(
+            display, capture=folder, scene=boards.scene, program=program.path, **program.options
+        )
+        with started as board:
+            with Patient.open(board.url, patience_s=PATIENCE_S) as link:
+                _ask_registers(link, display)
+                _ask_rays(link, display)
+                _stream(link, picture)
+                _wait_for(folder, picture.tobytes())
+                _ask_wrongly(link)
+                if stack is not None and drawn is not None:
+                    _draw(link, display, stack)
+                    _wait_for(folder, drawn)
+                    link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [0])
+                link.put(Kind.RESET)
+                link.put(Kind.TILES, struct.pack("<BHH", FRONT, 0, 1))
+                replies = link.replies
+            counts = board.stop()
         return Told(replies, [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))], counts)
-
-
-@contextmanager
-def _started(start: Callable[[Path], object], folder: Path) -> Iterator[virtual_board.RunningBoard]:
-    board = start(folder)
-    assert isinstance(board, virtual_board.RunningBoard)
-    try:
-        yield board
-    finally:
-        if board.process.poll() is None:
-            board.process.kill()
-            board.process.wait()
 
 
 def _wait_for(folder: Path, frame: bytes) -> None:
@@ -499,17 +485,9 @@ def compare(boards: Boards) -> tuple[Compared, Told, Told]:
     display, scene = boards.display, boards.scene
     picture = picture_for(display)
     stack = None if scene is None else stack_for(display, scene)
-    drawn = None
-    if scene is not None and stack is not None:
-        drawn = draw(display, boards.build, stack, scene).tobytes()
-    told = []
-    for program in (boards.rtl, boards.netlist):
-
-        def start(folder: Path, program: Program = program) -> virtual_board.RunningBoard:
-            return virtual_board.start(display, capture=folder, scene=scene, program=program.path, **program.options)
-
-        told.append(tell(start, display, picture, stack, drawn))
-    return compared(told[1], told[0]), told[1], told[0]
+    drawn = None if scene is None or stack is None else draw(display, boards.build, stack, scene).tobytes()
+    rtl, netlist = (tell(boards, program, picture, stack, drawn) for program in (boards.rtl, boards.netlist))
+    return compared(netlist, rtl), netlist, rtl
 
 
 def wrong_counts(counts: Mapping[str, Any]) -> list[str]:

@@ -36,11 +36,8 @@ def _lines(netlist: Netlist, name: str, ports: Mapping[str, Any]) -> Iterator[st
     yield f"module {name} ("
     yield ",\n".join(f"  {direction} wire {_range(bits)}{key}" for key, (direction, bits) in declared.items())
     yield ");"
-    begins = {
-        cell.bit("Q"): int(cell.choice("REGSET") == "SET")
-        for cell in netlist.cells.values()
-        if cell.kind == "TRELLIS_FF"
-    }
+    registers = (cell for cell in netlist.cells.values() if cell.kind == "TRELLIS_FF")
+    begins = {cell.bit("Q"): int(cell.choice("REGSET") == "SET") for cell in registers}
     read = (bit for bit in netlist.readers if isinstance(bit, int))
     for bit in sorted({*netlist.driver, *read, *netlist.inputs}, key=int):
         yield f"  reg {_net(bit)} = 1'b{begins[bit]};" if bit in begins else f"  wire {_net(bit)};"

@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 logger = logging.getLogger("lippmann.report")
 #: Returns the seconds that it took.
 Work = Callable[[], float]
+#: What a Mitsuba integrator returns for samples: light, whether it is valid, and further values.
+Light = tuple[Any, Any, list[Any]]
 
 INTEGRATORS = ("lights", "direct", "path")
 #: The integrator of the reference picture.
@@ -356,7 +358,7 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     for name, samples in SEPARATE:
         what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
         yield {"what": what, **separately(device, fish, scenes / f"displays/{name}.toml", samples)}
-    scene, display = load_scene(fish), load_display(scenes / "displays/paper-square.toml")
+    display = load_display(scenes / "displays/paper-square.toml")
     settings = {name: Settings(samples=4, integrator=name, seed=seed, shading="each") for name in INTEGRATORS[::-1]}
     for name in ("fish", "chart", "knot"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
@@ -376,16 +378,12 @@ def register_stages() -> None:
     base: Any = mi.SamplingIntegrator
 
     class Nothing(base):  # type: ignore[misc]
-        def sample(
-            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
-        ) -> tuple[Any, Any, list[Any]]:
+        def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
             # Uses all of the ray, so that the compiler leaves none of the optics out.
             return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
 
     class FirstHit(base):  # type: ignore[misc]
-        def sample(
-            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
-        ) -> tuple[Any, Any, list[Any]]:
+        def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
             hit = scene.ray_intersect_preliminary(ray, coherent=coherence_hint(mi.UInt32(0)), active=active)
             return mi.Spectrum(dr.select(hit.is_valid(), hit.t + hit.prim_uv.x, 0.0)), active, []
 
@@ -395,10 +393,8 @@ def register_stages() -> None:
             depth = props.get("max_depth", 4)
             self.lights = mi.load_dict({"type": "lights", "max_depth": depth, "shadows": False})
 
-        def sample(
-            self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
-        ) -> tuple[Any, Any, list[Any]]:
-            found: tuple[Any, Any, list[Any]] = self.lights.sample(scene, sampler, ray, medium, active)
+        def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
+            found: Light = self.lights.sample(scene, sampler, ray, medium, active)
             return found
 
     for name, one in (("nothing", Nothing), ("first_hit", FirstHit), ("unshadowed", Unshadowed)):

@@ -281,27 +281,24 @@ def _leave_flat(
     return nx + path * dx, ny + path * dy, index * dx, index * dy, dz
 
 
-_FLOAT = (
-    *(
-        _pixel_to_lattice,
-        _aim,
-        _converge,
-        _shear,
-        _blend,
-        _unit_slope,
-        _enter_flat,
-        _meet_dome,
-        _cell_step,
-        _move_lenslet,
-    ),
-    *(_leave_dome, _enter_dome, _leave_flat),
-)
 #: The steps' functions under the names by which `ray_pipeline` calls them: the twin's, and those in float64.
 TWIN: Steps = dict(vars(ray_pipeline))
 FLOAT: Steps = {
     "lenslet_square": partial(_lenslet, "square"),
     "lenslet_hex": partial(_lenslet, "hex"),
-    **{step.__name__.removeprefix("_"): step for step in _FLOAT},
+    "pixel_to_lattice": _pixel_to_lattice,
+    "aim": _aim,
+    "converge": _converge,
+    "shear": _shear,
+    "blend": _blend,
+    "unit_slope": _unit_slope,
+    "enter_flat": _enter_flat,
+    "meet_dome": _meet_dome,
+    "cell_step": _cell_step,
+    "move_lenslet": _move_lenslet,
+    "leave_dome": _leave_dome,
+    "enter_dome": _enter_dome,
+    "leave_flat": _leave_flat,
 }
 
 

@@ -15,7 +15,7 @@ from lippmann.errors import InputError
 from lippmann.optics.trace import trace_to_panel
 from lippmann.simulation.toolchain import repository
 from optics_cases import GRIDS, SIDES, optics_of
-from tools.engine_errors import measure
+from tools.hard_case_errors import measure_engines
 
 SEED = 6
 
@@ -33,7 +33,7 @@ everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GR
 def check(grid, side, engine, names, count):
     print(f"seed {SEED}")
     sets = (rays for name in names for rays in hard_sets(base(grid, side), name, SEED, count))
-    rows = [row for rays in sets for row in measure(rays, [engine])]
+    rows = [row for rays in sets for row in measure_engines(rays, [engine])]
     wrong = [row for row in rows if not row["kept"]]
     assert not wrong, wrong
     return rows

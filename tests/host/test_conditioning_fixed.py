@@ -22,7 +22,7 @@ from lippmann.fixed.words import fits, wrapped
 from lippmann.optics.rays import gets_through
 from optics_cases import GRIDS, SIDES
 from test_conditioning_cases import SEED, base
-from tools.engine_errors import measure_fixed
+from tools.hard_case_errors import measure_fixed
 
 MODULES = [
     importlib.import_module(f"lippmann.fixed.{module.name}") for module in pkgutil.iter_modules(lippmann.fixed.__path__)
