@@ -19,7 +19,7 @@ from scene_cases import focused_display
 
 SCENES = Path(__file__).parents[2] / "scenes"
 GOLDEN = Path(__file__).parent / "golden"
-#: Those of version 0.1, whose samples had other places.
+#: The same by the places that version 0.1 gave samples.
 BEFORE = Path(__file__).parent / "golden_before"
 #: Scene, and where its origin comes to stand (mm): what is of interest comes to the middle.
 STANDS = {"fish": (0.0, 0.0, 0.0), "chart": (2.0, 18.0, 0.0), "knot": (0.0, 0.0, 0.0)}

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from golden_pictures import BEFORE, GOLDEN, SCENES, STANDS, SUBPIXELS, path_of, placement_of, render_golden
-from lippmann.optics.sample_points import points_in_square
 from lippmann.rendering import sampling as samples
 from lippmann.scenes.scene import load_scene
+from make_golden import old_places
 from PIL import Image
 
 #: dB, of sRGB values with 255 as the peak. Equal code on another processor differs by rounding: a ray on an outline
@@ -38,9 +38,7 @@ def test_as_stored(mi, scene_of, name, grid):
 @pytest.mark.parametrize(("name", "grid"), list(itertools.product(STANDS, SUBPIXELS)))
 def test_as_version_0_1_but_for_the_places_of_samples(mi, scene_of, name, grid, monkeypatch):
     """By the places that it gave samples, each ray's own light makes its pictures."""
-    monkeypatch.setattr(
-        samples, "points_in_pixel", lambda pixel, sample, _, seed, number: points_in_square(pixel, sample, seed, 0)
-    )
+    monkeypatch.setattr(samples, "points_in_pixel", old_places)
     check(render_golden(scene_of(name), grid), BEFORE / f"{name}-{grid}.png")
 
 

@@ -16,6 +16,9 @@ from lippmann.optics.lattice import HALF_SQRT3, Lattice
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 #: The golden ratio's fractional part, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
+#: Rounds of the Tiny Encryption Algorithm in a hash of two numbers. After four, Mitsuba's default, neighbouring pixels
+#: are still correlated for some seeds.
+HASH_ROUNDS = 6
 
 
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -43,7 +46,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
         return mi.Float(0.5), mi.Float(0.5)
     # Opaque, so that another seed needs no compilation.
     own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
-    turn, _ = mi.sample_tea_32(pixel, own)
+    turn, _ = mi.sample_tea_32(pixel, own, HASH_ROUNDS)
 
     number = mi.UInt32(number)
     moves = mi.UInt32(mi.Int32(number * GOLDEN_STEP) // samples), number * (samples * GOLDEN_STEP & 0xFFFFFFFF)
@@ -75,7 +78,7 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tup
     def coordinate(axis: int) -> Arr:
         own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
         key = own + mi.UInt32((2 * stream + axis) * GOLDEN_STEP & 0xFFFFFFFF)
-        shift = mi.sample_tea_float32(pixel, key)
+        shift = mi.sample_tea_float32(pixel, key, HASH_ROUNDS)
         x = shift + mi.Float(sample) * R2_STEPS[axis]
         return dr.minimum(x - dr.floor(x), below_one)
 

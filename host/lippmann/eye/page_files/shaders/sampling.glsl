@@ -3,11 +3,11 @@
 
 const vec2 R2_STEPS = vec2(0.7548776662466927, 0.5698402909980532);
 
-// Hash of two numbers to [0, 1): four rounds of the Tiny Encryption Algorithm (Wheeler and Needham, 1994), as Mitsuba's
+// Hash of two numbers to [0, 1): six rounds of the Tiny Encryption Algorithm (Wheeler and Needham, 1994), as Mitsuba's
 // sample_tea_float32.
 float hash(uint a, uint b) {
   uint total = 0u;
-  for (int k = 0; k < 4; ++k) {
+  for (int k = 0; k < 6; ++k) {
     total += 0x9e3779b9u;
     a += ((b << 4) + 0xa341316cu) ^ (b + total) ^ ((b >> 5) + 0xc8013ea4u);
     b += ((a << 4) + 0xad90777du) ^ (a + total) ^ ((a >> 5) + 0x7e95761eu);
