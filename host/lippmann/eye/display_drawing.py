@@ -138,10 +138,10 @@ def _draw_edges(axis: Axes, display: Display, system: System) -> None:
     """Draw the panel's edges, and where an array with an extent ends."""
     corners = 0.5 * np.array([(-1, 1, 1, -1, -1), (-1, -1, 1, 1, -1)])
     x, y = np.reshape((display.panel.width_mm, display.panel.height_mm), (2, 1)) * corners
-    axis.plot(x, y, color="black", scalex=False, scaley=False)
+    axis.plot(x, y, color="black")
     if display.array.extent_mm is not None:
         x, y = system.frame.panel_from_array(*(np.reshape(display.array.extent_mm, (2, 1)) * corners))
-        (line,) = axis.plot(x, y, color=LENSLET, linestyle="--", label="end of the array", scalex=False, scaley=False)
+        (line,) = axis.plot(x, y, color=LENSLET, linestyle="--", label="end of the array")
         line.set_gid("border")
 
 
@@ -166,12 +166,12 @@ def _draw_close(axis: Axes, display: Display, system: System, place: Floats) -> 
     # Those of which a part shows, or of whose image.
     far = reach + pitch + np.abs(place).max() * display.convergence
     for cx, cy in centres[(np.abs(centres - place) < far).all(axis=1)].tolist():
-        axis.plot(cx + x, cy + y, color=LENSLET, scalex=False, scaley=False)
-        axis.plot(cx, cy, "+", color=LENSLET, scalex=False, scaley=False)
+        axis.plot(cx + x, cy + y, color=LENSLET)
+        axis.plot(cx, cy, "+", color=LENSLET)
         ax, ay = system.frame.array_from_panel(cx, cy)
         px, py = system.convergence.on_panel(corners[0], corners[1], ax, ay)
         image = system.frame.panel_from_array(ax + px, ay + py)
-        axis.plot(*image, color=IMAGE, linewidth=1.0, scalex=False, scaley=False)
+        axis.plot(*image, color=IMAGE, linewidth=1.0)
 
 
 def _draw_subpixels(axis: Axes, display: Display, system: System, columns: Indices, rows: Indices) -> None:

@@ -219,6 +219,9 @@ def page_html(
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]
     derived = display_properties(display)
+    focus = focus_reach_mm(display, derived)
+    scale = focus / DRAWN
+    reach = derived.depth_range_mm[1] / scale
     head = "#version 300 es\n" + "".join(f"#define {key} {value}\n" for key, value in _defines(display).items())
     return filled(
         "page.html",
@@ -228,7 +231,7 @@ def page_html(
         aspect=aspect,
         direct=filled("direct.html", aspect=aspect) if directs else "",
         controls=controls_html(display, derived),
-        depth=_depth_drawing(display, derived),
+        depth=filled("depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{reach:.6g}", left_mm=f"−{focus:g}"),
         display=script_json(described),
         shaders=script_json({name: head + shader(name) for name in SHADERS}),
         directs=script_json(shown),
@@ -292,11 +295,3 @@ def _defines(display: Display) -> dict[str, str]:
         defines["WHITE"] = str(float(any(sub[0] == "white" for sub in layout.subpixels)))
         defines |= {"BOXES": f"vec4[]({', '.join(boxes)})", "GAINS": f"vec4[]({', '.join(gains)})"}
     return defines
-
-
-def _depth_drawing(display: Display, derived: DisplayProperties) -> str:
-    focus = focus_reach_mm(display, derived)
-    scale = focus / DRAWN
-    return filled(
-        "depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{derived.depth_range_mm[1] / scale:.6g}", left_mm=f"−{focus:g}"
-    )

@@ -42,6 +42,7 @@ Row = Annotated[tuple[float, float, float], key("", shape="[a, b, c], finite num
 Sky = Literal["sky"]
 Depth = Annotated[float, key("", low=-MAX_DEPTH_MM, high=MAX_DEPTH_MM)]
 Light = Annotated[float, key("", low=0.0, high=1.0)]
+Background = Annotated[tuple[Light, Light, Light], key("", shape="[red, green, blue], 0 to 1")]
 
 
 @documented
@@ -61,10 +62,7 @@ class LayerKeys:
 class LayersFile:
     """The keys of `layers.toml`."""
 
-    background: Annotated[
-        tuple[Light, Light, Light],
-        key("linear light behind all layers", shape="[red, green, blue], 0 to 1"),
-    ] = (0.0, 0.0, 0.0)
+    background: Annotated[Background, key("linear light behind all layers")] = (0.0, 0.0, 0.0)
     layer: Annotated[tuple[LayerKeys, ...], key("", lengths=(1, MAX_LAYERS))]
 
 

@@ -18,7 +18,7 @@ from lippmann.base.toml import documented, key
 from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
 from lippmann.errors import input_error
-from lippmann.layers.layers_folder import Depth, Light, Sky, check_depth, opened_png
+from lippmann.layers.layers_folder import Background, Depth, Sky, check_depth, opened_png
 from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.slab_depths import Slab
 from lippmann.layers.stack import MAX_LAYERS, Floats, LayerStack, Picture
@@ -49,9 +49,7 @@ class PictureKeys:
 class PicturesFile:
     """The keys of `pictures.toml`."""
 
-    background: Annotated[
-        tuple[Light, Light, Light], key("linear light behind all pictures", shape="[red, green, blue], 0 to 1")
-    ] = (0.0, 0.0, 0.0)
+    background: Annotated[Background, key("linear light behind all pictures")] = (0.0, 0.0, 0.0)
     picture: Annotated[tuple[PictureKeys, ...], key("", lengths=(1, MAX_LAYERS))]
 
 

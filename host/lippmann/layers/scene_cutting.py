@@ -198,9 +198,9 @@ def _picture(
     # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
     reached = reach.area(depth)
     texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
-    reached_area = reached.grown(texel)
+    reached = reached.grown(texel)
     between = slab.front_mm, slab.back_mm
-    trial = peel(scene, reached_area, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
+    trial = peel(scene, reached, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
     mask = trial.coverage > 0.0
     if not mask.any():
         return None
@@ -210,8 +210,7 @@ def _picture(
         # edges of both layers, which are covered in part.
         hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
         hidden += EDGE_TEXELS * texel
-    cell = reached_area.size[0] / TRIAL_RAYS[0], reached_area.size[1] / TRIAL_RAYS[1]
-    area = reached_area.cells(*TRIAL_RAYS, mask, (hidden + cell[0], hidden + cell[1]))
+    area = reached.cells(mask, hidden)
     size = texels_for(area, display, slot)
     view = peel(scene, area, reach.eye_mm, between, size, settings)
     if hidden > 0.0 and before is not None:
@@ -276,16 +275,16 @@ class Area:
         a, d = width / self.size[0], -height / self.size[1]
         return np.array([[a, 0.0, -a * self.left], [0.0, d, -d * self.top]])
 
-    def cells(self, width: int, height: int, mask: npt.NDArray[np.bool_], margin: tuple[float, float]) -> Area:
-        """Return the part that the true cells of a mask (height, width) cover, larger by margins, within this area."""
+    def cells(self, mask: npt.NDArray[np.bool_], margin: float) -> Area:
+        """Return the part that a mask's true cells cover, with a margin and a cell on each side, within this area."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        across, down = self.size[0] / width, self.size[1] / height
+        across, down = self.size[0] / mask.shape[1], self.size[1] / mask.shape[0]
         return Area(
             self.depth_mm,
-            max(self.left, self.left + columns[0] * across - margin[0]),
-            max(self.bottom, self.top - (rows[-1] + 1) * down - margin[1]),
-            min(self.right, self.left + (columns[-1] + 1) * across + margin[0]),
-            min(self.top, self.top - rows[0] * down + margin[1]),
+            max(self.left, self.left + columns[0] * across - (margin + across)),
+            max(self.bottom, self.top - (rows[-1] + 1) * down - (margin + down)),
+            min(self.right, self.left + (columns[-1] + 1) * across + (margin + across)),
+            min(self.top, self.top - rows[0] * down + (margin + down)),
         )
 
 

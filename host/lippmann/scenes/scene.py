@@ -162,10 +162,9 @@ def load_scene(
     """
     mi = mitsuba()
     path = check_scene_file(path)
-    usual = usual_arrange(path) if placement is None else None
-    notes: list[str] = []
+    usual, notes = None, list[str]()
     if placement is None:
-        placement = placement_beside(path)
+        usual, placement = usual_arrange(path), placement_beside(path)
     turn = placement.scene_from_display[:3, :3] * placement.scale
     with parsed(path, turn, notes) as (configuration, state):
         kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor

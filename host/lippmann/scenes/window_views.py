@@ -189,14 +189,12 @@ def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
     """Return the quilt of views in the order of the eyes from left to right, (height, width, 3) each."""
     quilt: Radiance | None = None
     for number, view in enumerate(views):
-        height, width = view.shape[:2]
         if quilt is None:
-            quilt = np.zeros((rows * height, columns * width, 3), np.float32)
+            quilt = np.zeros((rows, view.shape[0], columns, view.shape[1], 3), np.float32)
         up, column = divmod(number, columns)
-        top = (rows - 1 - up) * height
-        quilt[top : top + height, column * width : (column + 1) * width] = view
+        quilt[rows - 1 - up, :, column] = view
     assert quilt is not None
-    return quilt
+    return quilt.reshape(rows * quilt.shape[1], -1, 3)
 
 
 def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict[str, str]:
