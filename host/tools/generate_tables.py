@@ -47,7 +47,7 @@ def generate(top: Path) -> dict[Path, str]:
 def _points() -> str:
     """Return the table of the coverage points of `lippmann regress`."""
     beyond = {name: f"no: {why}" for name, why in BEYOND_WORDS.items()}
-    rows = (f"| `{name}` | {point.meaning} | {beyond.get(name, '')} |\n" for name, point in POINTS.items())
+    rows = (f"| `{name}` | {meaning} | {beyond.get(name, '')} |\n" for name, meaning in POINTS.items())
     return f"| point | met by | in words |\n|---|---|---|\n{''.join(rows)}"
 
 

@@ -150,32 +150,11 @@ def photograph_folder(
 ) -> list[Path]:
     """Photograph a folder of patterns on a display as built, and write the photographs under the patterns' names.
 
-    Parameters
-    ----------
-    display
-        The display as built; its panel shows the patterns.
-    camera
-        Where the camera stands and what it is.
-    patterns
-        Folder of PNG files of the panel's size, whose names begin with the order in which they are shown.
-    output
-        Folder for the photographs, which is made when missing, with its parents.
-    seed
-        Of the rays, the noise and the bench's disturbances.
-    sensor, bench
-        The camera's sensor, and what goes wrong on the bench.
-    samples
-        Rays across each camera pixel, and down.
+    `patterns` is a folder of PNG files of the panel's size, whose names begin with their order; `output` is made when
+    missing. `seed` is that of the rays, the noise and the bench's disturbances; `samples` are the rays across each
+    camera pixel, and down. Returns the photographs in the patterns' order.
 
-    Returns
-    -------
-    list of Path
-        The photographs, in the patterns' order.
-
-    Raises
-    ------
-    InputError
-        When there are no patterns, one is not of the panel's size, or a photograph cannot be written.
+    Raises InputError when there are no patterns, one is not of the panel's size, or a photograph cannot be written.
     """
     names, output = pattern_files(patterns), Path(output)
     before = after = bench.project(display, camera, samples, seed)

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key
-from lippmann.conformance.coverage_points import POINTS
+from lippmann.conformance.coverage_points import POINTS, points_met
 from lippmann.conformance.faults import FIELDS, Arrays, golden
 from lippmann.conformance.ray_sets import Bools, PanelRays
 from lippmann.conformance.ray_words import ForeignRays
@@ -73,6 +73,7 @@ class Bounds:
     def limits(self, inputs: PanelRays, rays: Arrays) -> Arrays:
         """Return how far each array of rays may be off, (N,), radians and mm; `rays` are golden's."""
         steps = {one.array: one.point_nm for one in self.step}
+        met = points_met(inputs, rays) if self.case else {}
         limits: Arrays = {}
         for name in (*get_args(Step), "direction"):
             usual = self.direction_urad if name == "direction" else steps.get(name, self.point_nm)
@@ -80,7 +81,7 @@ class Bounds:
             for case in self.case:
                 bound = case.direction_urad if name == "direction" else case.point_nm
                 if bound is not None:
-                    largest = np.where(POINTS[case.point](inputs, rays), np.maximum(largest, bound), largest)
+                    largest = np.where(met[case.point], np.maximum(largest, bound), largest)
             limits[name] = 1e-6 * np.where(largest > 0.0, largest, usual)
         return limits
 
