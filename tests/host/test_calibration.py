@@ -193,7 +193,7 @@ def test_where_a_camera_looks_is_a_sum_of_powers_of_its_slope(seed):
     slopes = np.stack([steep * np.cos(way), steep * np.sin(way)], axis=1)
     _, at, seen = inner_rays(display, slopes, distance)
     exact = (at * seen[..., None]).sum(axis=1) / seen.sum(axis=1)[:, None]
-    found = fit_projection(display, 0.36, distance).point(slopes, display.gap_mm)
+    found = fit_projection(display, 0.36, distance).traced(slopes, display.gap_mm, ())[1]
     error = np.hypot(*(found - exact).T) / min(display.panel.pitches_mm)
     assert error.max() < 0.01
     assert np.sqrt((error**2).mean()) < 0.003

@@ -177,8 +177,7 @@ class Problem:
     @cached_property
     def names(self) -> list[str]:
         """Names of the parameters, in order."""
-        poses = [f"{name}_{k}" for k in range(len(self.views)) for name in POSE]
-        return [*self.array_steps, *LENS, *poses, *self.zooms]
+        return list(self.steps)
 
     @property
     def zooms(self) -> list[str]:
@@ -192,10 +191,10 @@ class Problem:
         return {**ARRAY, **GAP, **(BOW if self.bow else {}), **seams}
 
     @cached_property
-    def steps(self) -> Floats:
-        """The step of each parameter for differences."""
-        kinds = {**self.array_steps, **LENS}
-        return np.array([*kinds.values(), *(list(POSE.values()) * len(self.views)), *([ZOOM] * len(self.zooms))])
+    def steps(self) -> dict[str, float]:
+        """The step of each parameter for differences, in order."""
+        poses = {f"{name}_{k}": step for k in range(len(self.views)) for name, step in POSE.items()}
+        return {**self.array_steps, **LENS, **poses, **dict.fromkeys(self.zooms, ZOOM)}
 
     @cached_property
     def shared(self) -> int:
@@ -441,7 +440,7 @@ def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
     first = np.concatenate([[0], np.cumsum(sizes)])
     matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
     base_rays = [problem.rays(x, k) for k in range(len(sizes))]
-    for at, (name, step) in enumerate(zip(problem.names, problem.steps, strict=True)):
+    for at, (name, step) in enumerate(problem.steps.items()):
         up, down = x.copy(), x.copy()
         up[at] += step
         down[at] -= step

@@ -37,12 +37,6 @@ MOST_DARK, LEAST_RIGHT = 0.3, 0.95
 Values = npt.NDArray[np.float32]
 
 
-def eye_for(display: Display, eye_mm: tuple[float, float, float]) -> Eye:
-    """Return an eye whose pupil spans some views, so that its place need not be exact."""
-    step = display.panel.coarsest_mm * eye_mm[2] / display.aperture_distance_mm
-    return Eye(eye_mm, pupil_mm=VIEWS * step)
-
-
 def rings(display: Display) -> Values:
     """Return the picture of rings, (height, width, 3): white and black by the distance of a pixel's lenslet."""
     panel, lattice = display.panel, Lattice.of(display.array)
@@ -59,7 +53,9 @@ def rings(display: Display) -> Values:
 
 def pictures(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, IntegralImage]:
     """Return the pictures by the names of their files."""
-    white = draw(display, "white-for-eye", eye_for(display, eye_mm))
+    # The pupil spans some views, so that the eye's place need not be exact.
+    step = display.panel.coarsest_mm * eye_mm[2] / display.aperture_distance_mm
+    white = draw(display, "white-for-eye", Eye(eye_mm, pupil_mm=VIEWS * step))
     dark = IntegralImage(1.0 - white.radiance, display, white.metadata)
     named = {"pattern": "rings"}
     return dict(zip(NAMES, (white, dark, IntegralImage(rings(display), display, named)), strict=True))

@@ -98,8 +98,8 @@ def starts(
         zeros, steps, true_places = [], [], []
         for one, place in zip(seen, places, strict=True):
             slope = ((place[:2] - one.origin) / place[2])[None]
-            moved = projection.point(slope, gap)[0]
-            small = projection.point(np.array([[1e-3, 0.0]]), gap)[0, 0] / -1e-3 / place[2]
+            moved = projection.traced(slope, gap, ())[1][0]
+            small = projection.traced(np.array([[1e-3, 0.0]]), gap, ())[1][0, 0] / -1e-3 / place[2]
             zeros.append(one.origin - moved)
             steps.append(one.basis / (1.0 + small))
             # The camera as far from the lenslet's centre as from the point seen, but for the lattice's growth.

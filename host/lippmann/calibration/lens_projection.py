@@ -78,10 +78,6 @@ class LensProjection:
         outline, point, rest = (np.stack([one.real, one.imag], axis=1) for one in (c, w, some))
         return outline, point, rest
 
-    def point(self, slope: Floats, gap_mm: float) -> Floats:
-        """Return w for slopes (N, 2), (N, 2) mm."""
-        return self.traced(slope, gap_mm, ())[1]
-
 
 @cache
 def powers(folds: int, degrees: range) -> tuple[tuple[int, int], ...]:

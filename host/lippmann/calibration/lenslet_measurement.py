@@ -224,7 +224,10 @@ def _match_pixels(
     panel_steps = seen.steps(points_mm)
     index, near = seen.near(points_mm)
     for _ in range(ROUNDS):
-        outline = fit_outline(decoded.name, grid, *_complete(decoded.photo_px, index, near), decoded.shape)
+        # At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
+        names, groups = grouped(index[near])
+        complete = np.flatnonzero(near)[whole(names, np.bincount(groups))[groups]]
+        outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
         some = within(across, grid, MIDDLE) & (abs(panel_steps - np.round(at)) < 0.7).all(axis=1)
@@ -261,7 +264,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
     # A neighbour whose side is dark would leave the light of the seam to the lenslet, and move its middle.
     kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts, BESIDE)
-    _check_steady(decoded.name, whole_share(names, counts), outline.agree)
+    _check_steady(decoded.name, names, counts, outline.agree)
     if kept.sum() < 30:
         what = f"only {int(kept.sum())} lenslets are seen"
         raise input_error(
@@ -295,21 +298,17 @@ def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
     return np.asarray(own - np.where(number[:, None] >= FEW, off, 0.0)[groups])
 
 
-def _check_steady(name: str, share: float, agree: float) -> None:
+def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> None:
     """Refuse photographs between which the camera, or the display, moved, though it may have come back.
 
     Then pixels near the lenslets' edges see now one lenslet, now its neighbour: their points are those of neither.
     """
+    few = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
+    inside = _surrounded(*_table(index, counts), few)
+    share = float((whole(index, counts) & inside).sum() / max(1, inside.sum()))
     if share < STEADY and agree < AGREE:
         what = f"the photographs do not fit together: only {100.0 * share:.0f} % of the lenslets are the same in all"
         raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")
-
-
-def whole_share(index: Indices, counts: Indices) -> float:
-    """Return the share that `whole` keeps of the lenslets (N, 2) that have neighbours on all sides."""
-    few = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
-    inside = _surrounded(*_table(index, counts), few)
-    return float((whole(index, counts) & inside).sum() / max(1, inside.sum()))
 
 
 def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
@@ -341,18 +340,6 @@ def whole(index: Indices, counts: Indices, beside: float = BESIDE_MAPPED) -> npt
     most = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
     few = 0.6 * np.sqrt(most)
     return np.asarray(_surrounded(table, places, beside * most - few) & (counts >= WHOLE * most - few))
-
-
-def _complete(
-    photo_px: npt.NDArray[np.float32], index: Indices, near: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.float32], Indices]:
-    """Return the pixels near lattice points whose lenslets are whole, and their (i, j).
-
-    At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
-    """
-    names, groups = grouped(index[near])
-    complete = whole(names, np.bincount(groups))[groups]
-    return photo_px[near][complete], index[near][complete]
 
 
 def _sums(values: Floats, groups: Indices, count: int) -> Floats:

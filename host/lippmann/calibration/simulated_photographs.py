@@ -156,7 +156,10 @@ def photograph_folder(
 
     Raises InputError when there are no patterns, one is not of the panel's size, or a photograph cannot be written.
     """
-    names, output = pattern_files(patterns), Path(output)
+    output = Path(output)
+    names = sorted(Path(patterns).glob("*.png"))
+    if not names:
+        raise input_error(str(patterns), "holds no patterns", "write them: lippmann calibrate patterns")
     before = after = bench.project(display, camera, samples, seed)
     if bench.move(camera) != camera:
         after = bench.project(display, bench.move(camera), samples, seed)
@@ -170,16 +173,12 @@ def photograph_folder(
         light = bench.disturb_panel(panel_light(name, display.panel))
         picture = (before if 2 * number < len(names) else after).photograph(light)
         values = sensor.values(bench.disturb_picture(picture, white, seed), gain, rng)
-        written.append(_save(output / name.name, bench.disturb_values(values, seed, rng)))
+        written.append(output / name.name)
+        with replacing(written[-1]) as partial:
+            stored = Image.fromarray(bench.disturb_values(values, seed, rng))
+            # Noise has no runs to be found: Huffman's code alone is as small, and quicker.
+            stored.save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
-
-
-def pattern_files(patterns: str | Path) -> list[Path]:
-    """Return the PNG files of a folder of patterns, in order; InputError when there are none."""
-    found = sorted(Path(patterns).glob("*.png"))
-    if not found:
-        raise input_error(str(patterns), "holds no patterns", "write them: lippmann calibrate patterns")
-    return found
 
 
 def panel_light(path: Path, panel: Panel) -> Light:
@@ -195,10 +194,3 @@ def panel_light(path: Path, panel: Panel) -> Light:
         values = values[..., 0]
     light = decode(values / np.float32(scale), panel.transfer)
     return np.asarray(panel.black + (1.0 - panel.black) * light, np.float32)
-
-
-def _save(path: Path, values: CameraValues) -> Path:
-    with replacing(path) as partial:
-        # Noise has no runs to be found: Huffman's code alone is as small, and quicker.
-        Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
-    return path

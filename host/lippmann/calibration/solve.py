@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -54,8 +55,7 @@ LEAST_SHARE = 0.003
 SEED = 1913
 
 
-@dataclass(frozen=True)
-class Radius:
+class Radius(NamedTuple):
     """A radius and its standard deviation, mm."""
 
     value_mm: float
@@ -150,18 +150,6 @@ def calibrate(
         points = np.stack(frame.panel_from_pixel(*decoded.panel_px[some].astype(np.float64).T), axis=1)
         seen.append(find_lattice(position.name, points, nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
-    return solve_views(nominal, views, seen, bow, radius, progress)
-
-
-def solve_views(
-    nominal: Display,
-    views: list[Lenslets],
-    seen: list[SeenLattice],
-    bow: bool = False,
-    radius: bool = False,
-    progress: Progress = lambda done, total: None,
-) -> Calibration:
-    """Return the calibration that the lenslets seen from some positions give; see `calibrate`."""
     whole, x, projection = _number_lenslets(nominal, views, seen, progress)
     logger.info("least squares")
     progress(0, 3)
@@ -170,7 +158,7 @@ def solve_views(
     if radius:
         whole, solution, round_lens, radius_effect = _fit_radius(whole, solution, projection)
     progress(1, 3)
-    bowed = _with_bow(solution)
+    bowed = solve(replace(solution.problem, bow=True), np.insert(solution.x, 7, np.zeros(len(BOW))))
     _check_zoom(bowed)
     progress(2, 3)
     if whole.held:
@@ -270,12 +258,6 @@ def _cost(solution: Solution) -> float:
     """Return what a numbering costs: the scatter of panel points and photograph, with outliers."""
     lost = 1.0 - float(np.mean(np.concatenate(solution.weights.kept)))
     return float(np.mean([math.hypot(*one) for one in solution.weights.scatter])) * (1.0 + 5.0 * lost)
-
-
-def _with_bow(solution: Solution) -> Solution:
-    """Fit again with tilts and curvatures of the array."""
-    x = np.concatenate([solution.x[:7], np.zeros(len(BOW)), solution.x[7:]])
-    return solve(replace(solution.problem, bow=True), x)
 
 
 def _check_zoom(solution: Solution) -> None:

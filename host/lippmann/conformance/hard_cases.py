@@ -281,10 +281,13 @@ def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
         yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
 
 
-def _tangents(display: Display, random: np.random.Generator, count: int) -> tuple[Floats, Floats]:
-    """Return points (2 count, 3) some roundings off a dome that bulges to +z, and tangent directions, lens-local."""
-    R = display.array.radius_mm
-    foot = random_aims(display, random, 40 * count)
+@_case
+def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
+    """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
+    hilly = without_eye(steep(display, 1.001))
+    R = hilly.array.radius_mm
+    # Points some roundings off a dome that bulges to +z, and tangent directions, lens-local.
+    foot = random_aims(hilly, random, 40 * count)
     slope = np.hypot(*foot.T) / R
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
@@ -298,14 +301,6 @@ def _tangents(display: Display, random: np.random.Generator, count: int) -> tupl
     lift = random.choice((0, 1, 2, 4, 16, 64, 1 << 10, 1 << 20, 1 << 30), (len(foot), 1)) * 2.0**-52 * R
     lift *= random.choice((-1.0, 1.0), (len(foot), 1))
     point = R * normal - (0.0, 0.0, R) + lift * normal
-    return point, direction
-
-
-@_case
-def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
-    """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
-    hilly = without_eye(steep(display, 1.001))
-    point, direction = _tangents(hilly, random, count)
     if display.array.plano_side == "panel":
         # From the world: the domes face the viewer.
         frame = PanelFrame.of(hilly)

@@ -14,8 +14,8 @@ from lippmann.errors import printable
 def write_junit(
     path: Path,
     verdicts: Sequence[tuple[str, Verdict]],
-    ended: str | None = None,
-    about: Mapping[str, str] | None = None,
+    ended: str | None,
+    about: Mapping[str, str],
 ) -> None:
     """Write the verdict on each set, by name; `ended` says why there are no more, which is an error there.
 
@@ -24,11 +24,8 @@ def write_junit(
     Raises InputError as `files.replacing` for a file that cannot be written.
     """
     wrong = sum(not verdict.right for _, verdict in verdicts)
-    counts = {
-        "tests": str(len(verdicts) + (ended is not None)),
-        "failures": str(wrong),
-        "errors": str(int(ended is not None)),
-    }
+    errors = int(ended is not None)
+    counts = {"tests": str(len(verdicts) + errors), "failures": str(wrong), "errors": str(errors)}
     top = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(top, "testsuite", {"name": "lippmann regress", **counts, "skipped": "0"})
     if about:

@@ -246,11 +246,9 @@ class StreamReader:
     def _place(self, number: int) -> str:
         return f"{self._where}, line {number}" if number else self._where
 
-    def _refuse(self, what: str, remedy: str) -> NoReturn:
-        raise input_error(self._place(self.number), what, remedy)
-
-    def _refuse_answer(self, now: _Set, n: int, what: str, remedy: str) -> NoReturn:
-        raise input_error(self._place(now.first + n), what, remedy)
+    def _refuse(self, what: str, remedy: str, number: int | None = None) -> NoReturn:
+        """Refuse a line of the stream, by its number; the last one that was read by default."""
+        raise input_error(self._place(self.number if number is None else number), what, remedy)
 
     def _refuse_stray_ray(self, now: _Set | None) -> NoReturn:
         """Refuse a ray that no set expects; when an earlier line was none, that line."""
@@ -350,7 +348,7 @@ class StreamReader:
 
     def _row(self, now: _Set, n: int) -> list[float]:
         """Return the numbers of a line behind its ray's, filled up with NaN where a lost ray has its status alone."""
-        words, refuse = self._columns(now, n), partial(self._refuse_answer, now, n)
+        words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
             refuse(f"has {answered} numbers behind its question", REMEDY)
@@ -372,10 +370,10 @@ class StreamReader:
         try:
             words = now.lines[n].decode("ascii").split()
         except UnicodeDecodeError:
-            self._refuse_answer(now, n, "is not text", AGAIN)
+            self._refuse("is not text", AGAIN, now.first + n)
         if not words or words[0] != str(n):
             what = f"has ray {words[0][:20] if words else 'none'} where {n} is next"
-            self._refuse_answer(now, n, what, AGAIN)
+            self._refuse(what, AGAIN, now.first + n)
         return words
 
     def _words(self, now: _Set, fraction_bits: int) -> dict[str, Ints]:
@@ -384,7 +382,7 @@ class StreamReader:
         for n, row in enumerate(rows):
             if len(row) != 3:
                 what = f"has {len(row) - 2} words behind its question"
-                self._refuse_answer(now, n, what, "append the bits of a line of expected.mem")
+                self._refuse(what, "append the bits of a line of expected.mem", now.first + n)
         columns: dict[str, Ints] = {}
         for place, names in enumerate((INPUTS, OUTPUTS), 1):
             texts, bits = [row[place] for row in rows], widths(names, fraction_bits)
@@ -392,7 +390,7 @@ class StreamReader:
             for n, text in enumerate(texts):
                 if len(text) != digits or not HEXADECIMAL.fullmatch(text):
                     what = f"has '{text[:40]}' for {digits} hexadecimal digits"
-                    self._refuse_answer(now, n, what, "give leading zeros too")
+                    self._refuse(what, "give leading zeros too", now.first + n)
             words = words_of_lines(texts, bits, lambda n: self._place(now.first + n))
             columns |= dict(zip(names, words, strict=True))
         return columns
