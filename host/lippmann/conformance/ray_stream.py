@@ -75,6 +75,7 @@ SET = re.compile(r"[\w.+/-]{1,100}", re.ASCII)
 NUMBERS = re.compile("decimal (MODEL)|words (MODEL) (.+)".replace("MODEL", "|".join(MODELS)))
 RAYS = re.compile(r"([0-9]{1,9}) (\S+)")
 HEXADECIMAL = re.compile(r"[0-9a-fA-F]+")
+WHERE = "the stream"
 REMEDY = "append status i j x y z dx dy dz"
 AGAIN = "copy each line that begins with #, and append to each other line"
 
@@ -202,12 +203,11 @@ class StreamReader:
     out of turn, a question that was changed, an answer that is not one.
     """
 
-    def __init__(self, lines: Iterable[bytes], where: str = "the stream") -> None:
+    def __init__(self, lines: Iterable[bytes]) -> None:
         self.number = 0
         #: The command that made the stream, and at its end the hash that names it.
         self.command, self.hash = "", ""
-        self._lines, self._where = lines, where
-        self._hashes: list[str] = []
+        self._lines, self._hashes = lines, list[str]()
 
     def sets(self) -> Iterator[tuple[str, ForeignRays]]:
         """Yield each set's name, and its rays."""
@@ -244,7 +244,7 @@ class StreamReader:
         self._refuse(f"is cut{where}", "let the program answer until the line # end")
 
     def _place(self, number: int) -> str:
-        return f"{self._where}, line {number}" if number else self._where
+        return f"{WHERE}, line {number}" if number else WHERE
 
     def _refuse(self, what: str, remedy: str, number: int | None = None) -> NoReturn:
         """Refuse a line of the stream, by its number; the last one that was read by default."""
@@ -279,7 +279,7 @@ class StreamReader:
             if first:
                 return
         what = f"none of its {self.number} lines is # {NAME} {VERSION}" if self.number else "is empty"
-        raise input_error(self._where, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
+        raise input_error(WHERE, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
         words = " ".join(text.split())
@@ -323,7 +323,7 @@ class StreamReader:
     def _read_set(self, now: _Set) -> ForeignRays:
         if now.model is None or now.expected != len(now.lines):
             self._refuse(f"the set {now.name} has {len(now.lines)} of its {max(0, now.expected)} rays", AGAIN)
-        display = parse_display("\n".join(now.file), f"{self._where}, the set {now.name}")
+        display = parse_display("\n".join(now.file), f"{WHERE}, the set {now.name}")
         questions: Floats | list[str]
         if now.fraction_bits is None:
             table = _complete_rows(now.lines)
