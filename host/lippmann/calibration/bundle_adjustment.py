@@ -31,7 +31,7 @@ from lippmann.base import interrupts
 from lippmann.calibration.lens_projection import FOLDS, LensProjection, powers
 from lippmann.calibration.lenslet_measurement import Lenslets, regular
 from lippmann.display.description import Display, Grid
-from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.rays import Floats
 
 #: The array's parameters, and the step of each for differences: mm, radians, shares.
 ARRAY = {"pitch_x": 1e-5, "pitch_y": 1e-5, "shear": 1e-6, "rotation": 1e-6, "offset_x": 1e-4, "offset_y": 1e-4}
@@ -292,12 +292,11 @@ class Problem:
     def thinned(self, most: int) -> Problem:
         """Return the problem with at most so many lenslets of each view, chosen at random."""
         rng = np.random.default_rng(SEED)
-        return replace(self, views=[_some(one, np.sort(rng.permutation(len(one.index))[:most])) for one in self.views])
-
-
-def _some(view: Lenslets, at: Indices) -> Lenslets:
-    fields = ("index", "photo_px", "panel_mm", "half_px", "cell_px", "moves")
-    return replace(view, readings=None, **{name: getattr(view, name)[at] for name in fields})
+        fields, views = ("index", "photo_px", "panel_mm", "half_px", "cell_px", "moves"), []
+        for view in self.views:
+            at = np.sort(rng.permutation(len(view.index))[:most])
+            views.append(replace(view, readings=None, **{name: getattr(view, name)[at] for name in fields}))
+        return replace(self, views=views)
 
 
 class Weights(NamedTuple):

@@ -88,7 +88,10 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
     growth = min(0.5, display.aperture_distance_mm / (NEAREST_WIDTHS * display.panel.width_mm))
     pitch = display.array.coarsest_mm
     best: tuple[float, SeenLattice] | None = None
-    for middle in _middles(points_mm):
+    # Of the middles of first regions some may be hidden.
+    low, high = np.percentile(points_mm, (5.0, 95.0), axis=0)
+    for shares in [*itertools.product((0.5, 0.35, 0.65), repeat=2)][:5]:
+        middle = low + (high - low) * shares
         found = _followed(points_mm, middle, nominal, display.array.grid, pitch, growth)
         if found is not None and (best is None or found[0] > best[0]):
             best = found
@@ -101,7 +104,16 @@ def find_lattice(name: str, points_mm: Floats, display: Display) -> SeenLattice:
             f"({100.0 * share:.0f} % of them near lattice points)"
         )
         raise input_error(name, what, reach_text())
-    _check_reach(name, best[1], nominal, growth)
+    # A lattice at the edge of the search may be beaten by another one beyond it.
+    change = best[1].basis @ np.linalg.inv(nominal)
+    turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))
+    stretch = math.sqrt(abs(float(np.linalg.det(change)))) - 1.0
+    beyond = not -MOST_STRETCH < stretch < (1.0 + MOST_STRETCH) * (1.0 + growth) - 1.0
+    if abs(turn) > MOST_ROTATION_DEG or beyond:
+        raise InputError(
+            f"{name}: the points seen on the panel are turned by {turn:.2f} degrees, and their distances "
+            f"(pitch times magnification) differ by {100.0 * stretch:.2f} %, against the display file; {reach_text()}"
+        )
     return best[1]
 
 
@@ -111,12 +123,6 @@ def reach_text() -> str:
         "check the panel's width_px and dpi, and grid, pitch_mm and gap_mm in the display file; rotation may be "
         "off by 5 degrees, pitch by 1 % and gap by 20 %"
     )
-
-
-def _middles(points_mm: Floats) -> list[Floats]:
-    """Return the middles of the first regions, of which some may be hidden."""
-    low, high = np.percentile(points_mm, (5.0, 95.0), axis=0)
-    return [low + (high - low) * share for share in itertools.product((0.5, 0.35, 0.65), repeat=2)][:5]
 
 
 def _followed(
@@ -175,16 +181,3 @@ def _fitted(points_mm: Floats, found: SeenLattice) -> SeenLattice | None:
     solved = np.linalg.lstsq(design, points_mm[near], rcond=None)[0]
     basis = solved[1:].T
     return SeenLattice(solved[0] - basis @ middle, basis, found.grid)
-
-
-def _check_reach(name: str, found: SeenLattice, nominal: Floats, growth: float) -> None:
-    """Refuse a lattice at the edge of the search, which another one beyond it may beat."""
-    change = found.basis @ np.linalg.inv(nominal)
-    turn = math.degrees(math.atan2(change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]))
-    stretch = math.sqrt(abs(float(np.linalg.det(change)))) - 1.0
-    beyond = not -MOST_STRETCH < stretch < (1.0 + MOST_STRETCH) * (1.0 + growth) - 1.0
-    if abs(turn) > MOST_ROTATION_DEG or beyond:
-        raise InputError(
-            f"{name}: the points seen on the panel are turned by {turn:.2f} degrees, and their distances "
-            f"(pitch times magnification) differ by {100.0 * stretch:.2f} %, against the display file; {reach_text()}"
-        )
