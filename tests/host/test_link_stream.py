@@ -14,7 +14,7 @@ from lippmann.board import retries
 from lippmann.board.board import Board
 from lippmann.board.packets import BACK, FRONT, Kind, packed
 from lippmann.board.retries import RoundTrip
-from lippmann.board.streaming import BoardRows, Sent, send_frame
+from lippmann.board.streaming import BoardSink, Sent, send_frame
 from lippmann.errors import DeviceError, InputError, NoBoardError
 from lippmann.rendering.executors import RenderedBand
 from model_board import ModelBoard
@@ -57,7 +57,8 @@ def test_rows_are_sent_as_they_come(reset):
     """Each tile once, when its last row has come; a board that is reset in between gets them again."""
     with joined(width=100, height=70) as (model, board):
         image = noise(model)
-        rows = BoardRows(board)
+        display = display_of("hex", "panel", width_px=100, height_px=70)
+        rows = BoardSink(board, SimpleNamespace(display=display, bands=(range(70),)), force=True)
         for first, tiles in ((50, 0), (0, 0), (64, 4), (16, 8), (32, 8)):
             last = {50: 64, 64: 70}.get(first, first + 16)
             rows.put(first, image[first:last])

@@ -196,13 +196,18 @@ class _TileWindow(Window):
         return False
 
 
-class BoardRows:
-    """A frame that is sent to a board while its rows are rendered; the panel shows it when `finish` returns.
+class BoardSink:
+    """Bands of a plan, sent to a board as they are rendered: a `lippmann.rendering.sinks.Sink`.
 
-    Rows may come in any order, of any number, each once. A tile is sent when its last row has come.
+    The panel shows the frame when `finish` returns. A tile is sent when its last row has come.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
+        """Raise InputError for a plan for another display than the board's, with `force` only for another size."""
+        panel = plan.display.panel
+        check_shape((panel.height_px, panel.width_px, 3), plan.display, session.info, force)
+        self.bands = bands_of_plan(plan)
+        self._panel = panel
         self._session = session
         self._grid = session.info.grid
         self._frame = np.zeros((self._grid.height, self._grid.width, 3), np.uint8)
@@ -210,7 +215,10 @@ class BoardRows:
         self._sent = Sent()
 
     def put(self, first: int, rows: Pixels) -> None:
-        """Take panel values (rows, width, 3) uint8 from row `first` on, and send the tiles that are complete."""
+        """Take panel values (rows, width, 3) uint8 from row `first` on, and send the tiles that are complete.
+
+        Rows may come in any order, of any number, each once.
+        """
         last = first + len(rows)
         self._frame[first:last] = rows
         self._missing[first:last] = False
@@ -224,7 +232,7 @@ class BoardRows:
         back = self._session.tiles(BACK)
         to_send = [tile for tile in complete if back.crcs[tile] != frame_crc(self._grid.cut(self._frame, tile))]
         in_front = np.zeros(self._grid.count, np.bool_)
-        tiles = _TileWindow(self._session, self._frame, back.epoch, in_front, self._sent, WINDOW_BYTES)
+        tiles = _TileWindow(self._session, self._frame, back.epoch, in_front, self._sent)
         # Where the board's buffers were swapped meanwhile, `finish` begins again.
         tiles.run(to_send, self._grid.count, ends=ReplyStatus.STALE_EPOCH)
         self._sent.wire_bytes += self._session.line.written - written
@@ -233,18 +241,6 @@ class BoardRows:
     def finish(self) -> Sent:
         """Send the tiles that the board lacks, show the frame, and return the counts; raises as `send_frame`."""
         return send_frame(self._session, self._frame, sent=self._sent)
-
-
-class BoardSink(BoardRows):
-    """Bands of a plan, sent to a board as they are rendered: a `lippmann.rendering.sinks.Sink`."""
-
-    def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
-        """Raise InputError for a plan for another display than the board's, with `force` only for another size."""
-        panel = plan.display.panel
-        check_shape((panel.height_px, panel.width_px, 3), plan.display, session.info, force)
-        super().__init__(session)
-        self.bands = bands_of_plan(plan)
-        self._panel = panel
 
     def missing_bands(self) -> Sequence[Band]:
         """Return all bands."""

@@ -322,7 +322,8 @@ class Display:
             check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         where = f"display '{self.name}', misaligned: "
-        _check_gap(self.gap_mm + gap_mm, where)
+        if self.gap_mm + gap_mm < 0.0:
+            raise input_error(f"{where}gap_mm", f"{self.gap_mm + gap_mm:g} mm is negative", "make it 0 or more")
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
         _check(display, where)
         return display
@@ -477,11 +478,6 @@ def _check(display: Display, where: str) -> None:
         if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # nobody looks from some millimetres away
             farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
-
-
-def _check_gap(gap_mm: float, where: str) -> None:
-    if gap_mm < 0.0:
-        raise input_error(f"{where}gap_mm", f"{gap_mm:g} mm is negative", "make it 0 or more")
 
 
 def _check_extent(display: Display, where: str) -> None:

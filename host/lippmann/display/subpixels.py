@@ -88,7 +88,8 @@ class Layout:
         boxes = []
         for number in range(self.columns * self.rows):
             row, column = divmod(number, self.columns)
-            _, x, y, w, h = min(own, key=lambda sub: (_pixel_of(sub) != (column, row), _away(sub, column, row)))
+            away = {sub: math.hypot(sub[1] - column, sub[2] + row) for sub in own}
+            _, x, y, w, h = min(own, key=lambda sub: (_pixel_of(sub) != (column, row), away[sub]))
             boxes.append(Box(x - column, -y - row, w, h))
         return boxes
 
@@ -101,10 +102,6 @@ class Layout:
 def _pixel_of(subpixel: Subpixel) -> tuple[int, int]:
     """Return column and row of the pixel that a sub-pixel belongs to."""
     return math.floor(subpixel[1] + 0.5), math.floor(-subpixel[2] + 0.5)
-
-
-def _away(subpixel: Subpixel, column: int, row: int) -> float:
-    return math.hypot(subpixel[1] - column, subpixel[2] + row)
 
 
 def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
