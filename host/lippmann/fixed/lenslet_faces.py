@@ -45,8 +45,6 @@ def meet_dome(
 ) -> Meeting:
     """Meet the unit sphere around the origin with rays from V = (hx, hy, zc).
 
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
-
         b    = ((hx dx >> F-4+E) + (hy dy >> F-4+E) + (zc dz >> F-4+3E) + 1) >> 1
         C    = (1 - zc^2) - (hx hx >> F-3) - (hy hy >> F-3) + (b b >> F+5)
         cos  = sqrt(min(max(C, 0), M)),  s = min(max(2^(F+3) - C, 0), M)
@@ -103,8 +101,7 @@ def cell_step(
     Near words, `half` is px / (2 R), `half_y` py / (2 R); `rise` is h = (sqrt(3)/2) px / py - s / 2, a word of W + 2
     bits and F + 1 fraction bits; `lean` is the shear s, a wide word. Square: the sign of each of q0 and q1 = ny that is
     outside [-half, half) or [-half_y, half_y). Hexagonal: across the flat with the largest of |q0|, |q1|, |q2|, where
-    q1 = nx / 2 + h ny, q2 = q1 - q0, and |q| is ~q below 0. q0 is nx, in a build with `shear` nx - s ny. As integers,
-    a b >> k the product that `multiplier` cuts by k places:
+    q1 = nx / 2 + h ny, q2 = q1 - q0, and |q| is ~q below 0. q0 is nx, in a build with `shear` nx - s ny:
 
         q0   = ((nx << 3) - (ny s >> F-3) + 4) >> 3
         q1   = ((ny m >> F-2) + (nx << 2) + (n ny << 3) + 4) >> 3,  h = n 2^(F+1) + m
@@ -152,8 +149,6 @@ def enter_flat(ex: Ints, ey: Ints, index_inverse: int, f: int) -> tuple[Ints, In
 
     dz has 3 E bits more. The mask tells where it is steeper than 60 degrees: M - g < 1/4, which `sqrt` does not take.
 
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
-
         t_x  = ((e_x i >> F-2) + 4) >> 3,  t_y likewise
         g    = max((t_x t_x >> F-3+2E) + (t_y t_y >> F-3+2E), 0) >> 2
         dz   = sqrt(M - g)
@@ -193,8 +188,6 @@ def enter_dome(
 ) -> tuple[Ints, Ints, Bools]:
     """Return the lateral direction in the glass, near words, and a mask of overflow.
 
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
-
         C'   = 2^(F+3) - (s i2 >> F)
         cos' = sqrt(min(max(C', 0), M))
         k    = (4 cos' - (cos i >> F-1) + 4) >> 3
@@ -220,8 +213,6 @@ def leave_dome(
     met: Meeting, ex: Ints, ey: Ints, dz: Ints, index: int, index_square: int, f: int
 ) -> tuple[Ints, Ints, Ints, Bools, Bools]:
     """Return the direction in the air (near words), and masks of the rays that are totally reflected, and of overflow.
-
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 
         C'   = 2^(F+3) - (s n2 >> F)
         cos' = sqrt(min(max(C', 0), M))
@@ -263,8 +254,6 @@ class FlatExit(NamedTuple):
 
 def leave_flat(met: Meeting, dx: Ints, dy: Ints, depth: int, index: int, index_square: int, f: int) -> FlatExit:
     """Carry rays in the glass from the dome to the flat face and refract them.
-
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, M = 2^(F+3) - 1:
 
         g    = max((dx dx >> F-3) + (dy dy >> F-3), 0) >> 2
         y    = M - g

@@ -123,8 +123,8 @@ def converge(
 
     Return the pixels' points from their lenslets' centres, words of F + 4 bits, and where these do not hold them.
 
-    C is the lenslet's centre, A the point in front of the eye. Words are integers; a b >> k is the product that
-    `multiplier` cuts by k places. In half pitches and half rows C is (2 i + j, 2 j), on the square grid (2 i, 2 j):
+    C is the lenslet's centre, A the point in front of the eye. In half pitches and half rows C is (2 i + j, 2 j), on
+    the square grid (2 i, 2 j):
 
         t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 
@@ -145,8 +145,6 @@ def shear(x: Ints, y: Ints, g: int, f: int, bits: int) -> tuple[Ints, Bools]:
     """Return x + g y, F + 4 bits, and where these do not hold it; x and y of `bits` bits, in pitches and rows.
 
     g is a far word.
-
-    Words as integers, y g >> k the product that `multiplier` cuts by k places:
 
         x'   = ((x << 3) + (y g >> F-3) + 4) >> 3
     """
@@ -169,8 +167,7 @@ def blend(
     """Return k x + l a, without `a` the first product alone, and where its `y_bits` do not hold it.
 
     Factors are wide words, with `extra` more fraction bits, as y then has; x has `x_bits` bits where that is given, and
-    a `a_bits`, both F fraction bits. Words as integers, a b >> k the
-    product that `multiplier` cuts by k places:
+    a `a_bits`, both F fraction bits:
 
         y    = ((k x >> F-3) + (l a >> F-3) + 4) >> 3
     """
@@ -185,8 +182,7 @@ def blend(
 def unit_slope(mx: Ints, my: Ints, f: int, extra: int = 0) -> tuple[Ints, Ints, Ints, Bools]:
     """Return (m_x, m_y, 1) / sqrt(1 + m^2), near words, of a slope in wide words, and where m^2 >= 3.
 
-    All have E = `extra` more fraction bits than such words. Words as integers, a b >> k the product that `multiplier`
-    cuts by k places:
+    All have E = `extra` more fraction bits than such words:
 
         x    = ((m_x m_x >> F-4+2E) + (m_y m_y >> F-4+2E) + 2^(F+4) + 4) >> 3
         e_z  = min(rsqrt(x), 2^(F+1+E) - 1)

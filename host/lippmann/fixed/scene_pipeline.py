@@ -103,7 +103,7 @@ class Lines(NamedTuple):
 def exit_line(rays: FixedRays, xi: int, xj: int, yj: int, f: int) -> Lines:
     """Return the lines of exit rays; `xi`, `xj` and `yj` are the lattice's words, 30 fraction bits.
 
-    Words as integers, a b >> k the product that `multiplier` cuts by k places, q the reciprocal root of 4 dz:
+    With q the reciprocal root of 4 dz:
 
         r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
         slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
@@ -145,8 +145,6 @@ def coefficient_bits(f: int) -> int:
 
 def layer_coordinate(lines: Lines, layer: LayerWords, bilinear: bool, f: int) -> tuple[Ints, Ints, Bools]:
     """Return the coordinates s, t (8 fraction bits) where lines meet a layer, and which are beyond the words' range.
-
-    Words as integers, a b >> k the product that `multiplier` cuts by k places:
 
         X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
         Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1

@@ -177,7 +177,7 @@ def quadratic(x: Ints, root: Root, f: int) -> Ints:
 def rsqrt(x: Ints, f: int, extra: int = 0) -> Ints:
     """Return 1 / sqrt(x), F + 1 + K fraction bits and in [1/2, 1], of x in [1, 4) with F + 1 fraction bits.
 
-    K is `extra`, up to 3. With q from `quadratic`, words as integers:
+    K is `extra`, up to 3. With q from `quadratic`:
 
         y    = (q + (4 >> K)) >> (3 - K)
     """
@@ -188,7 +188,7 @@ def sqrt(x: Ints, f: int, normalise: bool = True, extra: int = 0) -> Ints:
     """Return sqrt(x), a near word, of x in [0, 1) with F + 3 fraction bits; [1/4, 1) unless `normalise`.
 
     The root has K = `extra` more bits, up to 3. 4^k x is brought up to [1/4, 1), k at most 15, and its root q
-    (`quadratic`) shifted back by k; 0 gives 0. Words as integers:
+    (`quadratic`) shifted back by k; 0 gives 0:
 
         y    = min(((q >> k) + (4 >> K)) >> (3 - K), 2^(F+1+K) - 1)
     """
