@@ -98,9 +98,7 @@ def remove_stale(folder: Path) -> None:
                 _remove(Path(entry.path))
 
 
-@functools.cache
-def _remove_stale_once(folder: Path) -> None:
-    remove_stale(folder)
+_remove_stale_once = functools.cache(remove_stale)
 
 
 def clean_before_writing(folder: Path) -> None:

@@ -92,7 +92,12 @@ def start_command(
 
     Example: lippmann board start --display scenes/displays/paper-square.toml --capture out
     """
-    _check_ports(line, tcp_port, trace_clocks)
+    if line in ("pty", "unix") and tcp_port is not None:
+        kind = "a pty" if line == "pty" else "a Unix socket"
+        raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
+    if trace_clocks[0] >= trace_clocks[1]:
+        what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
+        raise input_error("--trace-clocks", what, "give the first clock first")
     display = load_display(display_path)
     virtual_board.check_panel(display)
     _check_places(capture, ready, trace)
@@ -145,16 +150,6 @@ def _serve(
         f"{counts['clocks'] / counts['seconds'] / 1e6:.2f} M clocks/s, {counts['frames']} frames, "
         f"{counts['bytes_in']} bytes in, {counts['bytes_out']} out"
     )
-
-
-def _check_ports(line: str | None, tcp_port: int | None, trace_clocks: tuple[int, int]) -> None:
-    """Refuse a TCP port of another kind of line, and an empty range of clocks."""
-    if line in ("pty", "unix") and tcp_port is not None:
-        kind = "a pty" if line == "pty" else "a Unix socket"
-        raise input_error("--tcp-port", f"{kind} has no port number", "leave it out, or use --line tcp")
-    if trace_clocks[0] >= trace_clocks[1]:
-        what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
-        raise input_error("--trace-clocks", what, "give the first clock first")
 
 
 def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) -> None:

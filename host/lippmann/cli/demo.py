@@ -20,8 +20,7 @@ from lippmann.base.images import Radiance
 from lippmann.base.progress import report_each
 from lippmann.base.tones import decode, psnr_db
 from lippmann.board.panel_frames import panel_values
-from lippmann.board.tiles import Pixels
-from lippmann.board.virtual_loop import Loop, draw_on_virtual_board, run_on_virtual_board
+from lippmann.board.virtual_loop import draw_on_virtual_board, run_on_virtual_board
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options_common import DEVICE, SCENES, Point
 from lippmann.cli.output import emit, log
@@ -94,7 +93,15 @@ def command(
     result = {
         "display": display.name,
         "render_seconds": image.measured["seconds"],
-        **_compare(loop, frame),
+        "rays_compared": loop.check.rays,
+        "rays_equal": loop.check.equal,
+        "stream_seconds": loop.sent.seconds,
+        "bytes_per_second": loop.sent.rate,
+        "resends": loop.sent.resends,
+        "bytes": frame.size,
+        "bytes_differ": int((loop.panel_frame != frame).sum()),
+        "crc_equal": loop.panel_crc == loop.sent.crc,
+        "clocks": loop.clocks,
         "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
         "drawn": drawn,
     }
@@ -130,21 +137,6 @@ def _boards_compile_meanwhile(streamed: Display, drawn: Display) -> Iterator[Non
         finally:
             for board in boards:
                 board.cancel()
-
-
-def _compare(loop: Loop, frame: Pixels) -> dict[str, Any]:
-    """Return the figures of the board that showed a frame (height, width, 3)."""
-    return {
-        "rays_compared": loop.check.rays,
-        "rays_equal": loop.check.equal,
-        "stream_seconds": loop.sent.seconds,
-        "bytes_per_second": loop.sent.rate,
-        "resends": loop.sent.resends,
-        "bytes": frame.size,
-        "bytes_differ": int((loop.panel_frame != frame).sum()),
-        "crc_equal": loop.panel_crc == loop.sent.crc,
-        "clocks": loop.clocks,
-    }
 
 
 def _steps(result: Mapping[str, Any], panel: Panel) -> Iterator[tuple[str, str]]:

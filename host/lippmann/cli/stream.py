@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import asdict
-from typing import Any, Self
+from typing import Any
 
 from lippmann.base.images import check_input
 from lippmann.board.board import Board
@@ -59,7 +60,7 @@ def command(
     for image in images:
         check_input(image)
     url, rate = chosen_port(port, baud)
-    with _Stream(url, rate, resume_s, verify) as stream:
+    with contextlib.closing(_Stream(url, rate, resume_s, verify)) as stream:
         hello = stream.board.info
         if display is not None and not force:
             check_board(stream.board, display, str(display_path), ", or stream with --force")
@@ -91,10 +92,8 @@ class _Stream:
         self._url, self._baud, self._resume_s, self._verify = url, baud, resume_s, verify
         self.board = self._opened()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Close the board that is open now."""
         self.board.close()
 
     def send(self, frame: Pixels, label: str) -> Sent:
