@@ -408,11 +408,8 @@ def _told(row: Mapping[str, Any]) -> list[str]:
         met = row[f"{clock}_mhz"]
         lines.append(f"  {clock:<12}{row[f'{clock}_asked_mhz']:8.2f} MHz asked{met or math.nan:9.2f} MHz met")
     cells = [f"{row[name]} {name.upper()}" for name in ("lut", "ff", "dp16kd", "mult18x18d", "ramw") if name in row]
-    return [
-        *lines,
-        *([f"  {', '.join(cells)}"] if cells else []),
-        *([f"  not met: {row['missed']}"] * bool(row["missed"])),
-    ]
+    lines += [f"  {', '.join(cells)}"] if cells else []
+    return lines + ([f"  not met: {row['missed']}"] if row["missed"] else [])
 
 
 def _seeds(text: str) -> list[int]:

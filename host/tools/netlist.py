@@ -538,14 +538,13 @@ def main(
         raise CrossingError(crossings.wrong[0])
     log(f"simulating {boards.netlist.path.name} and {boards.rtl.path.name}")
     result, netlist, rtl = compare(boards)
+    wrong = [f"{result.differ} pixels differ from the RTL's"] if result.differ else []
     for name, told in (("netlist", netlist), ("RTL", rtl)):
+        wrong += [f"{name}: {one}" for one in wrong_counts(told.counts)]
         clocks, seconds = float(told.counts["clocks"]), float(told.counts["processor_seconds"])
         click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} a second of the processor")
     click.echo(f"{result.replies} replies to {result.kinds} kinds of requests are the RTL's")
     click.echo(f"{result.pixels} pixels compared, {result.differ} differ")
-    wrong = [f"{result.differ} pixels differ from the RTL's"] if result.differ else []
-    for name, told in (("netlist", netlist), ("RTL", rtl)):
-        wrong += [f"{name}: {one}" for one in wrong_counts(told.counts)]
     if wrong:
         raise NetlistError("; ".join(wrong))
 

@@ -217,11 +217,6 @@ def _place_of(cell: str) -> str:
 ERRORS = ("max_direction_urad", "rms_direction_urad", "max_point_nm", "rms_point_nm")
 
 
-def drawing_page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
-    """Return the page of the designs that draw a scene."""
-    return make_page("synthesis-drawing", origin, [], {"synthesis-drawing": rows}, {"rows": rows, "mhz": WANTED_MHZ})
-
-
 def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Sequence[Mapping[str, Any]]) -> Page:
     """Return the page of the configurations and of the whole designs."""
     shown = rows or whole
@@ -276,7 +271,8 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
     chosen = "".join(f" --seed {seed}" for seed in seeds)
     origin = provenance(f"python -m tools.synthesis{chosen}{options}", ("numpy",), flow.versions())
     if drawn:
-        drawing_page(origin, drawn).write(Path(report))
+        context = {"rows": drawn, "mhz": WANTED_MHZ}
+        make_page("synthesis-drawing", origin, [], {"synthesis-drawing": drawn}, context).write(Path(report))
     if rows or whole:
         page(origin, rows, whole).write(Path(report))
     if rows and kept:
