@@ -244,7 +244,7 @@ def fit_layers(
     Raises
     ------
     InputError
-        As `lippmann.layers.choose.choose_layers`, and for bad files.
+        As `lippmann.layers.layer_choice.choose_layers`, and for bad files.
     """
     built = display_at(display)
     with open_scene(scene, placement, device) as loaded:

@@ -25,7 +25,7 @@ class Widget:
     """The viewer page of an image, below a notebook's cell; it needs nothing but itself."""
 
     page: str
-    height_px: int = HEIGHT_PX
+    height_px: int
 
     def _repr_html_(self) -> str:
         """Return the frame that a notebook shows."""

@@ -403,7 +403,6 @@ def write_surface(
     The first row of a texture is at v = 0 in Mitsuba; colours are linear, its attribute `vertex_color`.
     """
     mi = mitsuba()
-
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )

@@ -98,7 +98,6 @@ class Placement:
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self
-
         near, far = (
             own if own is not None or depth is None else float(step[2, 2] * depth + step[2, 3])
             for own, depth in ((self.near_mm, before.near_mm), (self.far_mm, before.far_mm))
