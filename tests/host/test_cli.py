@@ -820,10 +820,7 @@ def test_ctrl_c_while_the_file_is_written(place, capfd, mi, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(os, "replace", interrupted)
-    for arguments in (
-        render("-o", "a.exr"),
-        ("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.npz"),
-    ):
+    for arguments in (render("-o", "a.exr"), ("trace", "--display", "tiny.toml", "--pixels", "3", "-o", "r.npz")):
         code, out, err = lippmann(capfd, *arguments)
         assert code == 130
         assert out == ""

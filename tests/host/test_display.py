@@ -204,11 +204,7 @@ def test_aperture_distance():
 def test_defaults():
     display = parse_display(toml(), "dir/fish.toml")
     assert display.name == "fish"
-    assert (display.panel.subpixels, display.panel.bits, display.panel.transfer) == (
-        "none",
-        8,
-        "srgb",
-    )
+    assert (display.panel.subpixels, display.panel.bits, display.panel.transfer) == ("none", 8, "srgb")
     assert (display.array.plano_side, display.array.rotation_deg) == ("panel", 0.0)
     assert (display.array.offset_mm, display.array.glass) == ((0.0, 0.0), None)
 
@@ -343,13 +339,7 @@ TABLES = {"panel": PANEL, "array": ARRAY}
 
 
 @pytest.mark.parametrize(
-    ("table", "key"),
-    [
-        ("panel", "width_px"),
-        ("panel", "height_px"),
-        ("array", "grid"),
-        ("array", "pitch_mm"),
-    ],
+    ("table", "key"), [("panel", "width_px"), ("panel", "height_px"), ("array", "grid"), ("array", "pitch_mm")]
 )
 def test_missing_key(table, key):
     refused(toml(**{table: but(TABLES[table], **{key: None})}), f"{table}.{key}: ", "add it")
@@ -364,11 +354,7 @@ def test_missing_gap_and_tables():
 
 @pytest.mark.parametrize(
     ("table", "first", "second"),
-    [
-        ("panel", "pixel_pitch_mm", "dpi"),
-        ("array", "index", "glass"),
-        ("array", "radius_mm", "focal_length_mm"),
-    ],
+    [("panel", "pixel_pitch_mm", "dpi"), ("array", "index", "glass"), ("array", "radius_mm", "focal_length_mm")],
 )
 def test_both_or_neither_of_alternatives(table, first, second):
     values = {"dpi": 508.0, "glass": "PMMA", "focal_length_mm": 4.0}
@@ -507,8 +493,7 @@ def test_not_a_whole_number(key, raw):
 
 
 @pytest.mark.parametrize(
-    "raw",
-    ["1.0", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 1.0]', "[nan, 0.0]", "[0.0, inf]", "[true, 0]"],
+    "raw", ["1.0", "[1.0]", "[1.0, 2.0, 3.0]", '["a", 1.0]', "[nan, 0.0]", "[0.0, inf]", "[true, 0]"]
 )
 def test_bad_offset(raw):
     refused(with_raw("array", "offset_mm", raw), "array.offset_mm: ", "give")
@@ -810,10 +795,7 @@ def test_lenslets_finer_than_pixels():
     refused(toml(array=array), "array.pitch_mm: ", "finer", "at least a pixel")
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["gap_mm = ", "[panel", "= 1", "a = 'x\n", "\x00", "é = 1"],
-)
+@pytest.mark.parametrize("text", ["gap_mm = ", "[panel", "= 1", "a = 'x\n", "\x00", "é = 1"])
 def test_broken_toml(text):
     message = refused(text, "not TOML", "syntax")
     assert "line" in message or "end of document" in message

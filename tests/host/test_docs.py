@@ -442,11 +442,7 @@ def test_python_examples_run(tmp_path, page, made, whole):
     run_page(TOP / page, reader_folder(tmp_path, whole))
     code = "\n".join(text for _, text in blocks(TOP / page, "python"))
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        check=False,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
+        [sys.executable, "-W", "error", "-c", code], check=False, cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / made).is_file()

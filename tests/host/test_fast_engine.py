@@ -213,13 +213,7 @@ def test_statuses_right_at_the_edges(grid, side):
     """
     rng = generator(3, grid, side)
     display = display_of(
-        grid,
-        side,
-        radius=0.75 if grid == "square" else 0.62,
-        index=1.6,
-        thickness=None,
-        gap=0.2,
-        rotation=12.0,
+        grid, side, radius=0.75 if grid == "square" else 0.62, index=1.6, thickness=None, gap=0.2, rotation=12.0
     )
     n = 4000
     low, high = (random_pixels(rng, display, n) for _ in range(2))

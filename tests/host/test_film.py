@@ -224,10 +224,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
         ("frames = 3\n", "scene"),
         ('scene = "three.xml"\nframes = 0\n', "frames"),
         (FILM + "frames_per_second = 0\n", "frames_per_second"),
-        (
-            FILM + "frames_per_second = 0.09\n",
-            "0.09 is not valid; give a finite number, from 0.1 to 1000",
-        ),
+        (FILM + "frames_per_second = 0.09\n", "0.09 is not valid; give a finite number, from 0.1 to 1000"),
         (FILM + "frames_per_second = 1001\n", "frames_per_second"),
         (FILM + 'motion = "jumpy"\n', "motion"),
         (FILM + "speed = 3\n", "speed"),

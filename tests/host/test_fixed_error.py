@@ -262,15 +262,7 @@ def test_a_worse_step_shows_in_its_own_row(monkeypatch):
 
 def test_report(monkeypatch, tmp_path):
     monkeypatch.setattr(fixed_errors, "WHOLE", 5_000)
-    arguments = [
-        "fixed",
-        "--scenes",
-        str(SCENES),
-        "--configuration",
-        "widest-square",
-        "--report",
-        str(tmp_path),
-    ]
+    arguments = ["fixed", "--scenes", str(SCENES), "--configuration", "widest-square", "--report", str(tmp_path)]
     result = click.testing.CliRunner().invoke(bench.command, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     page = (tmp_path / "fixed-point-error.md").read_text()

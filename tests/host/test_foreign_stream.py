@@ -361,8 +361,7 @@ def biased(answers, urad, nm):
 
 
 @pytest.mark.parametrize(
-    ("urad", "nm", "right"),
-    [(60, 0, True), (80, 0, "chief"), (100, 0, False), (0, 300, True), (0, 500, False)],
+    ("urad", "nm", "right"), [(60, 0, True), (80, 0, "chief"), (100, 0, False), (0, 300, True), (0, 500, False)]
 )
 def test_bounds_of_steps_and_cases(urad, nm, right, tracer, tmp_path):
     """Chief rays may be off by 90 microradians, others of a turned array by 70, exit points by 400 nm."""

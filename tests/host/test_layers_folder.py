@@ -170,10 +170,7 @@ def beyond_palette():
 WRONG = {
     "colours": (lambda path: Image.new("RGB", (4, 2)).save(path), "is a RGB picture without a palette; cut it into"),
     "grey": (lambda path: Image.new("L", (4, 2)).save(path), "is a grey picture without a palette"),
-    "large": (
-        lambda path: Image.new("P", (1025, 2)).save(path),
-        "has 1025 x 2 texels, more across or down",
-    ),
+    "large": (lambda path: Image.new("P", (1025, 2)).save(path), "has 1025 x 2 texels, more across or down"),
     "cut": (lambda path: path.write_bytes(path.read_bytes()[:-30]), "is not a whole PNG picture"),
     "text": (lambda path: path.write_text("no picture"), "is not a whole PNG picture"),
     "gif": (lambda path: Image.new("P", (4, 2)).save(path, "GIF"), "is not a whole PNG picture"),

@@ -597,11 +597,7 @@ SHOWN = ["0x018  0x000004FF  display", "brightness = 255", "pattern = 4 (checker
         (["display"], SHOWN, True),
         (["0x18"], SHOWN, False),
         (["lens"], ["0x01C  0x00020FFD  lens", "i = -3", "j = 2"], True),
-        (
-            ["0x18", "2"],
-            [*SHOWN, "0x01C  0x00020FFD  lens", "i = -3", "j = 2"],
-            False,
-        ),
+        (["0x18", "2"], [*SHOWN, "0x01C  0x00020FFD  lens", "i = -3", "j = 2"], False),
         (["0x100"], ["0x100  0x00000007"], False),
     ],
 )

@@ -83,10 +83,7 @@ def test_a_stack_is_loaded_whole(model):
 def test_a_bad_line_loads_what_was_sent(model, fault, window):
     rng = generator(SEED, fault, window)
     contents = {slot: rng.bytes(4096) for slot in range(5)}
-    with (
-        Proxy(model.url, SEED, FAULTS[fault], FAULTS[fault]) as line,
-        Board.open(line.url, FAST_BAUD, 8.0) as board,
-    ):
+    with Proxy(model.url, SEED, FAULTS[fault], FAULTS[fault]) as line, Board.open(line.url, FAST_BAUD, 8.0) as board:
         SceneBoard(board).load(contents, window_bytes=window)
         line.down = line.up = NO_FAULTS
     assert {slot: stored(model, slot) for slot in contents} == contents

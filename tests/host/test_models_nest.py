@@ -18,10 +18,7 @@ from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 SEED = 2005
 everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
 #: The step in (i, j) and in mm to a neighbour, pitch 1 mm.
-STEPS = {
-    "square": [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)],
-    "hex": [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1)],
-}
+STEPS = {"square": [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)], "hex": [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1)]}
 
 
 def generator(*key: int | str) -> np.random.Generator:

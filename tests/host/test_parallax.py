@@ -36,14 +36,7 @@ def display_for(grid, side="panel", rotation=0.0):
     focal, pixel = (2.0, 0.025) if side == "panel" else (6.5, 0.05)
     side_px = round(36.0 / pixel)
     return focused_display(
-        grid,
-        side,
-        focal=focal,
-        pitch=PITCH,
-        width_px=side_px,
-        height_px=side_px,
-        pixel_pitch=pixel,
-        rotation=rotation,
+        grid, side, focal=focal, pitch=PITCH, width_px=side_px, height_px=side_px, pixel_pitch=pixel, rotation=rotation
     )
 
 

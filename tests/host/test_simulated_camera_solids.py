@@ -11,15 +11,7 @@ from lippmann.errors import InputError
 from lippmann.optics.rays import gets_through
 from lippmann.optics.trace import trace_to_panel
 from tools.simulated_bench import framed
-from tools.simulated_povray import (
-    SolidsBench,
-    numbered,
-    numbers,
-    read_picture,
-    render,
-    write_model,
-    write_picture,
-)
+from tools.simulated_povray import SolidsBench, numbered, numbers, read_picture, render, write_model, write_picture
 
 #: A panel so fine that its pixels' edges do not count, columns.
 FINE_PX = 2560
@@ -28,8 +20,7 @@ FINE_PX = 2560
 def built(request, grid, side, gap_mm=0.2):
     display = load_display(request.config.rootpath / f"scenes/displays/vga-{grid}.toml")
     display = dataclasses.replace(
-        display,
-        array=dataclasses.replace(display.array, plano_side=side, thickness_mm=0.9, offset_mm=(0.13, -0.21)),
+        display, array=dataclasses.replace(display.array, plano_side=side, thickness_mm=0.9, offset_mm=(0.13, -0.21))
     )
     return display.misaligned(rotation_deg=2.0, pitch_scale=1.003, gap_mm=gap_mm)
 

@@ -615,10 +615,6 @@ def test_rayoptics_comes_without_qt_and_matplotlib():
         " 'opticalglass', 'lippmann'}))\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code], cwd=Path(__file__).parent, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"

@@ -281,10 +281,7 @@ def panel_point(optics: Optics, u: Any, v: Any) -> Vec:
 def pixel_of(optics: Optics, x: Any, y: Any) -> tuple[Mpf, Mpf]:
     """Return the continuous pixel coordinates (u, v) of a panel-frame point in mm."""
     m = _model(optics)
-    return (
-        mp.mpf(x) / m.pixel + mp.mpf(optics.width_px) / 2,
-        mp.mpf(optics.height_px) / 2 - mp.mpf(y) / m.pixel,
-    )
+    return (mp.mpf(x) / m.pixel + mp.mpf(optics.width_px) / 2, mp.mpf(optics.height_px) / 2 - mp.mpf(y) / m.pixel)
 
 
 # --- lattice --------------------------------------------------------------------------------------
@@ -402,14 +399,10 @@ def _lenslets_near(optics: Optics, p: Vec, q: Vec) -> list[Lenslet]:
     near = 0.5 + {"square": math.sqrt(1 / 2), "hex": math.sqrt(1 / 3)}[optics.grid]  # a half pitch to spare
     row = 1.0 if optics.grid == "square" else root3 / 2
     found = []
-    for j in range(
-        math.floor((min(a.imag, b.imag) - near) / row),
-        math.ceil((max(a.imag, b.imag) + near) / row) + 1,
-    ):
+    for j in range(math.floor((min(a.imag, b.imag) - near) / row), math.ceil((max(a.imag, b.imag) + near) / row) + 1):
         shift = 0.0 if optics.grid == "square" else j / 2
         for i in range(
-            math.floor(min(a.real, b.real) - near - shift),
-            math.ceil(max(a.real, b.real) + near - shift) + 1,
+            math.floor(min(a.real, b.real) - near - shift), math.ceil(max(a.real, b.real) + near - shift) + 1
         ):
             to = complex(i + shift, j * row) - a
             foot = 0.0 if way == 0 else min(1.0, max(0.0, (to * way.conjugate()).real / abs(way) ** 2))
@@ -863,13 +856,7 @@ def back_to_panel_many(
         return t
 
     def bend(
-        dx: LongArray,
-        dy: LongArray,
-        dz: LongArray,
-        a: LongArray,
-        b: LongArray,
-        c: LongArray,
-        ratio: LongArray,
+        dx: LongArray, dy: LongArray, dz: LongArray, a: LongArray, b: LongArray, c: LongArray, ratio: LongArray
     ) -> tuple[LongArray, LongArray, LongArray]:
         """Refract (dx, dy, dz) at the unit normal (a, b, c): d' = ratio d + gamma normal."""
         cos_i = dx * a + dy * b + dz * c
@@ -883,11 +870,7 @@ def back_to_panel_many(
         off = np.where(viewer, np.abs(z + T), np.abs((x * x + y * y + z * (z + 2 * R)) / (depth + R)))
         t = np.where(viewer, (-T - z) / dz, to_dome(x, y, z, dx, dy, dz))
         x, y, z = x + t * dx, y + t * dy, z + t * dz
-        normal = (
-            np.where(viewer, zero, x / R),
-            np.where(viewer, zero, y / R),
-            np.where(viewer, one, z / R + 1),
-        )
+        normal = (np.where(viewer, zero, x / R), np.where(viewer, zero, y / R), np.where(viewer, one, z / R + 1))
         dx, dy, dz = bend(dx, dy, dz, *normal, 1 / n)
         # First face. Seen from the flat face the dome ahead is not always the nearer side of the
         # ball, for a ball smaller than the glass is thick: start from where the ray crosses the
@@ -896,11 +879,7 @@ def back_to_panel_many(
         xv, yv = x + to_vertices * dx, y + to_vertices * dy
         t = np.where(viewer, to_vertices + to_dome(xv, yv, zero, dx, dy, dz), (-T - z) / dz)
         x, y, z = x + t * dx, y + t * dy, z + t * dz
-        normal = (
-            np.where(viewer, x / R, zero),
-            np.where(viewer, y / R, zero),
-            np.where(viewer, z / R + 1, one),
-        )
+        normal = (np.where(viewer, x / R, zero), np.where(viewer, y / R, zero), np.where(viewer, z / R + 1, one))
         dx, dy, dz = bend(dx, dy, dz, *normal, n * one)
         # The panel: below the flat face, or above the domes' vertices in the mirrored frame.
         t = (np.where(viewer, gap, -(T + gap)) - z) / dz

@@ -114,12 +114,7 @@ def pack(widths: Widths, words: Mapping[str, Ints | int]) -> list[int]:
     return [int(w) for w in total]
 
 
-def stream(
-    instances: Sequence[Instance],
-    batch: Sequence[tuple[Instance, Segment]],
-    bench: str,
-    seed: int,
-) -> None:
+def stream(instances: Sequence[Instance], batch: Sequence[tuple[Instance, Segment]], bench: str, seed: int) -> None:
     """Compile a bench, stream segments of words through instances of it, and compare each word that comes out."""
     program = compiled("bench", bench=bench_text(instances), name=bench, main=MAIN)
     plan, expected = [], []

@@ -37,10 +37,9 @@ SEED = 1
 def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
     generic = {path.stem.removeprefix(PREFIX): path for path in rtl_sources(TOP, *OPTICS_FOLDERS)}
-    files = {
-        "generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS],
-        "ecp5": [*CELLS, *MODELS],
-    }[request.param]
+    files = {"generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS], "ecp5": [*CELLS, *MODELS]}[
+        request.param
+    ]
     shared = [generic[name] for name in ("math_pkg", "cut_product", "delay", "fifo", "digit_product", "row_product")]
     sources = [*shared, HERE / "bench.sv", *files]
 
