@@ -6,7 +6,9 @@ seen; the counts are kept in build/rtl-tests/coverage/, and pytest ends with the
 
 import json
 import shutil
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +20,12 @@ FOLDER = BUILD / "coverage"
 class Coverage:
     """The situations of one module in one test, each with the times it was seen."""
 
-    def __init__(self, module: str, case: str) -> None:
-        self.module, self.case = module, case
-        self.seen: dict[str, int] = {}
+    def __init__(self, module: str, case: str, seen: Mapping[str, int] = MappingProxyType({})) -> None:
+        self.module, self.case, self.seen = module, case, Counter(seen)
 
     def point(self, name: str, seen: npt.ArrayLike) -> None:
         """Count a situation: a mask over words, or a number."""
-        self.seen[name] = self.seen.get(name, 0) + int(np.sum(seen))
+        self.seen[name] += int(np.sum(seen))
 
     def values(self, name: str, got: npt.ArrayLike, wanted: Iterable[object]) -> None:
         """Count each of the values that must come up."""

@@ -143,5 +143,21 @@ def simulate(
     assert failed == 0, f"{failed} of {ran} cocotb tests failed, seed {seed}\n{_tail(log)}"
 
 
+def run_cocotb(
+    top: str,
+    parameters: Mapping[str, int | str] | None = None,
+    bench: str = "",
+    name: str | None = None,
+    environment: Mapping[str, str] | None = None,
+    tests: str = "",
+) -> None:
+    """Compile a top and run its cocotb tests, which find its parameters in `cocotb.plusargs`.
+
+    `tests` is the Python module that holds them, where its name does not follow from the top's.
+    """
+    tests = tests or f"cocotb_{top.removesuffix('_bench')}"
+    simulate(compiled(top, parameters, bench, name), top, tests, seed(), environment, parameters)
+
+
 def _tail(log: Path, lines: int = 60) -> str:
     return "\n".join(log.read_text().splitlines()[-lines:]) if log.exists() else "(no log)"

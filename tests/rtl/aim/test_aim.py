@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import aim
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step
 from words import around, mixed, signed
 
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, grid):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, grid, seed, rng, seen):
     near = signed(f + 2)
     i, j, x, y, a, b = mixed(rng, 3000, signed(12), signed(12), near, near, near, near)
     edge = around(np.arange(-3, 4) << (f - 1), 1, *near)
@@ -25,9 +21,8 @@ def test_equals_twin(f, grid):
     out = aim(i, j, x, y, a, b, grid, f)
     words = {"i_i": i, "j_i": j, "x_i": x, "y_i": y, "a_i": a, "b_i": b}
     expected = {f"{name}_o": word for name, word in out._asdict().items()}
-    stream_step(f"aim-{grid}", f, [Segment({}, words, expected)], s)
+    stream_step(f"aim-{grid}", f, [Segment({}, words, expected)], seed)
 
-    seen = Coverage("aim", f"{grid}-F{f}")
     di, dj = ((out.i - i + 2048) & 4095) - 2048, ((out.j - j + 2048) & 4095) - 2048
     seen.values("step", [f"{p} {q}" for p, q in zip(di, dj, strict=True)],
                 ["0 0", "1 0", "0 1", "-1 0", "0 -1", "1 -1", "-1 1"])  # fmt: skip
@@ -36,4 +31,3 @@ def test_equals_twin(f, grid):
     seen.point("index wraps", np.abs(out.i - i) > 4)
     wraps = (np.abs(out.i - i) > 4) | (np.abs(out.j - j) > 4)
     assert out.beyond[wraps].all()
-    seen.close()

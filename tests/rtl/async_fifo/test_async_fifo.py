@@ -1,7 +1,7 @@
 """async_fifo: words between two unrelated clocks."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 @pytest.mark.parametrize(
@@ -9,6 +9,4 @@ from runner import compiled, seed, simulate
     [(9, 4, 2), *(pytest.param(*p, marks=pytest.mark.full) for p in ((32, 2, 2), (5, 5, 3)))],
 )
 def test_async_fifo(width, bits, stages):
-    parameters = {"Width": width, "AddressBits": bits, "Stages": stages}
-    program = compiled("async_fifo", parameters)
-    simulate(program, "async_fifo", "cocotb_async_fifo", seed(), plusargs=parameters)
+    run_cocotb("async_fifo", {"Width": width, "AddressBits": bits, "Stages": stages})

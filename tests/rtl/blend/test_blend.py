@@ -5,8 +5,6 @@ import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import blend
 from lippmann.fixed.words import extra_bits
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed
 
@@ -17,12 +15,9 @@ from words import mixed, signed
     ids=["wide-0", "wide-1", "far-0", "far-1", "upright", "slope-0", "slope-1"],
 )  # fmt: skip
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, more, aim, second, slope):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, more, aim, second, slope, seed, rng, seen):
     extra = slope * extra_bits(f)
     near = signed(f + 2 + extra)
-    seen = Coverage("blend", f"{second}-{more}-{aim}-{slope}-F{f}")
     segments = []
     for k, m in zip(*(w.tolist()[:35] for w in mixed(rng, 10, near, near)), strict=True):
         x, a = mixed(rng, 100, signed(f + 2 + more), signed(f + 2 + aim))
@@ -39,5 +34,4 @@ def test_equals_twin(f, more, aim, second, slope):
         seen.point("not beyond the word", ~beyond)
         segments.append(Segment({"k_i": k, "l_i": m}, {"x_i": x, "a_i": a}, {"y_o": y, "beyond_o": beyond.astype(int)}))
     name = f"-slope-{extra}" if slope else "-upright" if aim else "-far" if more else ""
-    stream_step(f"blend-{second}{name}", f, segments, s)
-    seen.close()
+    stream_step(f"blend-{second}{name}", f, segments, seed)

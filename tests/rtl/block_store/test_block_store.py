@@ -1,11 +1,9 @@
 """block_store: three clients of two buffers, whatever they ask and however they pause."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 @pytest.mark.parametrize(("width", "height"), [(13, 7), pytest.param(64, 48, marks=pytest.mark.full)])
 def test_block_store(width, height):
-    parameters = {"Width": width, "Height": height}
-    program = compiled("block_store", parameters)
-    simulate(program, "block_store", "cocotb_block_store", seed(), plusargs=parameters)
+    run_cocotb("block_store", {"Width": width, "Height": height})

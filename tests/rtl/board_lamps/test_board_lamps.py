@@ -1,8 +1,7 @@
 """board_lamps: LEDs of a board, and the button of its test patterns."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_board_lamps():
-    parameters = {"HoldBits": 5, "StillBits": 4}
-    simulate(compiled("board_lamps", parameters), "board_lamps", "cocotb_board_lamps", seed(), plusargs=parameters)
+    run_cocotb("board_lamps", {"HoldBits": 5, "StillBits": 4})

@@ -17,6 +17,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, read, write
+from streams import hold_reset
 
 F = int(os.environ["BUS_F"])
 DISPLAY = load_display(os.environ["BUS_DISPLAY"])
@@ -67,11 +68,8 @@ class Wish:
 async def driver(dut, registers):
     """What software does: identify the block, write the optics, trace a frame of the raster and two of the stream."""
     source, sink = stream(AxiStreamSource, dut, "s_axis"), stream(AxiStreamSink, dut, "m_axis")
-    dut.rst_ni.value = 0
     Clock(dut.clk_i, 2, unit="ns").start()
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
+    await hold_reset(dut)
     await FallingEdge(dut.clk_i)
     registers.pause()
     for side in (source, sink):

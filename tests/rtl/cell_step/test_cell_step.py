@@ -6,8 +6,6 @@ from bench import Segment
 from lippmann.fixed.lenslet_faces import cell_step
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step
 from words import mixed, signed
 
@@ -20,11 +18,8 @@ STEPS = {
 @pytest.mark.parametrize("sheared", [False, True], ids=["upright", "sheared"])
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, grid, sheared):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, grid, sheared, seed, rng, seen):
     low, high = signed(f + 2)
-    seen = Coverage("cell_step", f"{grid}-{sheared}-F{f}")
     segments = []
     upright = int(np.sqrt(0.75) * (1 << (f + 1)) + 0.5)
     # Nothing lies inside a negative half pitch; no display has one, but a register may.
@@ -62,15 +57,12 @@ def test_equals_twin(f, grid, sheared):
             seen.point("first outside", (nx == -half - 1) & ~inside)
         seen.point("whole part of the rise", grid == "square" or rise >> (f + 1) != 0)
         seen.point("lean", not sheared or lean != 0)
-    stream_step(f"cell_step-{grid}" + "-sheared" * sheared, f, segments, s)
-    seen.close()
+    stream_step(f"cell_step-{grid}" + "-sheared" * sheared, f, segments, seed)
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_cells_are_those_of_the_lattice(grid):
+def test_cells_are_those_of_the_lattice(grid, rng):
     """Points of random skewed cells, in float64: inside where the lattice has them, else towards their owner."""
-    s = seed()
-    rng = np.random.default_rng(s)
     f = 23
     checked = 0
     for _ in range(40):

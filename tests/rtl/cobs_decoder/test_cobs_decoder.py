@@ -1,8 +1,7 @@
 """cobs_decoder, against the cobs package."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_cobs_decoder():
-    program = compiled("cobs_decoder")
-    simulate(program, "cobs_decoder", "cocotb_cobs_decoder", seed())
+    run_cocotb("cobs_decoder")

@@ -1,8 +1,7 @@
 """cobs_encoder, against the cobs package."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_cobs_encoder():
-    program = compiled("cobs_encoder")
-    simulate(program, "cobs_encoder", "packets_out", seed())
+    run_cocotb("cobs_encoder", tests="packets_out")

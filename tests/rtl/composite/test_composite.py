@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.scene_pipeline import composite
-from rtl_coverage import Coverage
-from runner import seed
 from scene_steps import LAYERS, joined, stream_scene_step
 
 
 @pytest.mark.parametrize("layers", LAYERS)
-def test_equals_twin(layers):
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("composite", f"{layers}")
+def test_equals_twin(layers, seed, rng, seen):
     segments = []
     for number in range(8):
         count = 800
@@ -44,5 +39,4 @@ def test_equals_twin(layers):
         seen.point("the background is hidden", draws & (opacity == 65536).any(axis=1))
         seen.point("brightness above 1", (brightness > 256).sum())
         seen.point("white", draws & (out == 65025).any(axis=1))
-    stream_scene_step(f"composite-{layers}", 16, segments, s)
-    seen.close()
+    stream_scene_step(f"composite-{layers}", 16, segments, seed)

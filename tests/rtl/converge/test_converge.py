@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import converge
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step
 from words import mixed, signed
 
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, grid):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, grid, seed, rng, seen):
     near, wide = signed(f + 2), signed(f + 9)
-    seen = Coverage("converge", f"{grid}-F{f}")
     segments = []
     # Ends of the words; then shares and offsets that leave most points of a panel in the words.
     ends = [tuple(int(w[k]) for w in mixed(rng, 12, wide, wide, wide)) for k in range(0, 137, 4)]
@@ -43,5 +38,4 @@ def test_equals_twin(f, grid):
         seen.point("beyond", out.beyond)
         seen.point("within", ~out.beyond)
         seen.point("another pitch", ~out.beyond & (np.abs(out.x) > 3 << (f - 1)))
-    stream_step(f"converge-{grid}", f, segments, s)
-    seen.close()
+    stream_step(f"converge-{grid}", f, segments, seed)

@@ -1,17 +1,11 @@
 """digit_product: signed and unsigned words by every digit."""
 
-import numpy as np
 from bench import Segment
 from parts import DIGIT_PRODUCTS, digit_product, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed, signed
 
 
-def test_is_exact():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("digit_product", "all")
+def test_is_exact(seed, rng, seen):
     batch = []
     for w, digit, is_signed in DIGIT_PRODUCTS:
         low, high = signed(w) if is_signed else (0, (1 << w) - 1)
@@ -21,5 +15,4 @@ def test_is_exact():
             seen.point(f"a digit of {digit} bits, {value}", d == value)
         seen.point("least by most", (a == low) & (d == (1 << digit) - 1))
         seen.point("most by most", (a == high) & (d == (1 << digit) - 1))
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

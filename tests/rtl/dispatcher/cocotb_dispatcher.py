@@ -27,7 +27,7 @@ from protocol import (
 )  # fmt: skip
 from requests_fuzz import BODIES, traffic
 from rtl_coverage import Coverage
-from streams import PATTERNS, pattern
+from streams import PATTERNS, hold_reset, pattern
 
 WIDTH, HEIGHT, CLOCK_HZ = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "ClockHz"))
 IDENTITY = 0x0123_4567_89AB_CDEF
@@ -42,11 +42,8 @@ async def start(dut, epoch=0, slow=10, first=True):
         Clock(dut.clk_i, 2, unit="ns").start()
     dut.identity_i.value = IDENTITY
     monitor = Neighbours(dut, epoch, slow)
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await monitor.edge
+    await hold_reset(dut)
     assert not dut.out_valid_o.value
-    dut.rst_ni.value = 1
     return monitor, Reference(WIDTH, HEIGHT, CLOCK_HZ, IDENTITY, epoch)
 
 

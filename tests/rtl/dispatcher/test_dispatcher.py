@@ -1,7 +1,7 @@
 """dispatcher: every request and refusal, under pauses at all of its handshakes, against the protocol in Python."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 # A panel of more tiles than a request can name, and one of few; scenes of the least, some and the most of each.
@@ -19,5 +19,4 @@ def test_dispatcher(width, height, layers, slots, blocks):
     parameters = {
         "Width": width, "Height": height, "ClockHz": 148_500_000, "Layers": layers, "Slots": slots, "Blocks": blocks,
     }  # fmt: skip
-    program = compiled("dispatcher", parameters)
-    simulate(program, "dispatcher", "cocotb_dispatcher", seed(), plusargs=parameters)
+    run_cocotb("dispatcher", parameters)

@@ -1,7 +1,7 @@
 """dvi_out: frames of video, decoded from the bits of its wires."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_dvi_out():
-    simulate(compiled("dvi_out"), "dvi_out", "cocotb_dvi_out", seed())
+    run_cocotb("dvi_out")

@@ -4,18 +4,13 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.lenslet_faces import Meeting, enter_dome
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed, word
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s_ = seed()
-    rng = np.random.default_rng(s_)
+def test_equals_twin(f, seed, rng, seen):
     near, one = signed(f + 2), 1 << (f + 3)
-    seen = Coverage("enter_dome", f"F{f}")
     segments = []
     indices = [(int(word(1 / n, f + 1)), int(word(1 / n**2, f))) for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3))]
     indices += [
@@ -54,5 +49,4 @@ def test_equals_twin(f):
             seen.point(f"{name} saturated above", out == near[1])
             seen.point(f"{name} saturated below", out == near[0])
             seen.point(f"{name} between", (out > near[0]) & (out < near[1]))
-    stream_step("enter_dome", f, segments, s_)
-    seen.close()
+    stream_step("enter_dome", f, segments, seed)

@@ -5,17 +5,12 @@ import pytest
 from bench import Segment
 from lippmann.fixed.lenslet_faces import enter_flat
 from lippmann.fixed.words import extra_bits
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed, word
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("enter_flat", f"F{f}")
+def test_equals_twin(f, seed, rng, seen):
     segments = []
     more = extra_bits(f)
     b = f + more
@@ -45,5 +40,4 @@ def test_equals_twin(f):
         for name, e in (("x", ex), ("y", ey)):
             seen.point(f"{name} negative", e < 0)
             seen.point(f"{name} positive", e > 0)
-    stream_step("enter_flat", f, segments, s)
-    seen.close()
+    stream_step("enter_flat", f, segments, seed)

@@ -5,19 +5,14 @@ import pytest
 from bench import Segment
 from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.scene_pipeline import exit_line
-from rtl_coverage import Coverage
-from runner import seed
 from scene_steps import stream_scene_step
 from steps import FRACTIONS
 from words import mixed, signed
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, seed, rng, seen):
     one = 1 << (f + 1)
-    seen = Coverage("exit_line", f"F{f}")
     segments = []
     lattices = [
         (0, 0, 0),
@@ -53,5 +48,4 @@ def test_equals_twin(f):
         seen.point("just steep enough", through & (rays.dz == one // 4))
         seen.point("too far", through & (rays.dz >= one // 4) & ~lines.draws)
         seen.point("no exit", ~through & ~lines.draws)
-    stream_scene_step("exit_line", f, segments, s)
-    seen.close()
+    stream_scene_step("exit_line", f, segments, seed)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.ray_start import extent
-from rtl_coverage import Coverage
-from runner import seed
 from steps import GRIDS
 from words import mixed, signed
 
@@ -19,11 +17,8 @@ INSTANCES = {
 
 
 @pytest.mark.parametrize("grid", GRIDS)
-def test_equals_twin(grid):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(grid, seed, rng, seen):
     one = INSTANCES[grid]
-    seen = Coverage("extent", grid)
     batch = []
     limits = [w.tolist() for w in mixed(rng, 30, signed(14), signed(13))]
     for along, across in [(8191, 4095), (0, 0), (1, 0), (7, 3), *zip(*limits, strict=True)]:
@@ -45,5 +40,4 @@ def test_equals_twin(grid):
         seen.point("no lenslet", missing.all())
         seen.point("the last along the row", ~missing & (2 * abs(place) == along))
         seen.point("the last row", ~missing & (abs(j) == across))
-    stream(list(INSTANCES.values()), batch, "extent", s)
-    seen.close()
+    stream(list(INSTANCES.values()), batch, "extent", seed)

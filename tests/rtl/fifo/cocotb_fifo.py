@@ -5,36 +5,29 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PAIRS, Monitor, pattern
+from streams import PAIRS, Monitor, hold_reset, pattern
 
-SEEN: dict[str, int] = {}
+SEEN = Monitor.seen
 
 
 async def start(dut, room):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.write_i.value = dut.ready_i.value = dut.data_i.value = 0
 
-    def put(word):
-        dut.data_i.value = word
-
-    monitor = Monitor(dut.clk_i, dut.write_i, None, dut.valid_o, dut.ready_i, dut.data_o, put, room)
-    monitor.seen = SEEN
+    monitor = Monitor(dut.clk_i, dut.write_i, None, dut.valid_o, dut.ready_i, dut.data_o, dut.data_i, room)
     await reset(dut, monitor)
     return monitor
 
 
 async def reset(dut, monitor):
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await monitor.edge
+    await hold_reset(dut)
     assert not dut.valid_o.value
-    dut.rst_ni.value = 1
     monitor._stalled = None
     monitor.accepted, monitor.left, monitor.got = [], [], []
 
 
 def sizes(dut):
-    width, room = len(dut.data_i), 1 << int(cocotb.plusargs["address_bits"])
+    width, room = len(dut.data_i), 1 << int(cocotb.plusargs["AddressBits"])
     return room, [random.getrandbits(width) for _ in range(12 * room + 200)]
 
 
@@ -45,7 +38,7 @@ async def keeps_order_and_contract(dut, idle, pressure):
     monitor = await start(dut, room)
     await monitor.run(words, pattern(idle, random, 3 * room), pattern(pressure, random, 3 * room), 8 * room + 200)
     assert monitor.got == words
-    SEEN["full"] = SEEN.get("full", 0) + sum(
+    SEEN["full"] += sum(
         k + room < len(words) and monitor.accepted[k + room - 1] < monitor.left[k] for k in range(len(words) - room)
     )
 
@@ -87,7 +80,4 @@ async def forgets_all_at_reset(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("fifo", cocotb.plusargs["case"])
-    for name, count in SEEN.items():
-        seen.point(name, count)
-    seen.close()
+    Coverage("fifo", f"{len(dut.data_i)}-{cocotb.plusargs['AddressBits']}", SEEN).close()

@@ -12,7 +12,7 @@ async def write_too_many(dut):
     for _ in range(3):
         await FallingEdge(dut.clk_i)
     dut.rst_ni.value = dut.write_i.value = 1
-    for _ in range((1 << int(cocotb.plusargs["address_bits"])) + int(cocotb.plusargs["more"])):
+    for _ in range((1 << int(cocotb.plusargs["AddressBits"])) + int(cocotb.plusargs["more"])):
         await FallingEdge(dut.clk_i)
     dut.write_i.value = 0
     await FallingEdge(dut.clk_i)

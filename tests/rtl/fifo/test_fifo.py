@@ -4,7 +4,7 @@ import re
 
 import pytest
 from lippmann.simulation.toolchain import PREFIX
-from runner import CHECKS, compiled, seed, simulate
+from runner import CHECKS, compiled, run_cocotb, simulate
 from tools.lint import folder_of_modules
 
 
@@ -12,16 +12,15 @@ from tools.lint import folder_of_modules
     ("width", "bits"), [(36, 4), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 3), (150, 5), (70, 9)))]
 )
 def test_fifo(width, bits):
-    program = compiled("fifo", {"Width": width, "AddressBits": bits})
-    simulate(program, "fifo", "cocotb_fifo", seed(), plusargs={"address_bits": bits, "case": f"{width}-{bits}"})
+    run_cocotb("fifo", {"Width": width, "AddressBits": bits})
 
 
 def test_the_assertions_of_sim_checks_run_in_simulation():
     """A full fifo is legal; a word more is the writer's fault, which only fifo_checks tells."""
     program = compiled("fifo", {"Width": 36, "AddressBits": 4})
-    simulate(program, "fifo", "cocotb_overfill", 1, plusargs={"address_bits": 4, "more": 0})
+    simulate(program, "fifo", "cocotb_overfill", 1, plusargs={"AddressBits": 4, "more": 0})
     with pytest.raises(AssertionError, match=r"Assertion failed in \S+promise"):
-        simulate(program, "fifo", "cocotb_overfill", 1, plusargs={"address_bits": 4, "more": 1})
+        simulate(program, "fifo", "cocotb_overfill", 1, plusargs={"AddressBits": 4, "more": 1})
 
 
 def test_each_file_of_sim_checks_is_bound_to_its_module():

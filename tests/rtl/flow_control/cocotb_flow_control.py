@@ -7,21 +7,17 @@ from cocotb.clock import Clock
 from rtl_coverage import Coverage
 from streams import PAIRS, Monitor, pattern
 
-LATENCY = int(cocotb.plusargs["latency"])
-ROOM = 1 << int(cocotb.plusargs["address_bits"])
+LATENCY = int(cocotb.plusargs["Latency"])
+ROOM = 1 << int(cocotb.plusargs["AddressBits"])
 PATIENCE = 8 * ROOM + 4 * LATENCY + 200
-SEEN: dict[str, int] = {}
+SEEN = Monitor.seen
 
 
 async def start(dut):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.valid_i.value = dut.ready_i.value = dut.data_i.value = dut.hold_i.value = 0
 
-    def put(word):
-        dut.data_i.value = word
-
-    monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.data_o, put)
-    monitor.seen = SEEN
+    monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.data_o, dut.data_i)
     await reset(dut, monitor)
     return monitor
 
@@ -81,7 +77,7 @@ async def has_room_for_as_many_as_it_says(dut):
     for _ in range(held):
         await monitor.clock(None, True)
     assert monitor.got == words[:held], "a full FIFO gives a word each clock"
-    SEEN["full"] = SEEN.get("full", 0) + 1
+    SEEN["full"] += 1
 
 
 @cocotb.test()
@@ -108,7 +104,7 @@ async def hold_closes_the_input_and_idle_tells_when_all_have_left(dut):
         assert monitor.got[before:] == words[: accepted - before]
         dut.hold_i.value = 0
         await monitor.clock(None, True)
-        SEEN["held"] = SEEN.get("held", 0) + 1
+        SEEN["held"] += 1
 
 
 @cocotb.test()
@@ -125,7 +121,4 @@ async def forgets_all_at_reset(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("flow_control", cocotb.plusargs["case"])
-    for name, count in SEEN.items():
-        seen.point(name, count)
-    seen.close()
+    Coverage("flow_control", f"{LATENCY}-{ROOM}", SEEN).close()

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 BENCH = Path(__file__).with_name("flow_control_bench.sv")
 
@@ -12,7 +12,4 @@ BENCH = Path(__file__).with_name("flow_control_bench.sv")
     ("latency", "bits"), [(20, 5), *(pytest.param(*p, marks=pytest.mark.full) for p in ((1, 4), (6, 4), (118, 7)))]
 )
 def test_flow_control(latency, bits):
-    parameters = {"Latency": latency, "AddressBits": bits, "Width": 20}
-    program = compiled("flow_control_bench", parameters, BENCH.read_text())
-    plusargs = {"latency": latency, "address_bits": bits, "case": f"{latency}-{bits}"}
-    simulate(program, "flow_control_bench", "cocotb_flow_control", seed(), plusargs=plusargs)
+    run_cocotb("flow_control_bench", {"Latency": latency, "AddressBits": bits, "Width": 20}, BENCH.read_text())

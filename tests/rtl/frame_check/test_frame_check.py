@@ -3,13 +3,11 @@
 from pathlib import Path
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 BENCH = Path(__file__).with_name("frame_check_bench.sv")
 
 
 @pytest.mark.parametrize(("width", "height"), [(9, 5), (16, 8), (1, 7)])
 def test_frame_check(width, height):
-    parameters = {"Width": width, "Height": height}
-    program = compiled("frame_check_bench", parameters, BENCH.read_text())
-    simulate(program, "frame_check_bench", "cocotb_frame_check", seed(), plusargs=parameters)
+    run_cocotb("frame_check_bench", {"Width": width, "Height": height}, BENCH.read_text())

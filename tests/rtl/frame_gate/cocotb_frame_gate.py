@@ -10,6 +10,7 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
 from rtl_coverage import Coverage
+from streams import hold_reset
 
 CLOCKS = 12_000
 
@@ -47,10 +48,7 @@ async def every_request_is_answered_between_two_frames(dut):
     for port in dut:
         if port._name.endswith("_i") and port._name != "clk_i":
             port.value = 0
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
+    await hold_reset(dut)
     seen = Coverage("frame_gate", "all")
     raster = Raster()
     stream_left = 0  # rays of the stream's frame

@@ -1,7 +1,7 @@
 """frame_gate: software's requests between the frames of two sources."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_frame_gate():
-    simulate(compiled("frame_gate"), "frame_gate", "cocotb_frame_gate", seed())
+    run_cocotb("frame_gate")

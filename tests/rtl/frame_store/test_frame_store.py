@@ -1,9 +1,7 @@
 """frame_store: one port writes and two read, at once."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_frame_store():
-    parameters = {"Width": 9, "Height": 5}
-    program = compiled("frame_store", parameters)
-    simulate(program, "frame_store", "cocotb_frame_store", seed(), plusargs=parameters)
+    run_cocotb("frame_store", {"Width": 9, "Height": 5})

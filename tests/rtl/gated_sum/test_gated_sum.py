@@ -1,17 +1,11 @@
 """gated_sum: sums of random and extreme words behind random gates, and of two rows of a product."""
 
-import numpy as np
 from bench import Segment
 from parts import GATED_SUMS, gated_sum, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed
 
 
-def test_is_the_sum_of_what_the_gates_pass():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("gated_sum", "all")
+def test_is_the_sum_of_what_the_gates_pass(seed, rng, seen):
     batch = []
     for w in GATED_SUMS:
         whole = (1 << w) - 1
@@ -21,5 +15,4 @@ def test_is_the_sum_of_what_the_gates_pass():
         batch.append((gated_sum(w), Segment({}, {"a_i": a, "x_i": x, "b_i": b, "y_i": y}, {"s_o": total})))
         seen.point("a carry through all bits", (a & x == whole) & (b & y == 1))
         seen.point("a carry out", (a & x) + (b & y) > whole)
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

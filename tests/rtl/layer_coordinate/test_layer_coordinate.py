@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.scene_pipeline import LayerWords, Lines, layer_coordinate
-from rtl_coverage import Coverage
-from runner import seed
 from scene_steps import stream_scene_step
 from steps import FRACTIONS
 from words import mixed, signed
@@ -31,10 +29,7 @@ def layers(rng):
 
 @pytest.mark.parametrize("bilinear", [False, True], ids=["nearest", "bilinear"])
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, bilinear):
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("layer_coordinate", f"{bilinear}-F{f}")
+def test_equals_twin(f, bilinear, seed, rng, seen):
     segments = []
     for number, words in enumerate(layers(rng)):
         infinite = bool(number % 3 == 2)
@@ -55,5 +50,4 @@ def test_equals_twin(f, bilinear):
         seen.point("in a texture", ~beyond & (s_ >= 0) & (s_ < 256 << 8) & (t_ >= 0) & (t_ < 192 << 8))
         seen.point("sky", infinite)
         seen.point("at a depth", not infinite)
-    stream_scene_step(f"layer_coordinate-{int(bilinear)}", f, segments, s)
-    seen.close()
+    stream_scene_step(f"layer_coordinate-{int(bilinear)}", f, segments, seed)

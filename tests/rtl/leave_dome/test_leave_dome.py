@@ -5,8 +5,6 @@ import pytest
 from bench import Segment
 from lippmann.fixed.lenslet_faces import Meeting, leave_dome
 from lippmann.fixed.words import extra_bits
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import around, mixed, signed, word
 
@@ -30,13 +28,10 @@ def rays(rng, count, n):
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s_ = seed()
-    rng = np.random.default_rng(s_)
+def test_equals_twin(f, seed, rng, seen):
     near, far = signed(f + 2), signed(f + 4)
     one, more = 1 << (f + 3), extra_bits(f)
     into = [*[near] * 4, *[signed(f + 2 + more)] * 2, signed(f + 2 + 3 * more)]
-    seen = Coverage("leave_dome", f"F{f}")
     segments = []
     for n in (1.16, 1.5, 2.2, *rng.uniform(1.16, 2.2, 3)):
         index, square = int(word(n, f)), int(word(n * n, f))
@@ -75,5 +70,4 @@ def test_equals_twin(f):
         for name, out in (("dx", dx), ("dy", dy), ("dz", dz)):
             seen.point(f"{name} saturated above", out == near[1])
             seen.point(f"{name} saturated below", out == near[0])
-    stream_step("leave_dome", f, streams, s_)
-    seen.close()
+    stream_step("leave_dome", f, streams, seed)

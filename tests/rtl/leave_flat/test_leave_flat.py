@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.lenslet_faces import Meeting, leave_flat
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed, word
 
@@ -19,11 +17,8 @@ def laterals(rng, count, n, f):
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, seed, rng, seen):
     near = signed(f + 2)
-    seen = Coverage("leave_flat", f"F{f}")
     segments = []
     optics = [(n, depth) for n in (1.16, 1.5, 2.2) for depth in (0.99, 0.0, -2.99)]
     optics += [(1.5, 7.99), (1.5, -8.0), (3.9, 1.5), (0.5, -6.5), (-1.5, 2.0)]
@@ -60,5 +55,4 @@ def test_equals_twin(f):
         for name, d in (("dx", out.dx), ("dy", out.dy)):
             seen.point(f"{name} negative", d < 0)
             seen.point(f"{name} positive", d > 0)
-    stream_step("leave_flat", f, segments, s)
-    seen.close()
+    stream_step("leave_flat", f, segments, seed)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import lenslet_hex
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed
 
@@ -25,17 +23,14 @@ def borders(rng, f):
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, seed, rng, seen):
     border_x, border_y = borders(rng, f)
     x, y = mixed(rng, 3000, signed(12 + f), signed(12 + f))
     x, y = np.concatenate([x, border_x]), np.concatenate([y, border_y])
     i, j, local_x, local_y, beyond = lenslet_hex(x, y, f)
     out = {"i_o": i, "j_o": j, "x_o": local_x, "y_o": local_y, "beyond_o": beyond.astype(np.int64)}
-    stream_step("lenslet_hex", f, [Segment({}, {"x_i": x, "y_i": y}, out)], s)
+    stream_step("lenslet_hex", f, [Segment({}, {"x_i": x, "y_i": y}, out)], seed)
 
-    seen = Coverage("lenslet_hex", f"F{f}")
     # The indices are right where they do not wrap, and 4096 off where they do.
     off = np.stack([(x - local_x) / (1 << f) - (y - local_y) / (2 << f) - i, (y - local_y) / (1 << f) - j])
     assert (beyond == (np.abs(off) > 1).any(axis=0)).all()
@@ -51,4 +46,3 @@ def test_equals_twin(f):
     for number, (vx, vy) in enumerate(VERTICES):
         near = (np.abs(6 * local_x - vx * unit) <= 24) & (np.abs(6 * local_y - vy * unit) <= 24)
         seen.point(f"vertex {number}", near)
-    seen.close()

@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import lenslet_square
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import around, mixed, signed
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, seed, rng, seen):
     low, high = signed(12 + f)
     cells = np.array([-2048, -2047, -1, 0, 1, 2046, 2047])
     edge = around((cells << f) + (1 << (f - 1)), 1, low, high)
@@ -22,9 +18,8 @@ def test_equals_twin(f):
     y = np.concatenate([y, np.tile(edge, len(edge)), rng.integers(low, high, 500)])
     i, j, local_x, local_y, beyond = lenslet_square(x, y, f)
     out = {"i_o": i, "j_o": j, "x_o": local_x, "y_o": local_y, "beyond_o": beyond.astype(np.int64)}
-    stream_step("lenslet_square", f, [Segment({}, {"x_i": x, "y_i": y}, out)], s)
+    stream_step("lenslet_square", f, [Segment({}, {"x_i": x, "y_i": y}, out)], seed)
 
-    seen = Coverage("lenslet_square", f"F{f}")
     last = (2047 << f) + (1 << (f - 1))
     assert (beyond == (x >= last) | (y >= last)).all()
     seen.point("an index wraps", beyond)
@@ -33,4 +28,3 @@ def test_equals_twin(f):
         seen.point(f"{name} just below the upper edge", local == (1 << (f - 1)) - 1)
         seen.point(f"{name} in the middle", local == 0)
         seen.point(f"{name} in the first and last cell", (index == -2048) | (index == 2047))
-    seen.close()

@@ -1,6 +1,6 @@
 """link_pkg: its CRC is zlib's."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 BENCH = """
 module crc_bench(
@@ -20,5 +20,4 @@ endmodule
 
 
 def test_link_pkg():
-    program = compiled("crc_bench", bench=BENCH)
-    simulate(program, "crc_bench", "cocotb_link_pkg", seed())
+    run_cocotb("crc_bench", bench=BENCH, tests="cocotb_link_pkg")

@@ -1,17 +1,11 @@
 """low_product: a signed word by a few unsigned bits, at its own latency and at a raised one."""
 
-import numpy as np
 from bench import Segment
 from parts import LOWS, low_product, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed, signed
 
 
-def test_is_the_product_for_all_parameters():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("low_product", "all")
+def test_is_the_product_for_all_parameters(seed, rng, seen):
     batch = []
     for low, latency in LOWS:
         a, b = mixed(rng, 200, signed(18), (0, (1 << low) - 1))
@@ -19,5 +13,4 @@ def test_is_the_product_for_all_parameters():
         seen.point("most negative by all ones", (a == -(1 << 17)) & (b == (1 << low) - 1))
         seen.point("by zero", b == 0)
         seen.point(f"{low} bits", len(a))
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

@@ -5,8 +5,6 @@ import pytest
 from bench import Segment
 from lippmann.fixed.lenslet_faces import meet_dome
 from lippmann.fixed.words import extra_bits
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed, word
 
@@ -31,10 +29,7 @@ def rays(rng, count, depth, upward):
 
 @pytest.mark.parametrize("upward", [1, 0])
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, upward):
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("meet_dome", f"{'up' if upward else 'down'}-F{f}")
+def test_equals_twin(f, upward, seed, rng, seen):
     segments = []
     near, point, far = signed(f + 2), signed(f + 3), signed(f + 4)
     more = extra_bits(f)
@@ -69,5 +64,4 @@ def test_equals_twin(f, upward):
             seen.point(f"{name} saturated above", n == near[1])
             seen.point(f"{name} saturated below", n == near[0])
             seen.point(f"{name} between", (n > near[0]) & (n < near[1]))
-    stream_step(f"meet_dome-{upward}", f, streams, s)
-    seen.close()
+    stream_step(f"meet_dome-{upward}", f, streams, seed)

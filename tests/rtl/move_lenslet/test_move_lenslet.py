@@ -1,11 +1,8 @@
 """move_lenslet against its twin: every step, odd and even pitches."""
 
-import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.lenslet_faces import move_lenslet
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, GRIDS, stream_step
 from words import mixed, signed
 
@@ -13,11 +10,8 @@ from words import mixed, signed
 @pytest.mark.parametrize("sheared", [False, True], ids=["upright", "sheared"])
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, grid, sheared):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, grid, sheared, seed, rng, seen):
     low, top = signed(f + 2)
-    seen = Coverage("move_lenslet", f"{grid}-{sheared}-F{f}")
     segments = []
     for cx, cy in [(1, 1), (2, 3), (top, top), (top - 1, top), *rng.integers(1, top, (4, 2)).tolist()]:
         hx, hy, di, dj = mixed(rng, 500, signed(f + 3), signed(f + 3), (-1, 1), (-1, 1))
@@ -33,5 +27,4 @@ def test_equals_twin(f, grid, sheared):
         seen.values("step", steps, [f"{i} {j}" for i in (-1, 0, 1) for j in (-1, 0, 1)])
         seen.point("odd pitch", cx % 2)
         seen.point("even pitch", cx % 2 == 0)
-    stream_step(f"move_lenslet-{grid}" + "-sheared" * sheared, f, segments, s)
-    seen.close()
+    stream_step(f"move_lenslet-{grid}" + "-sheared" * sheared, f, segments, seed)

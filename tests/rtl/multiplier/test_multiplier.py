@@ -1,18 +1,12 @@
 """multiplier against its twin, and against the whole product: what is cut is less than two last places."""
 
-import numpy as np
 from bench import Segment
 from lippmann.fixed.words import multiplier as twin
 from parts import MULTIPLIERS, multiplier, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed, signed
 
 
-def test_equals_twin_for_all_parameters():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("multiplier", "all")
+def test_equals_twin_for_all_parameters(seed, rng, seen):
     batch = []
     for wa, wb, drop, square in MULTIPLIERS:
         a, b = mixed(rng, 600, signed(wa), signed(wb))
@@ -36,5 +30,4 @@ def test_equals_twin_for_all_parameters():
         seen.point("most negative by most positive", (a == signed(wa)[0]) & (b == signed(wb)[1]))
         seen.point("two most negative", (a == signed(wa)[0]) & (b == signed(wb)[0]))
         seen.point("-1 by -1", (a == -1) & (b == -1))
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

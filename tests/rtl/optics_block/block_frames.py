@@ -16,6 +16,7 @@ from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, read, table_writes, write
 from pins import Pins
 from rtl_coverage import Coverage
+from streams import hold_reset
 
 RANDOM = random.Random(int(os.environ["LIPPMANN_SEED"]))
 F = int(os.environ["BLOCK_F"])
@@ -49,10 +50,7 @@ class Block:
         for name in ("valid", "u", "v", "a", "b", "first", "last"):
             getattr(dut, f"ray_{name}_i").value = 0
         dut.exit_ready_i.value = 0
-        dut.rst_ni.value = 0
-        for _ in range(3):
-            await self.edge
-        dut.rst_ni.value = 1
+        await hold_reset(dut)
         cocotb.start_soon(self._collect())
         await self.edge
 

@@ -6,9 +6,10 @@ import cocotb
 from cocotb.clock import Clock
 from packets import CRC, CUT, LONG, LONGEST, SHORT, SHORTEST, TAKEN, Joined, marked, some_bytes, with_crc
 from rtl_coverage import Coverage
-from streams import PAIRS, Monitor, pattern
+from streams import INFERRED, PAIRS, Monitor, hold_reset, pattern
 
-SEEN: dict[str, int] = {}
+SEEN = Monitor.seen
+ROOM = 1 << int(cocotb.plusargs["AddressBits"])
 CAUSES = TAKEN + LONG + CUT + SHORT + CRC
 END, BAD = 0x200, 0x100
 
@@ -20,7 +21,7 @@ class Watched(Monitor):
         put = Joined(dut.in_end_i, dut.in_bad_i, dut.in_data_i).put
         data = Joined(dut.out_last_o, dut.out_data_o)
         super().__init__(dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, data, put)
-        self.seen, self.causes = SEEN, ""
+        self.causes = ""
         self._pulses = [
             dut.accepted_o, dut.dropped_long_o, dut.dropped_cobs_o, dut.dropped_short_o, dut.dropped_crc_o
         ]  # fmt: skip
@@ -37,10 +38,7 @@ async def start(dut):
     for handle in (dut.in_valid_i, dut.out_ready_i, dut.in_data_i, dut.in_end_i, dut.in_bad_i):
         handle.value = 0
     monitor = Watched(dut)
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await monitor.edge
-    dut.rst_ni.value = 1
+    await hold_reset(dut)
     await monitor.edge
     return monitor
 
@@ -107,16 +105,15 @@ async def is_out_after_four_clocks_and_then_each_clock(dut):
 
 @cocotb.test()
 async def holds_its_input_while_full_and_loses_nothing(dut):
-    room = 1 << int(cocotb.plusargs["address_bits"])
     monitor = await start(dut)
-    bodies = [some_bytes(random, random.randrange(3, 900)) for _ in range(2 * room // 300)]
+    bodies = [some_bytes(random, random.randrange(3, 900)) for _ in range(2 * ROOM // 300)]
     beats = [beat for body in bodies for beat in (*with_crc(body), END)]
     sent = 0
-    for _ in range(room + 200):
+    for _ in range(ROOM + 200):
         sent += await monitor.clock(beats[sent], False)
     # Full to a few bytes: what was sent, without the CRCs and ends of its packets and what waits outside.
     whole = monitor.causes.count(TAKEN)
-    assert room - 4 <= sent - 5 * whole - 5 + 3 <= room + 4
+    assert ROOM - 4 <= sent - 5 * whole - 5 + 3 <= ROOM + 4
     assert not dut.in_ready_o.value
     wanted = [word for body in bodies for word in marked(body)]
     await monitor.run(beats[sent:], pattern("always", random, 0), pattern("always", random, 0), 8000, len(wanted))
@@ -126,29 +123,27 @@ async def holds_its_input_while_full_and_loses_nothing(dut):
 
 @cocotb.test()
 async def swallows_what_is_too_long_while_full(dut):
-    room = 1 << int(cocotb.plusargs["address_bits"])
     monitor = await start(dut)
     body = some_bytes(random, LONGEST - 4)
     packet = [*with_crc(body), END]
-    first = packet * (room // LONGEST)
+    first = packet * (ROOM // LONGEST)
     for beat in first:
         assert await monitor.clock(beat, False)
-    # One byte too many is reached where there is room for it; then nothing holds the rest.
-    words = marked(body) * (room // LONGEST)
+    # One byte too many is reached where there is ROOM for it; then nothing holds the rest.
+    words = marked(body) * (ROOM // LONGEST)
     for _ in range(len(words) - 800 + 4):
         if len(monitor.got) < len(words) - 800:
             await monitor.clock(None, True)
-    long = [*some_bytes(random, 4 * room), END]
+    long = [*some_bytes(random, 4 * ROOM), END]
     for beat in long:
         assert await monitor.clock(beat, False)
     await monitor.run(packet, pattern("always", random, 0), pattern("light", random, 0), 8000, 800 + LONGEST - 4)
     assert monitor.got == words + marked(body)
-    assert monitor.causes == TAKEN * (room // LONGEST) + LONG + TAKEN
+    assert monitor.causes == TAKEN * (ROOM // LONGEST) + LONG + TAKEN
 
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("packet_fifo", cocotb.plusargs["address_bits"])
-    for name in SEEN.keys() - {"empty", "into an empty device", "last word leaves"}:
-        seen.point(name, SEEN[name])
-    seen.close()
+    Coverage(
+        "packet_fifo", cocotb.plusargs["address_bits"], {name: SEEN[name] for name in SEEN.keys() - INFERRED}
+    ).close()

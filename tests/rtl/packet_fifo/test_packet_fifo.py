@@ -5,10 +5,7 @@ import random
 
 import pytest
 from packets import CUT, TAKEN, fates, traffic
-from rtl_coverage import Coverage
-from runner import compiled, seed, simulate
-
-FOLDERS = ("link",)
+from runner import compiled, run_cocotb, simulate
 
 #: Feeds a file to cobs_decoder and packet_fifo, and writes what comes out of them, pauses at both ends.
 FUZZ_BENCH = """
@@ -83,24 +80,20 @@ endmodule
 
 @pytest.mark.parametrize("bits", [12, pytest.param(13, marks=pytest.mark.full)])
 def test_packet_fifo(bits):
-    program = compiled("packet_fifo", {"AddressBits": bits})
-    simulate(program, "packet_fifo", "cocotb_packet_fifo", seed(), plusargs={"address_bits": bits})
+    run_cocotb("packet_fifo", {"AddressBits": bits})
 
 
 @pytest.mark.parametrize("count", [200_000, pytest.param(10_000_000, marks=pytest.mark.full)])
-def test_only_whole_packets_come_through(count, tmp_path):
-    start = seed()
-    wire = traffic(random.Random(start), count) + b"\0"
+def test_only_whole_packets_come_through(count, tmp_path, seed, seen):
+    wire = traffic(random.Random(seed), count) + b"\0"
     files = {name: tmp_path / name for name in ("wire", "out", "fates")}
     files["wire"].write_bytes(wire)
     program = compiled("fuzz_bench", bench=FUZZ_BENCH)
-    simulate(program, "fuzz_bench", "cocotb_fuzz", start, plusargs={**files, "clocks": 4 * len(wire) + 100_000})
+    simulate(program, "fuzz_bench", "cocotb_fuzz", seed, plusargs={**files, "clocks": 4 * len(wire) + 100_000})
     wanted = fates(wire)
     assert files["fates"].read_text() == "".join(each.cause for each in wanted)
     assert files["out"].read_text().split() == [each.body.hex() for each in wanted if each.cause == TAKEN]
-    seen = Coverage("packet_fifo", f"fuzz-{count}")
     causes = [each.cause for each in wanted]
     seen.values("fate", causes, "alcsr")
     # The delimiter mends it: what comes behind a frame that was cut short is whole.
     seen.point("whole behind cut", sum(pair == (CUT, TAKEN) for pair in itertools.pairwise(causes)))
-    seen.close()

@@ -1,8 +1,7 @@
 """packet_out, against zlib and the cobs package."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_packet_out():
-    program = compiled("packet_out")
-    simulate(program, "packet_out", "packets_out", seed())
+    run_cocotb("packet_out", tests="packets_out")

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import pixel_to_lattice
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed
 
@@ -13,14 +11,11 @@ NAMES = ("x_from_u", "x_from_v", "x_offset", "y_from_u", "y_from_v", "y_offset")
 
 
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, seed, rng, seen):
     ranges = [signed(52 if name.endswith("offset") else 35) for name in NAMES]
     rows = np.array([w[:-8] if len(w) > 8 else w for w in mixed(rng, 8, *ranges)])
     columns = np.concatenate([rows[:, :3], rng.permutation(rows[:, 3:], axis=1)[:, :4],
                               np.array([rng.integers(*r, 6) for r in ranges])], axis=1)  # fmt: skip
-    seen = Coverage("pixel_to_lattice", f"F{f}")
     segments = []
     for column in columns.T.tolist():
         config = dict(zip(NAMES, column, strict=True))
@@ -44,5 +39,4 @@ def test_equals_twin(f):
         seen.point("largest u", u == (1 << 17) - 1)
         seen.point("smallest v", v == -(1 << 17))
         segments.append(Segment({f"{k}_i": w for k, w in config.items()}, {"u_i": u, "v_i": v}, out))
-    stream_step("pixel_to_lattice", f, segments, s)
-    seen.close()
+    stream_step("pixel_to_lattice", f, segments, seed)

@@ -7,6 +7,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from pins import Pins
 from rtl_coverage import Coverage
+from streams import hold_reset
 
 OK, STALE, FRAME_CRC = 0, 4, 6
 EPOCHS = 1 << 16
@@ -24,12 +25,9 @@ class Bench:
     async def reset(self):
         dut = self.dut
         dut.start_i.value = dut.check_done_i.value = dut.swapped_i.value = 0
-        dut.rst_ni.value = 0
-        for _ in range(3):
-            await self.edge
+        await hold_reset(dut)
         self.is_quiet()
         assert int(dut.epoch_o.value) == 0
-        dut.rst_ni.value = 1
 
     def is_quiet(self):
         for name in ("done_o", "failed_o", "check_start_o", "swap_o"):

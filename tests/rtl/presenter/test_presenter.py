@@ -1,8 +1,7 @@
 """presenter: a frame is shown once, and only when all of it is right."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_presenter():
-    program = compiled("presenter")
-    simulate(program, "presenter", "cocotb_presenter", seed())
+    run_cocotb("presenter")

@@ -1,16 +1,14 @@
 """raster, against its twin."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 @pytest.mark.parametrize("f", [14, 23])
 def test_raster_equals_the_twin(f):
-    program = compiled("raster", {"F": f})
-    simulate(program, "raster", "raster_frames", seed(), {"RASTER_F": str(f)})
+    run_cocotb("raster", {"F": f}, environment={"RASTER_F": str(f)}, tests="raster_frames")
 
 
 @pytest.mark.full
 def test_raster_with_the_most_samples():
-    program = compiled("raster", {"F": 23})
-    simulate(program, "raster", "raster_frames", seed(), {"RASTER_F": "23", "RASTER_LONG": "1"})
+    run_cocotb("raster", {"F": 23}, environment={"RASTER_F": "23", "RASTER_LONG": "1"}, tests="raster_frames")

@@ -1,6 +1,5 @@
 """ray_pipeline against its twin: every model, grid and orientation, over random displays."""
 
-import numpy as np
 import pytest
 from bench import Instance, Segment, stream
 from lippmann.fixed.build import Build
@@ -8,8 +7,6 @@ from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.optics.rays import Status
 from lippmann.simulation.harness import optics_parameters, packed
 from optics import random_configuration, ray_words
-from rtl_coverage import Coverage
-from runner import seed
 
 #: At every commit. Of the pinhole's, paraxial and converged exact chief rays test_batch.py has a build each, in which a
 #: wrong latency would give another ray's words.
@@ -78,11 +75,8 @@ def statuses(build: Build) -> set[Status]:
     "build", [*FAST, *(pytest.param(b, marks=pytest.mark.full) for b in FULL)],
     ids=lambda b: optics_parameters(b)["Build"],
 )  # fmt: skip
-def test_equals_twin(build):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(build, seed, rng, seen):
     one = instance(build)
-    seen = Coverage("ray_pipeline", one.name)
     batch, missing = [], statuses(build)
     for number in range(2000):
         if number >= 12 and not missing:
@@ -104,5 +98,4 @@ def test_equals_twin(build):
         seen.point("towards -y", rays.dy < 0)
         if number >= 11 and not missing:
             break
-    stream([one], batch, one.name, s)
-    seen.close()
+    stream([one], batch, one.name, seed)

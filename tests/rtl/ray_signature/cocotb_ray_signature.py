@@ -7,7 +7,7 @@ import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from streams import PATTERNS, pattern
+from streams import PATTERNS, hold_reset, pattern
 
 WORDS = 9
 
@@ -19,11 +19,8 @@ class Bench:
     async def reset(self):
         Clock(self.dut.clk_i, 2, unit="ns").start()
         self.dut.start_i.value = self.dut.ray_valid_i.value = 0
-        self.dut.rst_ni.value = 0
-        for _ in range(3):
-            await self.edge
+        await hold_reset(self.dut)
         assert not self.dut.done_o.value
-        self.dut.rst_ni.value = 1
 
     async def clock(self, start=False, ray=None, last=None):
         """One clock, with a start or a ray offered; whether the ray was taken. What is not offered is noise."""

@@ -1,8 +1,7 @@
 """ray_signature, against zlib."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_ray_signature():
-    program = compiled("ray_signature")
-    simulate(program, "ray_signature", "cocotb_ray_signature", seed())
+    run_cocotb("ray_signature")

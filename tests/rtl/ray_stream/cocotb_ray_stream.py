@@ -14,7 +14,7 @@ PLAN = json.loads(Path(os.environ["LIPPMANN_PLAN"]).read_text())
 RAYS = PLAN["rays"]
 EXITS = PLAN["exits"]  # of each display
 DISPLAYS = PLAN["displays"]
-SEEN: dict[str, int] = {}
+SEEN = Monitor.seen
 
 
 async def start(dut):
@@ -22,11 +22,7 @@ async def start(dut):
     dut.valid_i.value = dut.ready_i.value = dut.ray_i.value = dut.apply_i.value = 0
     dut.config_i.value = DISPLAYS[0]
 
-    def put(word):
-        dut.ray_i.value = word
-
-    monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.exit_o, put)
-    monitor.seen = SEEN
+    monitor = Monitor(dut.clk_i, dut.valid_i, dut.ready_o, dut.valid_o, dut.ready_i, dut.exit_o, dut.ray_i)
     await reset(dut, monitor)
     return monitor, int(dut.latency_o.value)
 
@@ -91,9 +87,7 @@ async def no_ray_sees_two_displays(dut, pressure):
             current, applied = 1 - current, monitor.clocks
             change = len(monitor.accepted) + random.randrange(5, 60)
             assert dut.busy_o.value
-            SEEN["display changed with rays on the way"] = SEEN.get("display changed with rays on the way", 0) + (
-                len(monitor.accepted) > len(monitor.left)
-            )
+            SEEN["display changed with rays on the way"] += len(monitor.accepted) > len(monitor.left)
         if dut.busy_o.value:
             assert not dut.ready_o.value, "closed while rays of the old display are on the way"
             assert monitor.clocks - applied < 40 * latency
@@ -117,7 +111,4 @@ async def forgets_all_at_reset(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("ray_stream", PLAN["case"])
-    for name, count in SEEN.items():
-        seen.point(name, count)
-    seen.close()
+    Coverage("ray_stream", PLAN["case"], SEEN).close()

@@ -11,7 +11,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.simulation.harness import optics_parameters, packed
 from optics import random_configuration, ray_words, within
-from runner import compiled, seed, simulate
+from runner import compiled, simulate
 
 BENCH = Path(__file__).with_name("ray_stream_bench.sv")
 BUILDS = [
@@ -22,9 +22,7 @@ BUILDS = [
 
 
 @pytest.mark.parametrize("build", BUILDS, ids=lambda b: f"{b.fraction_bits}-{b.grid}-{b.model}")
-def test_ray_stream(build):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_ray_stream(build, seed, rng):
     near, far = build.near, build.near + 2
     displays = [random_configuration(rng, build) for _ in range(2)]
     rays = ray_words(rng, 1200, build, displays[0])
@@ -44,4 +42,4 @@ def test_ray_stream(build):
     with tempfile.NamedTemporaryFile("w", dir=program.parent, suffix=".json") as file:
         json.dump(plan, file)
         file.flush()
-        simulate(program, "ray_stream_bench", "cocotb_ray_stream", s, {"LIPPMANN_PLAN": file.name})
+        simulate(program, "ray_stream_bench", "cocotb_ray_stream", seed, {"LIPPMANN_PLAN": file.name})

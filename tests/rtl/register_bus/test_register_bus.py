@@ -1,11 +1,9 @@
 """register_bus: every address, both ways, whatever time the registers take; with the scene's block and without."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 @pytest.mark.parametrize("scene", [0, 1])
 def test_register_bus(scene):
-    parameters = {"Scene": scene}
-    program = compiled("register_bus", parameters)
-    simulate(program, "register_bus", "cocotb_register_bus", seed(), plusargs=parameters)
+    run_cocotb("register_bus", {"Scene": scene})

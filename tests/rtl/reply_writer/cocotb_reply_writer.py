@@ -6,10 +6,10 @@ import cocotb
 from cocotb.clock import Clock
 from packets import Joined
 from rtl_coverage import Coverage
-from streams import PAIRS, Monitor, pattern
+from streams import PAIRS, Monitor, hold_reset, pattern
 
 SIZE = int(cocotb.plusargs["Bytes"])
-SEEN: dict[str, int] = {}
+SEEN = Monitor.seen
 
 
 class NotBusy:
@@ -36,12 +36,8 @@ async def start(dut):
 
     out = Joined(dut.last_o, dut.data_o)
     monitor = Monitor(dut.clk_i, dut.load_i, NotBusy(dut.busy_o), dut.valid_o, dut.ready_i, out, put)
-    monitor.seen = SEEN
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await monitor.edge
+    await hold_reset(dut)
     assert not dut.busy_o.value
-    dut.rst_ni.value = 1
     return monitor
 
 
@@ -96,7 +92,5 @@ async def forgets_at_reset(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("reply_writer", cocotb.plusargs["Bytes"])
-    for name in ("output stalled", "output wanted, nothing there", "input closed"):
-        seen.point(name, SEEN[name])
-    seen.close()
+    names = ("output stalled", "output wanted, nothing there", "input closed")
+    Coverage("reply_writer", cocotb.plusargs["Bytes"], {name: SEEN[name] for name in names}).close()

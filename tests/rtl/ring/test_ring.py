@@ -1,16 +1,10 @@
 """ring: the same word, as many clocks later as its parameter says."""
 
-import numpy as np
 from bench import Segment
 from parts import RINGS, delay, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 
 
-def test_keeps_every_word_for_all_parameters():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("ring", "all")
+def test_keeps_every_word_for_all_parameters(seed, rng, seen):
     batch = []
     for width, cycles in RINGS:
         words = rng.integers(0, 1 << min(width, 62), 300).astype(object)
@@ -18,5 +12,4 @@ def test_keeps_every_word_for_all_parameters():
             words = (words << (width - 62)) + rng.integers(0, 1 << (width - 62), 300)
         batch.append((delay("ring", width, cycles), Segment({}, {"d_i": words}, {"q_o": words})))
         seen.point(f"{cycles} cycles", len(words))
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

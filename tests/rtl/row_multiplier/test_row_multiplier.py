@@ -1,11 +1,8 @@
 """row_multiplier against the twin of `multiplier`, whose words it gives."""
 
-import numpy as np
 from bench import Segment
 from lippmann.fixed.words import multiplier as twin
 from parts import ROW_MULTIPLIERS, row_multiplier, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed, signed
 
 
@@ -20,10 +17,7 @@ def words_of(a, b, wa, wb, drop):
     return upper + ((low * (b if la else a)) >> drop)
 
 
-def test_equals_twin_for_all_parameters():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("row_multiplier", "all")
+def test_equals_twin_for_all_parameters(seed, rng, seen):
     batch = []
     for wa, wb, drop, square in ROW_MULTIPLIERS:
         a, b = mixed(rng, 600, signed(wa), signed(wb))
@@ -39,5 +33,4 @@ def test_equals_twin_for_all_parameters():
         seen.point("cut above the lower part", drop < max(wa - 18, 0) + max(wb - 18, 0))
         seen.point("most negative by most positive", (a == signed(wa)[0]) & (b == signed(wb)[1]))
         seen.point("-1 by -1", (a == -1) & (b == -1))
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

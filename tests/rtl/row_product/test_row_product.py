@@ -1,17 +1,11 @@
 """row_product: a signed word by a few unsigned bits, of one to four digits."""
 
-import numpy as np
 from bench import Segment
 from parts import ROW_PRODUCTS, row_product, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed, signed
 
 
-def test_is_exact():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("row_product", "all")
+def test_is_exact(seed, rng, seen):
     batch = []
     for w, low in ROW_PRODUCTS:
         a, b = mixed(rng, 300, signed(w), (0, (1 << low) - 1))
@@ -19,5 +13,4 @@ def test_is_exact():
         seen.point("most negative by all ones", (a == signed(w)[0]) & (b == (1 << low) - 1))
         seen.point("most positive by all ones", (a == signed(w)[1]) & (b == (1 << low) - 1))
         seen.point(f"{w} by {low} bits", len(a))
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

@@ -5,15 +5,10 @@ from bench import Segment
 from lippmann.fixed.words import beyond
 from lippmann.fixed.words import saturate as twin
 from parts import SATURATES, saturate, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import around, mixed, signed
 
 
-def test_equals_twin_for_all_parameters():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("saturate", "all")
+def test_equals_twin_for_all_parameters(seed, rng, seen):
     batch = []
     for width, to, slack in SATURATES:
         low, high = signed(to)
@@ -36,5 +31,4 @@ def test_equals_twin_for_all_parameters():
         seen.point("last held without a flag below", d == edges[0])
         seen.point("first held with a flag below", over & (d == edges[0] - 1))
         seen.point("no narrower", width == to)
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

@@ -8,6 +8,7 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from rtl_coverage import Coverage
+from streams import hold_reset
 
 T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVWGC"}
 WIDTH, HEIGHT = T["Width"], T["Height"]
@@ -26,12 +27,9 @@ class Bench:
     async def reset(self):
         dut = self.dut
         self.shown = False  # no buffer was swapped in
-        dut.rst_ni.value = 0
-        for _ in range(3):
-            await self.edge
+        await hold_reset(dut)
         # Black, no sync, nothing swapped.
         assert int(dut.out_o.value) & ~(3 << 29) == (1 - V) << 26 | (1 - H) << 25
-        dut.rst_ni.value = 1
 
     async def begin(self):
         dut = self.dut

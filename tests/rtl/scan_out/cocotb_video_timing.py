@@ -6,6 +6,7 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge
 from cocotb.utils import get_sim_time
+from streams import hold_reset
 
 T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVW"}
 LINE = T["HSync"] + T["HBack"] + T["Width"] + T["HFront"]
@@ -26,11 +27,8 @@ async def watch(signal, begins, ends, positive=1):
 async def a_whole_frame_with_the_panels_timing(dut):
     dut.swap_i.value = dut.fill_i.value = dut.view_i.value = dut.scene_i.value = dut.key_i.value = 0
     dut.brightness_i.value, dut.kind_i.value = 255, 5
-    dut.rst_ni.value = 0
     Clock(dut.clk_i, 2, unit="ns").start()
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
+    await hold_reset(dut)
     edges = {}
     for name in ("de", "hsync", "vsync", "frame_start"):
         edges[name] = [], []

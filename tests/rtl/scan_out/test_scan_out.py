@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 BENCH = Path(__file__).with_name("scan_out_bench.sv").read_text()
-FOLDERS = ("registers", "optics", "link", "panel")
 TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VBack", "HPositive", "VPositive")
 
 
@@ -23,8 +22,7 @@ TIMINGS = ("Width", "HFront", "HSync", "HBack", "Height", "VFront", "VSync", "VB
 )
 def test_every_clock(timing, grid, clocks):
     parameters = {**dict(zip(TIMINGS, timing, strict=True)), "Grid": grid, "ClocksPerPixel": clocks}
-    program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}-{clocks}")
-    simulate(program, "scan_out_bench", "cocotb_scan_out", seed(), plusargs=parameters)
+    run_cocotb("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}-{grid}-{clocks}")
 
 
 @pytest.mark.parametrize(
@@ -38,5 +36,4 @@ def test_every_clock(timing, grid, clocks):
 )
 def test_real_timing(timing):
     parameters = dict(zip(TIMINGS, timing, strict=True))
-    program = compiled("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}")
-    simulate(program, "scan_out_bench", "cocotb_video_timing", seed(), plusargs=parameters)
+    run_cocotb("scan_out_bench", parameters, BENCH, f"scan_out-{timing[0]}", tests="cocotb_video_timing")

@@ -20,8 +20,6 @@ from lippmann.simulation.compilation import FAST, SHORT
 from lippmann.simulation.harness import SceneHarness, rtl_scene
 from lippmann.simulation.toolchain import repository
 from random_cases import configured_display
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed, signed
 
 DISPLAYS = repository() / "scenes" / "displays"
@@ -86,11 +84,8 @@ def wild_words(rng, build):
 
 
 @pytest.mark.parametrize(("built", "f"), CASES, ids=name)
-def test_no_pixel_differs(built, f):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_no_pixel_differs(built, f, rng, seen):
     harness = SceneHarness(built, f, SHORT)
-    seen = Coverage("scene", f"{name(built)}-F{f}")
     held = {slot: rng.integers(0, 256, built.slot_bytes, dtype=np.uint8) for slot in range(built.slots_built)}
     table = rng.integers(0, 256, 8192, dtype=np.uint8)
     for slot, content in {**held, CURVE_SLOT: table}.items():
@@ -145,7 +140,6 @@ def test_no_pixel_differs(built, f):
     for missable in ("sky", "black without an exit", "square while a slot is loaded"):
         if not seen.seen.get(missable, 1):
             del seen.seen[missable]
-    seen.close()
 
 
 FRAMES = [
@@ -161,10 +155,8 @@ FRAMES = [
 
 @pytest.mark.full
 @pytest.mark.parametrize(("file", "size", "f", "built", "angle"), FRAMES)
-def test_whole_frames(file, size, f, built, angle):
+def test_whole_frames(file, size, f, built, angle, rng):
     """24 frames of each display, in the panel's order, with another stack each."""
-    s = seed()
-    rng = np.random.default_rng(s)
     plain = load_display(DISPLAYS / f"{file}.toml")
     panel = dataclasses.replace(plain.panel, width_px=size[0], height_px=size[1])
     array = dataclasses.replace(plain.array, rotation_deg=angle, offset_mm=(0.1, -0.2))
@@ -198,10 +190,8 @@ def test_whole_frames(file, size, f, built, angle):
     print(f"{pixels} pixels equal")
 
 
-def test_engine_of_the_simulated_drawing():
+def test_engine_of_the_simulated_drawing(rng):
     """rtl_scene takes the twin's place."""
-    s = seed()
-    rng = np.random.default_rng(s)
     built, f = SceneBuild(1, 1, 32, 32), 14
     held = {0: rng.integers(0, 256, built.slot_bytes, dtype=np.uint8)}
     table = rng.integers(0, 256, 8192, dtype=np.uint8)

@@ -7,6 +7,7 @@ from pathlib import Path
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+from streams import hold_reset
 
 LAYERS, WORD = (int(cocotb.plusargs[name]) for name in ("Layers", "Word"))
 PAGE = Path(__file__).resolve().parents[3] / "docs/reference/scene-registers.md"
@@ -40,10 +41,7 @@ class Bench:
         for handle in (dut.s_apb_psel, dut.s_apb_penable, dut.take_i, dut.shown_i, dut.drawn_i, dut.underflow_i):
             handle.value = 0
         dut.s_apb_pprot.value = 0
-        dut.rst_ni.value = 0
-        for _ in range(3):
-            await self.edge
-        dut.rst_ni.value = 1
+        await hold_reset(dut)
 
     async def access(self, write, at, word=0, strobes=15):
         """An access; its word, or None for an error."""

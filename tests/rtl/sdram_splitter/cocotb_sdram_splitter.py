@@ -5,7 +5,7 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from streams import pattern
+from streams import hold_reset, pattern
 
 WIDTH, HEIGHT, BLOCK = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "Block"))
 BUDGET, MAX_BUDGET = (int(cocotb.plusargs[name]) for name in ("Budget", "MaxBudget"))
@@ -28,10 +28,7 @@ def fields(value):
 async def start(dut):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.valid_i.value = dut.ready_i.value = dut.pair_i.value = 0
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await FallingEdge(dut.clk_i)
-    dut.rst_ni.value = 1
+    await hold_reset(dut)
     await FallingEdge(dut.clk_i)
 
 

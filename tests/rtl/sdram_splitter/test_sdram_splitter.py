@@ -1,7 +1,7 @@
 """sdram_splitter: requests for pixels to transactions of the SDRAM."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 PARAMETERS = ("Width", "Height", "Block", "Budget", "MaxBudget")
 
@@ -10,6 +10,4 @@ PARAMETERS = ("Width", "Height", "Block", "Budget", "MaxBudget")
     "values", [(34, 60, 96, 384, 384), (64, 48, 48, 0, 105), (34, 110, 512, 1536, 1536), (6, 5, 7, 24, 24)]
 )
 def test_sdram_splitter(values):
-    parameters = dict(zip(PARAMETERS, values, strict=True))
-    program = compiled("sdram_splitter", parameters)
-    simulate(program, "sdram_splitter", "cocotb_sdram_splitter", seed(), plusargs=parameters)
+    run_cocotb("sdram_splitter", dict(zip(PARAMETERS, values, strict=True)))

@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import shear
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, signed
 
 
 @pytest.mark.parametrize("more", [0, 2], ids=["wide", "far"])
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, more):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(f, more, seed, rng, seen):
     near, far = signed(f + 2 + more), signed(f + 4)
-    seen = Coverage("shear", f"{more}-F{f}")
     segments = []
     for g in [0, 1, -1, *far, *rng.integers(-(1 << f), 1 << f, 6).tolist(), *rng.integers(*far, 6).tolist()]:
         x, y = mixed(rng, 150, near, near)
@@ -33,5 +28,4 @@ def test_equals_twin(f, more):
         seen.point("within", ~out.beyond)
         seen.point("moved", ~out.beyond & (out.x != x))
         seen.point("no shear", g == 0)
-    stream_step("shear" + "-far" * (more > 0), f, segments, s)
-    seen.close()
+    stream_step("shear" + "-far" * (more > 0), f, segments, seed)

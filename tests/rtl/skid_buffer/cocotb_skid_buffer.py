@@ -5,20 +5,9 @@ import random
 import cocotb
 from cocotb.clock import Clock
 from rtl_coverage import Coverage
-from streams import PAIRS, Monitor, pattern
+from streams import PAIRS, Monitor, pattern, watched
 
-SEEN: dict[str, int] = {}
-
-
-def watched(dut) -> Monitor:
-    def put(word):
-        dut.in_data_i.value = word
-
-    monitor = Monitor(
-        dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, dut.out_data_o, put
-    )  # fmt: skip
-    monitor.seen = SEEN
-    return monitor
+SEEN = Monitor.seen
 
 
 async def start(dut):
@@ -46,7 +35,7 @@ async def keeps_order_and_contract(dut, idle, pressure):
     inside = [sum(at <= clock for at in monitor.accepted) - sum(at <= clock for at in monitor.left)
               for clock in range(monitor.clocks)]  # fmt: skip
     assert max(inside) <= 2
-    SEEN["two words inside"] = SEEN.get("two words inside", 0) + inside.count(2)
+    SEEN["two words inside"] += inside.count(2)
 
 
 @cocotb.test()
@@ -91,12 +80,9 @@ async def clear_drops_what_is_inside_and_what_comes(dut):
                 monitor = watched(dut)
                 await monitor.run(words[:20], pattern("bursts", random, 8), pattern("bursts", random, 8), 100)
                 assert monitor.got == words[:20]
-                SEEN["cleared with two inside"] = SEEN.get("cleared with two inside", 0) + (inside == 2)
+                SEEN["cleared with two inside"] += inside == 2
 
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    seen = Coverage("skid_buffer", f"{len(dut.in_data_i)}")
-    for name, count in SEEN.items():
-        seen.point(name, count)
-    seen.close()
+    Coverage("skid_buffer", f"{len(dut.in_data_i)}", SEEN).close()

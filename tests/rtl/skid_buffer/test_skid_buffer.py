@@ -1,9 +1,9 @@
 """skid_buffer: registers between two streams."""
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 @pytest.mark.parametrize("width", [9, pytest.param(185, marks=pytest.mark.full)])
 def test_skid_buffer(width):
-    simulate(compiled("skid_buffer", {"Width": width}), "skid_buffer", "cocotb_skid_buffer", seed())
+    run_cocotb("skid_buffer", {"Width": width})

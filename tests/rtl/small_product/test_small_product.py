@@ -1,17 +1,11 @@
 """small_product: products of extreme and random words with fractions, whole and rounded where they are cut."""
 
-import numpy as np
 from bench import Segment
 from parts import SMALL_PRODUCTS, small_product, stream_parts
-from rtl_coverage import Coverage
-from runner import seed
 from words import mixed
 
 
-def test_is_exact():
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("small_product", "all")
+def test_is_exact(seed, rng, seen):
     batch = []
     for wa, drop in SMALL_PRODUCTS:
         a, b = mixed(rng, 600, (0, (1 << wa) - 1), (0, 511))
@@ -20,5 +14,4 @@ def test_is_exact():
         batch.append((small_product(wa, drop), Segment({}, {"a_i": a, "b_i": b}, {"p_o": p})))
         seen.point(f"{wa} bits, {drop} cut", (a == (1 << wa) - 1) & (b == 511))
         seen.point("a half is rounded up", drop and ((a * b) & 255 == 128).sum())
-    stream_parts(batch, s)
-    seen.close()
+    stream_parts(batch, seed)

@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.words import sqrt
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import around, specials
 
 
 @pytest.mark.parametrize("extra", range(4))
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_normalised_equals_twin(f, extra):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_normalised_equals_twin(f, extra, seed, rng, seen):
     bits = f + 3
     top = (1 << bits) - 1
     # As many words of every magnitude.
@@ -22,9 +18,8 @@ def test_normalised_equals_twin(f, extra):
     x = np.concatenate([specials(0, top), around(4 ** np.arange(bits // 2 + 1), 20, 0, top),
                         (1 << magnitude) + (rng.random(6000) * (1 << magnitude)).astype(np.int64)])  # fmt: skip
     y = sqrt(x, f, extra=extra)
-    stream_step(f"sqrt-1-{extra}", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
+    stream_step(f"sqrt-1-{extra}", f, [Segment({}, {"x_i": x}, {"y_o": y})], seed)
 
-    seen = Coverage("sqrt", f"normalised-F{f}-{extra}")
     # The shift from the number of bits, not by the twin's steps.
     length = np.array([int(word).bit_length() for word in x])
     seen.values("shift by", np.where(x > 0, (bits - length) // 2, -1), range((bits - 1) // 2 + 1))
@@ -32,23 +27,18 @@ def test_normalised_equals_twin(f, extra):
     seen.point("smallest", x == 1)
     # With all places kept the root's own error may show.
     seen.point("largest, at the largest word", (x == top) & (y >= (1 << (f + 1 + extra)) - 1 - extra))
-    seen.close()
 
 
 @pytest.mark.parametrize("extra", range(4))
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_plain_equals_twin(f, extra):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_plain_equals_twin(f, extra, seed, rng, seen):
     quarter = 1 << (f + 1)
     x = np.concatenate([
         around([quarter, 2 * quarter, 3 * quarter, 4 * quarter], 300, quarter, 4 * quarter - 1),
         rng.integers(quarter, 4 * quarter, 5000),
     ])  # fmt: skip
     y = sqrt(x, f, normalise=False, extra=extra)
-    stream_step(f"sqrt-0-{extra}", f, [Segment({}, {"x_i": x}, {"y_o": y})], s)
+    stream_step(f"sqrt-0-{extra}", f, [Segment({}, {"x_i": x}, {"y_o": y})], seed)
 
-    seen = Coverage("sqrt", f"plain-F{f}-{extra}")
     seen.point("lower octave", x < 2 * quarter)
     seen.point("upper octave", x >= 2 * quarter)
-    seen.close()

@@ -11,8 +11,6 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.system import System
 from lippmann.simulation.harness import packed
 from optics import display, random_configuration
-from rtl_coverage import Coverage
-from runner import seed
 
 OFF, LENS, CENTRES, VIEWS, CHECKER, RAMP = range(6)
 WHITE = 0xFFFFFF
@@ -35,10 +33,7 @@ def pattern(kind, lens, config, grid, f, width, height, columns, rows):
 
 
 @pytest.mark.parametrize("f", [23, *(pytest.param(f, marks=pytest.mark.full) for f in (14, 17, 18))])
-def test_equals_twin(f):
-    s = seed()
-    rng = np.random.default_rng(s)
-    seen = Coverage("test_pattern", f"F{f}")
+def test_equals_twin(f, seed, rng, seen):
     instances, batch = [], []
     for (width, height), grid in (((640, 480), "square"), ((1921, 1080), "hex"), ((2400, 2400), "hex")):
         parameters = {"Width": width, "Height": height, "F": f, "Grid": GRIDS[grid]}
@@ -70,15 +65,13 @@ def test_equals_twin(f):
             elif kind == VIEWS:
                 seen.values("view", rgb >> 16 & 0xE0, range(0, 256, 32))
                 seen.values("view", rgb >> 8 & 0xE0, range(0, 256, 32))
-    stream(instances, batch, f"test_pattern-F{f}", s)
-    seen.close()
+    stream(instances, batch, f"test_pattern-F{f}", seed)
 
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("rotation", [0.0, 7.0, -31.0, 90.0])
 @pytest.mark.parametrize("eye", [None, 60.0])
-def test_twin_shows_the_lens_array(grid, rotation, eye):
-    rng = np.random.default_rng(seed())
+def test_twin_shows_the_lens_array(grid, rotation, eye, rng):
     build = Build(23, grid, converge=eye is not None)
     offset, across, axis = tuple(rng.uniform(-0.5, 0.5, 2)), rng.uniform(8, 25), tuple(rng.uniform(-9.0, 9.0, 2))
     near = {} if eye is None else {"eye": eye, "axis": axis}

@@ -4,15 +4,11 @@ import numpy as np
 import pytest
 from bench import Segment
 from lippmann.fixed.scene_pipeline import texel_blend
-from rtl_coverage import Coverage
-from runner import seed
 from scene_steps import joined, stream_scene_step
 
 
 @pytest.mark.parametrize("taps", [1, 4])
-def test_equals_twin(taps):
-    s = seed()
-    rng = np.random.default_rng(s)
+def test_equals_twin(taps, seed, rng, seen):
     count = 6000
     colours = rng.integers(0, 256, (count, taps, 4))
     colours[:256] = np.arange(256)[:, None, None]  # r = g = b = a
@@ -38,13 +34,11 @@ def test_equals_twin(taps):
     words = {"colour_i": joined(entries, 33), "weight_i": joined(weights, 17)}
     # The RTL's red is the highest.
     out = {"light_o": joined(light[:, ::-1], 16), "opacity_o": opacity}
-    stream_scene_step(f"texel_blend-{taps}", 16, [Segment({}, words, out)], s)
+    stream_scene_step(f"texel_blend-{taps}", 16, [Segment({}, words, out)], seed)
 
-    seen = Coverage("texel_blend", f"taps{taps}")
     if taps == 1:
         seen.values("alpha of a whole texel", colours[weights == 65536][:, 3], range(256))
     seen.point("nothing", (weights == 0).all(axis=1))
     seen.point("opaque white", (light == 65025).all(axis=1))
     if taps == 4:
         seen.point("one of four outside", (weights == 0).sum(axis=1) == 1)
-    seen.close()

@@ -14,7 +14,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from pins import Pins
 from rtl_coverage import Coverage
-from streams import PATTERNS, pattern
+from streams import PATTERNS, hold_reset, pattern
 
 WIDTH, HEIGHT = int(cocotb.plusargs["Width"]), int(cocotb.plusargs["Height"])
 PLACE_BITS = (WIDTH * HEIGHT - 1).bit_length()
@@ -100,10 +100,7 @@ class Bench:
         dut = self.dut
         for name in self.inputs:
             getattr(dut, name).value = 0
-        dut.rst_ni.value = 0
-        for _ in range(3):
-            await self.edge
-        dut.rst_ni.value = 1
+        await hold_reset(dut)
         await self.fill()
 
     async def fill(self):

@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 BENCH = Path(__file__).with_name("tile_writer_bench.sv")
-FOLDERS = ("registers", "optics", "link", "panel")
 
 
 @pytest.mark.parametrize(
@@ -18,6 +17,4 @@ FOLDERS = ("registers", "optics", "link", "panel")
     ],
 )
 def test_tile_writer(width, height):
-    parameters = {"Width": width, "Height": height}
-    program = compiled("tile_writer_bench", parameters, BENCH.read_text())
-    simulate(program, "tile_writer_bench", "cocotb_tile_writer", seed(), plusargs=parameters)
+    run_cocotb("tile_writer_bench", {"Width": width, "Height": height}, BENCH.read_text())

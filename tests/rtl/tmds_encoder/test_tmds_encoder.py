@@ -1,7 +1,7 @@
 """tmds_encoder: every byte at every balance, and lines of video."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_tmds_encoder():
-    simulate(compiled("tmds_encoder"), "tmds_encoder", "cocotb_tmds_encoder", seed())
+    run_cocotb("tmds_encoder")

@@ -1,7 +1,7 @@
 """tmds_serialiser: symbols to bits between two clocks of one source, at any phase."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_tmds_serialiser():
-    simulate(compiled("tmds_serialiser"), "tmds_serialiser", "cocotb_tmds_serialiser", seed())
+    run_cocotb("tmds_serialiser")

@@ -1,8 +1,7 @@
 """uart_rx, against a line that is timed in picoseconds."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_uart_rx():
-    program = compiled("uart_rx")
-    simulate(program, "uart_rx", "cocotb_uart_rx", seed())
+    run_cocotb("uart_rx")

@@ -1,8 +1,7 @@
 """uart_tx, against the times at which each bit is due."""
 
-from runner import compiled, seed, simulate
+from runner import run_cocotb
 
 
 def test_uart_tx():
-    program = compiled("uart_tx")
-    simulate(program, "uart_tx", "cocotb_uart_tx", seed())
+    run_cocotb("uart_tx")

@@ -5,18 +5,14 @@ import pytest
 from bench import Segment
 from lippmann.fixed.ray_start import unit_slope
 from lippmann.fixed.words import extra_bits
-from rtl_coverage import Coverage
-from runner import seed
 from steps import FRACTIONS, stream_step
 from words import mixed, word
 
 
 @pytest.mark.parametrize("extra", [0, 1])
 @pytest.mark.parametrize("f", FRACTIONS)
-def test_equals_twin(f, extra):
-    s = seed()
+def test_equals_twin(f, extra, seed, rng, seen):
     extra = min(extra, extra_bits(f))  # no build of so few fraction bits has wider words
-    rng = np.random.default_rng(s)
     b = f + extra
     most = int(np.sqrt(3.0) * (1 << b)) - 1
     mx, my = mixed(rng, 4000, (-most, most), (-most, most))
@@ -31,13 +27,12 @@ def test_equals_twin(f, extra):
     square = (mx * mx + my * my).astype(np.float64) / 4**extra
     ex, ey, ez, beyond = unit_slope(mx, my, f, extra)
     out = {"ex_o": ex, "ey_o": ey, "ez_o": ez, "beyond_o": beyond.astype(np.int64)}
-    stream_step(f"unit_slope-{extra}", f, [Segment({}, {"mx_i": mx, "my_i": my}, out)], s)
+    stream_step(f"unit_slope-{extra}", f, [Segment({}, {"mx_i": mx, "my_i": my}, out)], seed)
     # The sum of squares is rounded to F + 1 fraction bits.
     assert (
         beyond[np.abs(square - (3 << 2 * f)) > 1 << f] == (square > 3 << 2 * f)[np.abs(square - (3 << 2 * f)) > 1 << f]
     ).all()
 
-    seen = Coverage("unit_slope", f"F{f}-{extra}")
     seen.point("along the axis", (mx == 0) & (my == 0))
     seen.point("along x", (mx != 0) & (my == 0))
     seen.point("along y", (mx == 0) & (my != 0))
@@ -48,4 +43,3 @@ def test_equals_twin(f, extra):
     for name, e in (("x", ex), ("y", ey)):
         seen.point(f"{name} negative", e < 0)
         seen.point(f"{name} positive", e > 0)
-    seen.close()

@@ -4,7 +4,7 @@ import random
 
 import cocotb
 from cocotb.clock import Clock
-from streams import PAIRS, Monitor, pattern
+from streams import PAIRS, hold_reset, pattern, watched
 
 PARTS = int(cocotb.plusargs["Parts"])
 
@@ -13,16 +13,8 @@ async def start(dut):
     Clock(dut.clk_i, 2, unit="ns").start()
     dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = 0
 
-    def put(word):
-        dut.in_data_i.value = word
-
-    monitor = Monitor(
-        dut.clk_i, dut.in_valid_i, dut.in_ready_o, dut.out_valid_o, dut.out_ready_i, dut.out_data_o, put, through=True
-    )
-    dut.rst_ni.value = 0
-    for _ in range(3):
-        await monitor.edge
-    dut.rst_ni.value = 1
+    monitor = watched(dut, through=True)
+    await hold_reset(dut)
     await monitor.edge
     assert not dut.out_valid_o.value
     return monitor, [random.getrandbits(len(dut.in_data_i)) for _ in range(100 * PARTS)]
