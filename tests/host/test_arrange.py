@@ -354,29 +354,16 @@ def test_depths_of_a_file_move_with_its_scene():
     assert (tilted.near_mm, tilted.far_mm) == (None, None)
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("rotation_deg", (0, 0)),
-        ("rotation_deg", (0, 0, 0, 0)),
-        ("rotation_deg", "012"),
-        ("rotation_deg", 5),
-        ("rotation_deg", None),
-        ("rotation_deg", (0, math.nan, 0)),
-        ("offset_mm", (1.0,)),
-        ("offset_mm", (0, "1", 0)),
-        ("offset_mm", (0, 0, math.inf)),
-        ("offset_mm", (0, True, 0)),
-        ("scale", None),
-        ("scale", "1"),
-        ("scale", math.nan),
-        ("scale", 0.0),
-        ("near_mm", math.inf),
-        ("near_mm", "5"),
-        ("far_mm", math.nan),
-        ("far_mm", (1, 2, 3)),
-    ],
-)
+BAD_VALUES = {
+    "rotation_deg": ((0, 0), (0, 0, 0, 0), "012", 5, None, (0, math.nan, 0)),
+    "offset_mm": ((1.0,), (0, "1", 0), (0, 0, math.inf), (0, True, 0)),
+    "scale": (None, "1", math.nan, 0.0),
+    "near_mm": (math.inf, "5"),
+    "far_mm": (math.nan, (1, 2, 3)),
+}
+
+
+@pytest.mark.parametrize(("key", "value"), [(key, value) for key, values in BAD_VALUES.items() for value in values])
 def test_a_placement_is_checked_when_it_is_made(key, value):
     with pytest.raises(InputError, match=f"(?i)^placement: {key}"):
         Placement(**{key: value})

@@ -18,19 +18,9 @@ from tools.stage_errors import fixed_page
 
 SCENES = str(repository() / "scenes")
 REPORTS = repository() / "docs/reports"
-ROW = {
-    "display": "vga-square",
-    "frames": 24,
-    "width_px": 640,
-    "height_px": 480,
-    "one_seconds": 20.0,
-    "one_cpu_seconds": 30.0,
-    "workers": 2,
-    "workers_seconds": 15.0,
-    "workers_cpu_seconds": 31.0,
-    "pixels_differ": 0,
-    "ratio": 0.75,
-}
+ROW = {"display": "vga-square", "frames": 24, "width_px": 640, "height_px": 480, "pixels_differ": 0, "ratio": 0.75}
+ROW |= {"one_seconds": 20.0, "one_cpu_seconds": 30.0}
+ROW |= {"workers": 2, "workers_seconds": 15.0, "workers_cpu_seconds": 31.0}
 
 
 @pytest.fixture
@@ -113,22 +103,8 @@ def test_every_measurement_has_an_example(name):
 
 def test_every_measurement_is_listed():
     listed = click.testing.CliRunner().invoke(bench.command, ["--help"]).output
-    names = (
-        "trace",
-        "render",
-        "animate",
-        "observe",
-        "fixed",
-        "rtl",
-        "link",
-        "view",
-        "depth",
-        "seed",
-        "peers",
-        "hard",
-        "layers",
-    )
-    assert all(name in listed for name in names)
+    for names in ("trace render animate observe fixed rtl link", "view depth seed peers hard layers"):
+        assert all(name in listed for name in names.split())
 
 
 def test_ratios_of_two_renders_are_taken_within_a_round(monkeypatch):

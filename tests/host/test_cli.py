@@ -71,14 +71,8 @@ def render(*more) -> list:
 
 
 def child(*arguments, **others) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "lippmann", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        **others,
-    )
+    command = [sys.executable, "-m", "lippmann", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **others)
 
 
 # --- help and JSON --------------------------------------------------------------------------------
@@ -123,13 +117,7 @@ def test_inspect_as_json(capfd, display):
 
 @pytest.mark.parametrize(
     ("typed", "meant"),
-    [
-        ("insect", "inspect"),
-        ("rendr", "render"),
-        ("obsreve", "observe"),
-        ("vektors", "vectors"),
-        ("dispaly", "display"),
-    ],
+    {"insect": "inspect", "rendr": "render", "obsreve": "observe", "vektors": "vectors", "dispaly": "display"}.items(),
 )
 def test_a_misspelt_command_is_recognised(capfd, typed, meant):
     assert refused(capfd, typed) == f"lippmann: No such command '{typed}'. Did you mean '{meant}'? (see --help)"
@@ -1038,13 +1026,6 @@ def test_inspect_loads_no_engine_and_no_plots():
     code = "import sys\nfrom lippmann.cli import run\nrun(sys.argv[1:])\nprint(sorted(sys.modules))"
     command = [sys.executable, "-c", code, "inspect", display]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    for module in (
-        "matplotlib",
-        "lippmann.fixed.ray_pipeline",
-        "lippmann.engines",
-        "scipy",
-        "mitsuba",
-        "OpenImageIO",
-        "PIL",
-    ):
+    ours = ("lippmann.fixed.ray_pipeline", "lippmann.engines")
+    for module in (*ours, "matplotlib", "scipy", "mitsuba", "OpenImageIO", "PIL"):
         assert f"'{module}'" not in done.stdout.splitlines()[-1]

@@ -211,33 +211,29 @@ def test_defaults():
 
 # --- identity -------------------------------------------------------------------------------------
 
+PANEL_CHANGES = {
+    "width_px": [641],
+    "height_px": [481],
+    "pixel_pitch_mm": [math.nextafter(0.05, 1), [0.05, 0.050001]],
+    "subpixels": ["rgb", "bgr", "rgbw", "pentile"],
+}
+ARRAY_CHANGES = {
+    "grid": ["square"],
+    "pitch_mm": [1.0000001, [1.0, 1.0000001]],
+    "shear": [1e-9, -1e-9],
+    "extent_mm": [[20.0, 10.0], [20.0, 10.000001]],
+    "index": [1.5000001],
+    "radius_mm": [2.0000001],
+    "thickness_mm": [2.0],
+    "plano_side": ["viewer"],
+    "rotation_deg": [0.001, -0.001],
+    "offset_mm": [[0.001, 0.0], [0.0, 0.001]],
+}
 OPTICAL_CHANGES = [
-    {"panel": but(PANEL, width_px=641)},
-    {"panel": but(PANEL, height_px=481)},
-    {"panel": but(PANEL, pixel_pitch_mm=math.nextafter(0.05, 1))},
-    {"panel": but(PANEL, subpixels="rgb")},
-    {"panel": but(PANEL, subpixels="bgr")},
-    {"panel": but(PANEL, pixel_pitch_mm=[0.05, 0.050001])},
-    {"panel": but(PANEL, subpixels="rgbw")},
-    {"panel": but(PANEL, subpixels="pentile")},
-    {"array": but(ARRAY, grid="square")},
-    {"array": but(ARRAY, pitch_mm=1.0000001)},
-    {"array": but(ARRAY, pitch_mm=[1.0, 1.0000001])},
-    {"array": but(ARRAY, shear=1e-9)},
-    {"array": but(ARRAY, shear=-1e-9)},
-    {"array": but(ARRAY, extent_mm=[20.0, 10.0])},
-    {"array": but(ARRAY, extent_mm=[20.0, 10.000001])},
-    {"array": but(ARRAY, index=1.5000001)},
-    {"array": but(ARRAY, index=None, glass="PMMA")},
-    {"array": but(ARRAY, index=None, glass="N-BK7")},
-    {"array": but(ARRAY, radius_mm=2.0000001)},
+    *({"panel": but(PANEL, **{key: value})} for key, values in PANEL_CHANGES.items() for value in values),
+    *({"array": but(ARRAY, **{key: value})} for key, values in ARRAY_CHANGES.items() for value in values),
+    *({"array": but(ARRAY, index=None, glass=glass)} for glass in ("PMMA", "N-BK7")),
     {"array": but(ARRAY, radius_mm=None, focal_length_mm=4.1)},
-    {"array": but(ARRAY, thickness_mm=2.0)},
-    {"array": but(ARRAY, plano_side="viewer")},
-    {"array": but(ARRAY, rotation_deg=0.001)},
-    {"array": but(ARRAY, rotation_deg=-0.001)},
-    {"array": but(ARRAY, offset_mm=[0.001, 0.0])},
-    {"array": but(ARRAY, offset_mm=[0.0, 0.001])},
     {"gap_mm": 0.5000001},
     {"viewing_distance_mm": 600.0},
     {"viewing_distance_mm": 600.0000001},
@@ -420,16 +416,8 @@ def test_an_unknown_table_stands_for_the_missing_one():
     refused(text, "lenslets: unknown key; did you mean array?")
 
 
-NUMBERS = [
-    ("panel", "pixel_pitch_mm"),
-    ("array", "pitch_mm"),
-    ("array", "index"),
-    ("array", "radius_mm"),
-    ("array", "thickness_mm"),
-    ("array", "rotation_deg"),
-    (None, "gap_mm"),
-]
-LENGTHS = [pair for pair in NUMBERS if pair[1] not in ("rotation_deg", "gap_mm")]
+LENGTHS = [("panel", "pixel_pitch_mm"), *(("array", key) for key in ("pitch_mm", "index", "radius_mm", "thickness_mm"))]
+NUMBERS = [*LENGTHS, ("array", "rotation_deg"), (None, "gap_mm")]
 
 
 def with_raw(table, key, raw):

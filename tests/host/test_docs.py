@@ -266,23 +266,12 @@ def test_every_json_key_is_documented(tmp_path, capsys):
     film.write_text(f'scene = "{TOP}/scenes/chart/chart.xml"\nframes = 1\n')
     common = ["--display", str(display), "--json"]
     pages = "\n".join((TOP / f"docs/reference/{name}.md").read_text() for name in ("command-line", "display-file"))
+    captured = ("--size", "300", "--samples", "1", "--json", "-o", str(tmp_path / "captured.exr"))
     for arguments in (
         ["inspect", str(display), "--json"],
         ["trace", *common, "--pixels", "9", "-o", str(tmp_path / "rays.npz")],
         ["render", str(TOP / "scenes/chart/chart.xml"), *common, "-o", str(image)],
-        [
-            "capture",
-            str(TOP / "scenes/chart/chart.xml"),
-            "--setup",
-            str(TOP / "scenes/setups/plain.toml"),
-            "--size",
-            "300",
-            "--samples",
-            "1",
-            "--json",
-            "-o",
-            str(tmp_path / "captured.exr"),
-        ],
+        ["capture", str(TOP / "scenes/chart/chart.xml"), "--setup", str(TOP / "scenes/setups/plain.toml"), *captured],
         ["observe", str(image), *common, "--eye", "0,0,600", "--width", "8", "-o", str(tmp_path / "view.png")],
         ["animate", str(film), *common, "-o", str(tmp_path / "frames")],
         ["doctor", "--json"],

@@ -173,18 +173,9 @@ def test_the_world_moves_as_render_places_it(place):
     keys = "keys = [{ frame = 0, offset_mm = [1, 0, 5], rotation_deg = [0, 25, 0], scale = 1.25 }]"
     (place / "film.toml").write_text(FILM + f"[world]\n{keys}\n")
     animate(place, "--model", "exact")
-    common = [
-        "--display",
-        str(place / "small.toml"),
-        "--samples",
-        "1",
-        "--model",
-        "exact",
-        "-o",
-        str(place / "one.exr"),
-    ]
+    words = ["render", str(place / "three.xml"), "--display", str(place / "small.toml"), "-o", str(place / "one.exr")]
     stand = ["--offset", "1,0,5", "--rotate", "0,25,0", "--scale", "1.25"]
-    assert run(["render", str(place / "three.xml"), *common, *stand]) == 0
+    assert run([*words, "--samples", "1", "--model", "exact", *stand]) == 0
     frame, one = (read_picture(place / name) for name in ("out/frame_0003.exr", "one.exr"))
     assert psnr_db(frame.radiance, one.radiance) > 60.0
     assert frame.metadata["frame"] == "3"

@@ -244,19 +244,8 @@ def test_the_command_cuts_and_the_next_one_draws(place, capfd):
     wanted = lp.draw(stack, DISPLAY, samples=2, filter="bilinear")
     with Image.open("a.png") as picture:
         assert (np.asarray(picture) == encoded_values(wanted.radiance, "srgb", 8)).all()
-    moved = [
-        "render",
-        "out/layers.toml",
-        "--display",
-        "tiny.toml",
-        "--samples",
-        "1",
-        "--engine",
-        "golden",
-        "-o",
-        "b.exr",
-    ]
-    assert run([*moved, "--scale", "0.5", "--offset", "1,2,3"]) == 0
+    moved = ["render", "out/layers.toml", "--display", "tiny.toml", "--scale", "0.5", "--offset", "1,2,3"]
+    assert run([*moved, "--samples", "1", "--engine", "golden", "-o", "b.exr"]) == 0
     image = lp.IntegralImage.load("b.exr", DISPLAY)
     wanted = lp.draw(stack.moved(0.5, (1.0, 2.0, 3.0)), DISPLAY)
     assert image.radiance == pytest.approx(wanted.radiance, abs=2e-3)  # half floats

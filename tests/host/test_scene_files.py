@@ -409,24 +409,9 @@ SHORT = ("--display", "d.toml", "--device", "llvm", "--json")
 @pytest.mark.parametrize("rows", [1, 3])
 def test_a_view_that_coincides_with_an_eye_is_that_view(place, capfd, rows):
     """The scene's views; their folder as a scene; its views from the same eyes."""
-    told(
-        capfd,
-        "export",
-        "views",
-        "balls.xml",
-        "-o",
-        "a",
-        "--across",
-        4,
-        "--down",
-        rows,
-        "--width",
-        96,
-        "--linear",
-        *SHORT,
-    )
-    views = told(capfd, "export", "views", "a", "-o", "b", "--across", 4, "--down", rows, "--width", 96, "--samples", 1,
-                 "--linear", *SHORT)["views"]  # fmt: skip
+    form = ("--across", 4, "--down", rows, "--width", 96, "--linear", *SHORT)
+    told(capfd, "export", "views", "balls.xml", "-o", "a", *form)
+    views = told(capfd, "export", "views", "a", "-o", "b", *form, "--samples", 1)["views"]
     for view in views:
         a, b = (read_picture(place / folder / view["file"]).radiance for folder in "ab")
         assert psnr_db(a, b) >= 50.0, view

@@ -277,19 +277,8 @@ def lippmann(capfd, *words):
 
 
 def test_the_command_writes_the_page(place, capfd):
-    code, out, _ = lippmann(
-        capfd,
-        "view",
-        "a.png",
-        "--display",
-        "small.toml",
-        "--direct",
-        "10,0,600",
-        "direct.png",
-        "--title",
-        "T",
-        "--json",
-    )
+    words = ("view", "a.png", "--display", "small.toml", "--direct", "10,0,600", "direct.png", "--title", "T", "--json")
+    code, out, _ = lippmann(capfd, *words)
     assert code == 0
     told = json.loads(out)
     page = (place / "a.html").read_bytes()

@@ -41,11 +41,12 @@ def pattern(name: str, random_: random.Random, stuck: int) -> Iterator[bool]:
 INFERRED = {"empty", "into an empty device", "last word leaves"}
 
 
-async def hold_reset(dut) -> None:
-    """Reset a module for three clocks."""
+async def hold_reset(dut, edge=None) -> None:
+    """Reset a module for three clocks; `edge` is its clock's, needed where `dut` is a `Pins`."""
+    edge = FallingEdge(dut.clk_i) if edge is None else edge
     dut.rst_ni.value = 0
     for _ in range(3):
-        await FallingEdge(dut.clk_i)
+        await edge
     dut.rst_ni.value = 1
 
 

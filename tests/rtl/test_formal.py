@@ -19,51 +19,19 @@ FORMAL = TOP / "sim" / "formal"
 TOOLS = Path(sys.executable).parent
 
 # The proofs and covers of each .sby file.
-PROOFS = [
-    "async_fifo prove",
-    "async_fifo cover",
-    "axil_to_apb prove",
-    "axil_to_apb cover",
-    "dispatcher prove",
-    "dispatcher prove_scene",
-    "dispatcher cover",
-    "draw_frame prove_1",
-    "draw_frame prove_2",
-    "draw_frame prove_4",
-    "draw_frame cover_1",
-    "fifo prove_4",
-    "fifo prove_128",
-    "fifo prove_256",
-    "fifo cover_8",
-    "memory_1w1r prove",
-    "memory_1w1r cover",
-    "flow_control prove_1",
-    "flow_control prove_44",
-    "flow_control prove_65",
-    "flow_control prove_173",
-    "flow_control prove_244",
-    "flow_control prove_292",
-    "flow_control prove_461",
-    "flow_control prove_order_1",
-    "flow_control prove_order_44",
-    "flow_control prove_order_65",
-    "flow_control prove_order_173",
-    "flow_control prove_order_244",
-    "flow_control prove_order_292",
-    "flow_control prove_order_461",
-    "flow_control cover_3",
-    "flow_control full_3",
-    "frame_gate prove",
-    "frame_gate cover",
-    "pulse_sync prove",
-    "pulse_sync cover",
-    "ray_stream prove",
-    "ray_stream cover",
-    "sdram_arbiter prove",
-    "sdram_arbiter cover",
-    "wishbone_to_apb prove",
-    "wishbone_to_apb cover",
-]
+BOTH = ("prove", "cover")
+LATENCIES = (1, 44, 65, 173, 244, 292, 461)
+TASKS = {
+    "async_fifo": BOTH,
+    "axil_to_apb": BOTH,
+    "dispatcher": ("prove", "prove_scene", "cover"),
+    "draw_frame": ("prove_1", "prove_2", "prove_4", "cover_1"),
+    "fifo": ("prove_4", "prove_128", "prove_256", "cover_8"),
+    "memory_1w1r": BOTH,
+    "flow_control": (*(f"prove{order}_{n}" for order in ("", "_order") for n in LATENCIES), "cover_3", "full_3"),
+    **dict.fromkeys(("frame_gate", "pulse_sync", "ray_stream", "sdram_arbiter", "wishbone_to_apb"), BOTH),
+}
+PROOFS = [f"{name} {task}" for name, tasks in TASKS.items() for task in tasks]
 
 # A fault put into the RTL, and the assertion that it must break from reset on (no induction: a trace of the fault).
 # (proof, file, text, its replacement, assertions of which one must fail)
@@ -254,8 +222,7 @@ LONG = {
     "draw_frame prove_2",
     "fifo prove_4",
     "fifo prove_128",
-    *(f"flow_control prove_{latency}" for latency in (44, 173, 244, 292, 461)),
-    *(f"flow_control prove_order_{latency}" for latency in (44, 173, 244, 292, 461)),
+    *(f"flow_control prove{order}_{n}" for order in ("", "_order") for n in LATENCIES if n not in (1, 65)),
 }
 
 

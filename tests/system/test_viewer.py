@@ -638,22 +638,10 @@ def test_the_page_is_served_on_loopback_until_interrupted(tmp_path):
     display = load_display(ROOT / "scenes/displays/vga-square.toml")
     panel = display.panel
     write_picture(tmp_path / "a.png", np.full((panel.height_px, panel.width_px, 3), 0.5, np.float32), {})
-    words = [
-        "view",
-        "a.png",
-        "--display",
-        str(ROOT / "scenes/displays/vga-square.toml"),
-        "--force",
-        "--serve",
-        "--json",
-    ]
-    server = subprocess.Popen(
-        [sys.executable, "-m", "lippmann", *words],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    display = str(ROOT / "scenes/displays/vga-square.toml")
+    command = [sys.executable, "-m", "lippmann", "view", "a.png", "--display", display, "--force", "--serve", "--json"]
+    pipe = subprocess.PIPE
+    server = subprocess.Popen(command, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True)
     try:
         told = json.loads(server.stdout.readline())
         assert told["url"].startswith("http://127.0.0.1:")
@@ -665,7 +653,7 @@ def test_the_page_is_served_on_loopback_until_interrupted(tmp_path):
             urllib.request.urlopen(told["url"] + "etc/passwd")
         port = told["url"].split(":")[2].split("/")[0]
         second = subprocess.run(
-            [sys.executable, "-m", "lippmann", *words, "--tcp-port", port],
+            [*command, "--tcp-port", port],
             cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
         )  # fmt: skip
         assert second.returncode == 2

@@ -118,20 +118,9 @@ class Reference:
         version, nonce = struct.unpack("<BI", body)
         if version == rules.VERSION and nonce != self.nonce:
             self.nonce, self.newest, self.executed = nonce, number, None
-        build = self.registers[rules.BUILD]
-        told = (
-            rules.VERSION,
-            nonce,
-            self.identity,
-            self.width,
-            self.height,
-            32,
-            3200,
-            self.clock_hz,
-            self.epoch,
-            build,
-        )
-        return (OK if version == rules.VERSION else VERSION), struct.pack("<BIQHHBHIHI", *told)
+        sizes, state = (self.width, self.height, 32, 3200), (self.clock_hz, self.epoch, self.registers[rules.BUILD])
+        told = struct.pack("<BIQHHBHIHI", rules.VERSION, nonce, self.identity, *sizes, *state)
+        return (OK if version == rules.VERSION else VERSION), told
 
     def _range_is_there(self, first: int, count: int) -> bool:
         wanted = range(first, first + 4 * count, 4)

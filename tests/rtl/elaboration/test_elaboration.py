@@ -14,33 +14,25 @@ FOLDER_OF = folder_of_modules()
 MODULES = sorted(FOLDER_OF)
 
 
-def built(F=23, Grid=0, Model=2, Viewer=0, Aims=0, Walk=0, CrossCells=0, Converge=0, Shear=0):
-    """The parameter `Build` of the pipeline and of what holds it, field by field from the lowest bit."""
-    fields = (
-        (F, 5),
-        (Grid, 1),
-        (Model, 2),
-        (Viewer, 1),
-        (Aims, 1),
-        (Walk, 3),
-        (CrossCells, 1),
-        (Converge, 1),
-        (Shear, 1),
-    )
+def packed(*fields):
+    """A word of fields (value, bits), the first one lowest, and its bits."""
     word = at = 0
     for value, bits in fields:
         assert 0 <= value < 1 << bits
         word, at = word | value << at, at + bits
+    return word, at
+
+
+def built(F=23, Grid=0, Model=2, Viewer=0, Aims=0, Walk=0, CrossCells=0, Converge=0, Shear=0):
+    """The parameter `Build` of the pipeline and of what holds it, field by field from the lowest bit."""
+    converged = ((CrossCells, 1), (Converge, 1), (Shear, 1))
+    word, at = packed((F, 5), (Grid, 1), (Model, 2), (Viewer, 1), (Aims, 1), (Walk, 3), *converged)
     return {"Build": f"{at}'h{word:04x}"}
 
 
 def drawn(layers=4, slots=5, width_bits=8, height=192, bilinear=0, samples_bits=0):
     """The parameter `Scene` of the drawing, field by field from the lowest bit."""
-    fields = ((layers, 4), (slots, 4), (width_bits, 4), (height, 11), (bilinear, 1), (samples_bits, 2))
-    word = at = 0
-    for value, bits in fields:
-        assert 0 <= value < 1 << bits
-        word, at = word | value << at, at + bits
+    word, at = packed((layers, 4), (slots, 4), (width_bits, 4), (height, 11), (bilinear, 1), (samples_bits, 2))
     return {"Scene": f"{at}'h{word:07x}"}
 
 

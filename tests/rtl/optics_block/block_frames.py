@@ -50,7 +50,7 @@ class Block:
         for name in ("valid", "u", "v", "a", "b", "first", "last"):
             getattr(dut, f"ray_{name}_i").value = 0
         dut.exit_ready_i.value = 0
-        await hold_reset(dut)
+        await hold_reset(dut, self.edge)
         cocotb.start_soon(self._collect())
         await self.edge
 

@@ -129,7 +129,7 @@ async def swallows_what_is_too_long_while_full(dut):
     first = packet * (ROOM // LONGEST)
     for beat in first:
         assert await monitor.clock(beat, False)
-    # One byte too many is reached where there is ROOM for it; then nothing holds the rest.
+    # One byte too many is reached where there is room for it; then nothing holds the rest.
     words = marked(body) * (ROOM // LONGEST)
     for _ in range(len(words) - 800 + 4):
         if len(monitor.got) < len(words) - 800:
@@ -144,6 +144,4 @@ async def swallows_what_is_too_long_while_full(dut):
 
 @cocotb.test()
 async def coverage_is_complete(dut):
-    Coverage(
-        "packet_fifo", cocotb.plusargs["address_bits"], {name: SEEN[name] for name in SEEN.keys() - INFERRED}
-    ).close()
+    Coverage("packet_fifo", f"{ROOM}", {name: SEEN[name] for name in SEEN.keys() - INFERRED}).close()

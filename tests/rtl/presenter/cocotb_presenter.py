@@ -25,7 +25,7 @@ class Bench:
     async def reset(self):
         dut = self.dut
         dut.start_i.value = dut.check_done_i.value = dut.swapped_i.value = 0
-        await hold_reset(dut)
+        await hold_reset(dut, self.edge)
         self.is_quiet()
         assert int(dut.epoch_o.value) == 0
 

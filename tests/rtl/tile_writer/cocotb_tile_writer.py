@@ -100,7 +100,7 @@ class Bench:
         dut = self.dut
         for name in self.inputs:
             getattr(dut, name).value = 0
-        await hold_reset(dut)
+        await hold_reset(dut, self.edge)
         await self.fill()
 
     async def fill(self):
