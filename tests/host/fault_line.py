@@ -70,11 +70,7 @@ class Faults:
 NO_FAULTS = Faults()
 #: Faults of a bad line that still lets something through.
 FAULTS = {
-    "flip": Faults(flip=1e-4),
-    "drop": Faults(drop=1e-4),
-    "insert": Faults(insert=1e-4),
-    "duplicate": Faults(duplicate=1e-4),
-    "garble": Faults(garble=1e-4),
+    **{name: Faults(**{name: 1e-4}) for name in ("flip", "drop", "insert", "duplicate", "garble")},
     "reorder": Faults(reorder=1e-4, run=32),
     "cut": Faults(cut=3e-5, run=2000),
     "stall": Faults(stall=2e-5, stall_s=0.3),

@@ -131,13 +131,8 @@ def trace(display, pixels, aims, fault=""):
     if fault == "direction sign":
         direction = direction * (-1, 1, 1)
     return {
-        "pixel": pixels,
-        "aperture_mm": aims,
-        "panel_mm": np.stack([px, py], axis=1),
-        "lenslet": np.stack([i, j], axis=1),
-        "centre_mm": centre,
-        "local_mm": local,
+        **{"pixel": pixels, "aperture_mm": aims, "panel_mm": np.stack([px, py], axis=1)},
+        **{"lenslet": np.stack([i, j], axis=1), "centre_mm": centre, "local_mm": local},
         "origin_mm": local + np.column_stack([centre, np.zeros(len(x))]),
-        "direction": direction,
-        "status": status,
+        **{"direction": direction, "status": status},
     }

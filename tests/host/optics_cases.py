@@ -102,21 +102,11 @@ def random_display(
     gap = 0.0 if rng.random() < 1 / 3 else float(rng.uniform(0, 1.5 * focal))
     pixel_pitch = pitch / float(rng.uniform(2, 40))
     sides = [int(min(rng.uniform(10, widest_mm) / pixel_pitch + 4, 65535)) for _ in range(2)]
-    made = display_of(
-        grid,
-        side,
-        pitch=pitch,
-        radius=radius,
-        index=n,
-        thickness=thickness,
-        gap=gap,
-        rotation=float(rng.choice((0.0, 90.0, rng.uniform(-200, 200)))),
-        offset=(float(rng.uniform(-pitch, pitch)), float(rng.uniform(-pitch, pitch))),
-        width_px=sides[0],
-        height_px=sides[1],
-        pixel_pitch=pixel_pitch,
-        **lattice,
-    )
+    lens = {"pitch": pitch, "radius": radius, "index": n, "thickness": thickness, "gap": gap}
+    lens["rotation"] = float(rng.choice((0.0, 90.0, rng.uniform(-200, 200))))
+    lens["offset"] = (float(rng.uniform(-pitch, pitch)), float(rng.uniform(-pitch, pitch)))
+    panel = {"width_px": sides[0], "height_px": sides[1], "pixel_pitch": pixel_pitch}
+    made = display_of(grid, side, **lens, **panel, **lattice)
     if kind == "skewed" and rng.random() < 0.5 and ends:
         # Lenslets that need not be many, and borders that run between lenslets and through them.
         extent = tuple(
@@ -176,25 +166,21 @@ def random_in_cell(rng: np.random.Generator, display: Display, n: int) -> Floats
     )
 
 
+def _lens_numbers(display: Display) -> dict[str, Any]:
+    """What both forms of truth.py call alike."""
+    array = display.array
+    numbers = {name: getattr(array, name) for name in ("shear", "radius_mm", "index", "thickness_mm", "offset_mm")}
+    return numbers | {"pitch_mm": array.pitches_mm[0], "row_pitch_mm": array.pitches_mm[1], "gap_mm": display.gap_mm}
+
+
 def optics_of(display: Display) -> truth.Optics:
     """The display's numbers for truth.py; the rotation in radians with 50 digits."""
-    array = display.array
+    array, panel = display.array, display.panel
     return truth.Optics(
-        width_px=display.panel.width_px,
-        height_px=display.panel.height_px,
-        pixel_pitch_mm=display.panel.pixel_pitch_mm,
-        grid=array.grid,
-        pitch_mm=array.pitches_mm[0],
-        row_pitch_mm=array.pitches_mm[1],
-        shear=array.shear,
-        extent_mm=array.extent_mm,
-        radius_mm=array.radius_mm,
-        index=array.index,
-        thickness_mm=array.thickness_mm,
-        gap_mm=display.gap_mm,
-        plano_side=array.plano_side,
+        **{name: getattr(panel, name) for name in ("width_px", "height_px", "pixel_pitch_mm")},
+        **{name: getattr(array, name) for name in ("grid", "extent_mm", "plano_side")},
+        **_lens_numbers(display),
         rotation_rad=truth.mp.mpf(array.rotation_deg) * truth.mp.pi / 180,
-        offset_mm=array.offset_mm,
         eye_mm=display.viewing_distance_mm,
         axis_mm=display.viewing_axis_mm,
     )
@@ -206,15 +192,8 @@ def long_optics_of(display: Display) -> dict[str, Any]:
     return {
         "hexagonal": array.grid == "hex",
         "plano_viewer": array.plano_side == "viewer",
-        "pitch_mm": array.pitches_mm[0],
-        "row_pitch_mm": array.pitches_mm[1],
-        "shear": array.shear,
-        "radius_mm": array.radius_mm,
-        "index": array.index,
-        "thickness_mm": array.thickness_mm,
-        "gap_mm": display.gap_mm,
         "rotation_rad": np.longdouble(array.rotation_deg) * LONG_PI / 180,
-        "offset_mm": array.offset_mm,
+        **_lens_numbers(display),
     }
 
 

@@ -5,12 +5,14 @@ is magnified by the optics themselves (a panel in the dome's valley, rays near g
 is measured: what golden makes of a change by one rounding of float32.
 """
 
+import functools
 import itertools
 import math
 
 import lippmann
 import numpy as np
 import pytest
+import scene_cases
 from lippmann.optics.rays import MODELS, Status
 from optics_cases import (
     GRIDS,
@@ -32,13 +34,18 @@ MICRORADIAN, NANOMETRE = 1e-6, 1e-6  # in rad and mm
 COUNTED = (Status.OK, Status.CROSSTALK)
 
 everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
+generator = functools.partial(scene_cases.generator, SEED)
 
 
-def generator(*key: int | str) -> np.random.Generator:
-    """A generator of its own for each case; pytest shows the line when the case fails."""
-    seed = [SEED, *(sum(map(ord, k)) if isinstance(k, str) else k for k in key)]
-    print(f"numpy.random.default_rng({seed})")
-    return np.random.default_rng(seed)
+def panel_of(pitch, width, ratio):
+    """A panel of `width` mm, `ratio` as high, with 20 pixels a lenslet, under an array that is shifted."""
+    across = width / (pitch / 20)
+    return {
+        "width_px": int(across),
+        "height_px": int(ratio * across),
+        "pixel_pitch": pitch / 20,
+        "offset": (0.31, -0.17),
+    }
 
 
 def both_counted(golden, fast) -> np.ndarray:
@@ -89,21 +96,10 @@ def test_two_microradians_and_fifty_nanometres(grid, side, kind, model):
         radius = pitch * float(rng.uniform(1.0, 3.0))
         index = float(rng.uniform(1.4, 1.9))
         width = 700.0 if wide else 60.0
-        display = display_of(
-            grid,
-            side,
-            pitch=pitch,
-            radius=radius,
-            index=index,
-            thickness=pitch * float(rng.uniform(0.5, 2.0)),
-            gap=float(rng.choice((0.0, rng.uniform(0.0, 1.2)))) * radius / (index - 1),
-            rotation=turn,
-            offset=(0.31, -0.17),
-            width_px=int(width / (pitch / 20)),
-            height_px=int(0.6 * width / (pitch / 20)),
-            pixel_pitch=pitch / 20,
-            **lattice(rng, kind, pitch),
-        )
+        thickness = pitch * float(rng.uniform(0.5, 2.0))
+        gap = float(rng.choice((0.0, rng.uniform(0.0, 1.2)))) * radius / (index - 1)
+        lens = {"pitch": pitch, "radius": radius, "index": index, "thickness": thickness, "gap": gap, "rotation": turn}
+        display = display_of(grid, side, **lens, **panel_of(pitch, width, 0.6), **lattice(rng, kind, pitch))
         if kind == "near":
             display = with_random_eye(rng, display)
         pixels = random_pixels(rng, display, n)
@@ -179,19 +175,8 @@ def test_any_display_within_four_roundings(grid, side, kind, model):
 def test_domes_on_the_panel(grid, pitch, radius, thickness, index, turn, model, aimed):
     """The hardest that may be asked: a panel in contact with domes that face it, where all rays start near grazing."""
     rng = generator(6, grid, model)
-    display = display_of(
-        grid,
-        "viewer",
-        pitch=pitch,
-        radius=radius,
-        thickness=thickness,
-        index=index,
-        gap=0.0,
-        rotation=turn,
-        width_px=1500,
-        height_px=1000,
-        pixel_pitch=0.2,
-    )
+    lens = {"pitch": pitch, "radius": radius, "thickness": thickness, "index": index, "gap": 0.0, "rotation": turn}
+    display = display_of(grid, "viewer", **lens, width_px=1500, height_px=1000, pixel_pitch=0.2)
     n = 50_000
     pixels = random_pixels(rng, display, n)
     aperture = random_in_cell(rng, display, n) if aimed else None
@@ -294,20 +279,9 @@ def test_world_to_panel(grid, side, kind, model):
         pitch = float(rng.uniform(0.3, 2.0))
         radius = pitch * float(rng.uniform(1.0, 3.0))
         width = 700.0 if wide else 60.0
-        display = display_of(
-            grid,
-            side,
-            pitch=pitch,
-            radius=radius,
-            thickness=pitch * 0.8,
-            gap=1.5 * radius,
-            rotation=float(rng.uniform(-180, 180)),
-            offset=(0.31, -0.17),
-            width_px=int(width / (pitch / 20)),
-            height_px=int(width / (pitch / 20)),
-            pixel_pitch=pitch / 20,
-            **lattice(rng, kind, pitch),
-        )
+        lens = {"pitch": pitch, "radius": radius, "thickness": pitch * 0.8, "gap": 1.5 * radius}
+        lens["rotation"] = float(rng.uniform(-180, 180))
+        display = display_of(grid, side, **lens, **panel_of(pitch, width, 1.0), **lattice(rng, kind, pitch))
         if kind == "near":
             display = with_random_eye(rng, display)
         eye = np.array([0.1 * width, -0.05 * width, width])

@@ -100,18 +100,11 @@ def test_registers_are_read_and_written():
 
 def test_bad_addresses_and_words_are_refused_whole():
     with joined() as (model, board):
-        for ask in (
-            lambda: board.read(0x100),
-            lambda: board.write(0x2FC, [1, 2]),
-            lambda: board.write(0x202, [1]),
-            lambda: board.write(0x10000, [1]),
-            lambda: board.write(0x200, []),
-            lambda: board.write(0x200, [0] * 65),
-            lambda: board.write(0x200, [-1]),
-            lambda: board.write(0x200, [1 << 32]),
-        ):
+        writes = [(0x2FC, [1, 2]), (0x202, [1]), (0x10000, [1])]
+        writes += [(0x200, words) for words in ([], [0] * 65, [-1], [1 << 32])]
+        for ask, *words in ((board.read, 0x100), *((board.write, *one) for one in writes)):
             with pytest.raises(InputError) as error:
-                ask()
+                ask(*words)
             one_line(error)
         assert not any(model.registers.values())
 

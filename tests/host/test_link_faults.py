@@ -23,11 +23,7 @@ FRAME_S = 30.0
 
 #: Replies are short: a byte of theirs is hit often enough to matter.
 UP = {
-    "flip": Faults(flip=0.004),
-    "drop": Faults(drop=0.004),
-    "insert": Faults(insert=0.004),
-    "duplicate": Faults(duplicate=0.004),
-    "garble": Faults(garble=0.004),
+    **{name: Faults(**{name: 0.004}) for name in ("flip", "drop", "insert", "duplicate", "garble")},
     "reorder": Faults(reorder=0.004, run=8),
     "cut": Faults(cut=0.003, run=40),
     "stall": Faults(stall=0.003, stall_s=0.3),

@@ -1,5 +1,6 @@
 """From the pinhole to the exact lens each model refines the one before, and agrees near the axis."""
 
+import functools
 import inspect
 import itertools
 import math
@@ -8,6 +9,7 @@ import drjit
 import lippmann
 import numpy as np
 import pytest
+import scene_cases
 import truth
 from lippmann.display.description import parse_display
 from lippmann.errors import MissingLibraryError
@@ -16,16 +18,10 @@ from lippmann.optics.trace import backend_of
 from optics_cases import GRIDS, SIDES, display_of, random_in_cell, random_pixels
 
 SEED = 2005
+generator = functools.partial(scene_cases.generator, SEED)
 everywhere = pytest.mark.parametrize(("grid", "side"), list(itertools.product(GRIDS, SIDES)))
 #: The step in (i, j) and in mm to a neighbour, pitch 1 mm.
 STEPS = {"square": [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1)], "hex": [(1, 0), (0, 1), (-1, 1), (-1, 0), (0, -1)]}
-
-
-def generator(*key: int | str) -> np.random.Generator:
-    """A generator of its own for each case; pytest shows the line when the case fails."""
-    seed = [SEED, *(sum(map(ord, k)) if isinstance(k, str) else k for k in key)]
-    print(f"numpy.random.default_rng({seed})")
-    return np.random.default_rng(seed)
 
 
 def centre(grid, i, j):

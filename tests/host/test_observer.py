@@ -348,16 +348,7 @@ def test_an_image_on_disk_is_indexed_and_shown_like_an_array(mi, tmp_path):
     noise = generator(SEED, "indexed").random((display.panel.height_px, display.panel.width_px, 3), np.float32)
     IntegralImage(noise, display).save(path)
     read, stored = IntegralImage.load(path, display), IntegralImage.load(path, display, stored=True)
-    parts = (
-        np.s_[40:70],
-        np.s_[30:60],
-        np.s_[-5:],
-        np.s_[60:60],
-        np.s_[9:99, 3:70, 1],
-        np.s_[::2],
-        np.s_[7],
-        np.s_[3, 4],
-    )
+    parts = (np.s_[40:70], np.s_[30:60], np.s_[-5:], np.s_[60:60], np.s_[9:99, 3:70, 1], np.s_[::2], 7, (3, 4))
     for part in (*parts, *reversed(parts)):
         found = stored.radiance[part]
         np.testing.assert_array_equal(found, read.radiance[part])

@@ -17,6 +17,7 @@ from optics_cases import display_of, random_display
 from scene_cases import focused_display, generator
 
 SEED = 9107
+PANEL = {"width_px": 160, "height_px": 120, "pixel_pitch": 0.05}
 COUNTED = (Status.OK, Status.CROSSTALK)
 
 
@@ -27,19 +28,13 @@ def displays(draw):
     radius = draw(st.floats(0.75, 12.0))
     index = draw(st.floats(1.35, 1.9))
     focal = radius / (index - 1.0)
-    return display_of(
-        grid,
-        side,
-        radius=radius,
-        index=index,
-        thickness=None if draw(st.booleans()) else draw(st.floats(0.75, 3.0)),
-        gap=focal * draw(st.floats(0.3, 1.2)),
-        rotation=draw(st.sampled_from([0.0, 11.0, 45.0])),
-        offset=(draw(st.floats(-1.0, 1.0)), draw(st.floats(-1.0, 1.0))),
-        width_px=160,
-        height_px=120,
-        pixel_pitch=0.05,
-    )
+    thickness = None if draw(st.booleans()) else draw(st.floats(0.75, 3.0))
+    gap = focal * draw(st.floats(0.3, 1.2))
+    place = {
+        "rotation": draw(st.sampled_from([0.0, 11.0, 45.0])),
+        "offset": (draw(st.floats(-1.0, 1.0)), draw(st.floats(-1.0, 1.0))),
+    }
+    return display_of(grid, side, radius=radius, index=index, thickness=thickness, gap=gap, **place, **PANEL)
 
 
 def rays_at(rays, z):
@@ -73,17 +68,7 @@ def brute_force(display, model, depths):
 )
 @example(
     # Within tolerance at both ends, twice as much where pixels begin to spread.
-    display=display_of(
-        "square",
-        "viewer",
-        radius=0.75,
-        index=1.375,
-        thickness=1.0,
-        gap=1.0,
-        width_px=160,
-        height_px=120,
-        pixel_pitch=0.05,
-    ),
+    display=display_of("square", "viewer", radius=0.75, index=1.375, thickness=1.0, gap=1.0, **PANEL),
     far=-52.0,
     deep=104.0,
     tolerance=0.02,

@@ -19,18 +19,8 @@ GRIDS = ("square", "hex")
 SIDES = ("panel", "viewer")
 TINY = mp.mpf(10) ** -40
 
-PLAIN = Optics(
-    width_px=100,
-    height_px=80,
-    pixel_pitch_mm=0.0625,
-    grid="square",
-    pitch_mm=1.0,
-    radius_mm=1.5,
-    index=1.5,
-    thickness_mm=2.0,
-    gap_mm=0.5,
-    plano_side="panel",
-)
+LENS = {"pitch_mm": 1.0, "radius_mm": 1.5, "index": 1.5, "thickness_mm": 2.0, "gap_mm": 0.5}
+PLAIN = Optics(width_px=100, height_px=80, pixel_pitch_mm=0.0625, grid="square", plano_side="panel", **LENS)
 #: A dome as steep as 100 % fill allows, of dense glass: total reflection at every face.
 STEEP = replace(PLAIN, radius_mm=0.72, index=1.9)
 
@@ -530,13 +520,7 @@ def test_longdouble_way_back_agrees_with_50_digits():
         [lenslet for *_, lenslet in cases],
         hexagonal=[o.grid == "hex" for o in every],
         plano_viewer=[o.plano_side == "viewer" for o in every],
-        pitch_mm=[o.pitch_mm for o in every],
-        radius_mm=[o.radius_mm for o in every],
-        index=[o.index for o in every],
-        thickness_mm=[o.thickness_mm for o in every],
-        gap_mm=[o.gap_mm for o in every],
-        rotation_rad=[o.rotation_rad for o in every],
-        offset_mm=[o.offset_mm for o in every],
+        **{name: [getattr(o, name) for o in every] for name in (*LENS, "rotation_rad", "offset_mm")},
     )
     assert points.dtype == np.longdouble
     for (optics, origin, direction, lenslet), xy, d in zip(cases, points, off, strict=True):
@@ -553,13 +537,7 @@ def test_longdouble_takes_one_display_for_all_and_marks_lost_rays():
         np.array([[float(q) for q in ray.origin], [9.0, 0.0, 0.0]]),
         np.array([[float(q) for q in ray.direction], [0.0, 0.0, 1.0]]),
         np.array([ray.lenslet, (0, 0)]),
-        hexagonal=False,
-        plano_viewer=False,
-        pitch_mm=1.0,
-        radius_mm=1.5,
-        index=1.5,
-        thickness_mm=2.0,
-        gap_mm=0.5,
+        **{"hexagonal": False, "plano_viewer": False, **LENS},
     )
     assert far([float(q) for q in points[0]], truth.panel_point(PLAIN, 53, 38)[:2]) < 1e-14
     assert off[0] < 1e-15

@@ -44,6 +44,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple
 
 import mpmath
@@ -210,32 +211,12 @@ _UP: Vec = (mp.mpf(0), mp.mpf(0), mp.mpf(1))
 # --- the display in 50 digits ---------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Model:
+@lru_cache(maxsize=64)
+def _model(optics: Optics) -> SimpleNamespace:
     """An `Optics` in mpf, with what follows from it.
 
     bulge: +1 when the domes bulge to the viewer, -1 to the panel.
     """
-
-    pixel: Mpf
-    p: Mpf
-    py: Mpf
-    shear: Mpf
-    R: Mpf
-    n: Mpf
-    T: Mpf
-    gap: Mpf
-    sag: Mpf
-    cos: Mpf
-    sin: Mpf
-    offset: tuple[Mpf, Mpf]
-    bulge: int
-    z_panel: Mpf
-    z_flat: Mpf
-
-
-@lru_cache(maxsize=64)
-def _model(optics: Optics) -> _Model:
     p, R, T, gap = (mp.mpf(q) for q in (optics.pitch_mm, optics.radius_mm, optics.thickness_mm, optics.gap_mm))
     py = p if optics.row_pitch_mm is None else mp.mpf(optics.row_pitch_mm)
     shear = mp.mpf(optics.shear)
@@ -246,23 +227,12 @@ def _model(optics: Optics) -> _Model:
     rho = max(mp.hypot(p * x + shear * py * y, py * y) for x, y in corners)
     bulge = {"panel": 1, "viewer": -1}[optics.plano_side]
     turn = mp.mpf(optics.rotation_rad)
-    return _Model(
-        pixel=mp.mpf(optics.pixel_pitch_mm),
-        p=p,
-        py=py,
-        shear=shear,
-        R=R,
-        n=mp.mpf(optics.index),
-        T=T,
-        gap=gap,
-        sag=R - mp.sqrt(R**2 - rho**2),
-        cos=mp.cos(turn),
-        sin=mp.sin(turn),
-        offset=(mp.mpf(optics.offset_mm[0]), mp.mpf(optics.offset_mm[1])),
-        bulge=bulge,
-        z_panel=-(T + gap) if bulge > 0 else -gap,
-        z_flat=-bulge * T,
-    )
+    made = SimpleNamespace(p=p, py=py, shear=shear, R=R, T=T, gap=gap, sag=R - mp.sqrt(R**2 - rho**2), bulge=bulge)
+    made.pixel, made.n = mp.mpf(optics.pixel_pitch_mm), mp.mpf(optics.index)
+    made.cos, made.sin = mp.cos(turn), mp.sin(turn)
+    made.offset = mp.mpf(optics.offset_mm[0]), mp.mpf(optics.offset_mm[1])
+    made.z_panel, made.z_flat = -(T + gap) if bulge > 0 else -gap, -bulge * T
+    return made
 
 
 def sag(optics: Optics) -> Mpf:

@@ -13,17 +13,9 @@ LOWS = [(low, None) for low in (*range(1, 10), 17)] + [(1, 1), (2, 4), (5, 6), (
 #: Widths of a and places dropped.
 SMALL_PRODUCTS = [(17, 8), (17, 0), (16, 8), (9, 0), (3, 0), (3, 8)]
 #: Multipliers that are made of rows, and those of words that only they take.
-ROW_MULTIPLIERS = [p for p in MULTIPLIERS if min(p[:2]) >= 3] + [
-    (28, 25, 17, 0),
-    (32, 12, 8, 0),
-    (32, 12, 15, 0),
-    (12, 32, 8, 0),
-    (32, 32, 28, 0),
-    (32, 32, 32, 1),
-    (30, 21, 15, 0),
-    (3, 3, 0, 0),
-    (3, 32, 0, 0),
-]
+ROW_MULTIPLIERS = [p for p in MULTIPLIERS if min(p[:2]) >= 3]
+ROW_MULTIPLIERS += [(28, 25, 17, 0), (32, 12, 8, 0), (32, 12, 15, 0), (12, 32, 8, 0), (32, 32, 28, 0), (32, 32, 32, 1)]
+ROW_MULTIPLIERS += [(30, 21, 15, 0), (3, 3, 0, 0), (3, 32, 0, 0)]
 #: Bits of the signed and of the unsigned word.
 ROW_PRODUCTS = [(18, low) for low in range(1, 17)] + [(3, 5), (12, 14)]
 GATED_SUMS = (1, 2, 7, 36)

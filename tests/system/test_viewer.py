@@ -42,22 +42,16 @@ STEP = 1.01 / 255
 SKEWED = {"pitch_mm": (1.0, 1.15), "shear": 0.12, "extent_mm": (10.2, 7.0)}
 
 
+LENS = {"radius_mm": 1.65, "index": 1.5, "thickness_mm": 0.8, "offset_mm": (0.03, -0.07)}
+
+
 def small(grid="square", side="panel", gap=3.0, rotation=0.0, skewed=False, **panel):
     """13 x 10 lenslets of f/3.3, the panel some way off focus."""
     more = SKEWED if skewed else {"pitch_mm": 1.0}
     return Display(
         f"{grid}-{side}",
         Panel(**{"width_px": 260, "height_px": 200, "pixel_pitch_mm": 0.05, **panel}),
-        Array(
-            grid=grid,
-            radius_mm=1.65,
-            index=1.5,
-            thickness_mm=0.8,
-            plano_side=side,
-            rotation_deg=rotation,
-            offset_mm=(0.03, -0.07),
-            **more,
-        ),
+        Array(grid=grid, plano_side=side, rotation_deg=rotation, **LENS, **more),
         gap,
     )
 

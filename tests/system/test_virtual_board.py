@@ -454,10 +454,7 @@ def looped(tmp_path_factory):
 
 #: Chances a byte or a packet, such that a frame of this size meets several of them.
 FAULTS = {
-    "flip": Faults(flip=3e-5),
-    "drop": Faults(drop=3e-5),
-    "insert": Faults(insert=3e-5),
-    "duplicate": Faults(duplicate=3e-5),
+    **{name: Faults(**{name: 3e-5}) for name in ("flip", "drop", "insert", "duplicate")},
     "garble": Faults(garble=3e-4),
     "reorder": Faults(reorder=2e-5),
     "cut": Faults(cut=2e-5, run=200),

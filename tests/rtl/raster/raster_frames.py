@@ -34,18 +34,9 @@ def packed(**values):
 
 
 def config_of(frame):
-    return packed(
-        seed=frame.seed,
-        table_first=frame.table_first,
-        jitter=("off", "table", "lfsr").index(frame.jitter),
-        samples=frame.samples % (1 << 16),
-        height=frame.height,
-        width=frame.width,
-        last_row=frame.rows[1],
-        first_row=frame.rows[0],
-        last_column=frame.columns[1],
-        first_column=frame.columns[0],
-    )
+    values = {name: getattr(frame, name) for name in ("seed", "table_first", "height", "width")}
+    values |= zip(("first_row", "last_row", "first_column", "last_column"), frame.rows + frame.columns, strict=True)
+    return packed(jitter=("off", "table", "lfsr").index(frame.jitter), samples=frame.samples % (1 << 16), **values)
 
 
 def window(size, most):
@@ -57,16 +48,9 @@ def window(size, most):
 
 def random_frame(jitter, seed):
     width, height = (RANDOM.choice([1, 2, 7, 1920, 2401, 16383, RANDOM.randint(1, 16383)]) for _ in "wh")
-    return Raster(
-        width,
-        height,
-        window(width, 9),
-        window(height, 6),
-        RANDOM.choice([1, 1, 2, 3, 5, 70]),
-        jitter,
-        RANDOM.randrange(TABLE_ENTRIES),
-        seed,
-    )
+    windows = window(width, 9), window(height, 6)
+    samples, first = RANDOM.choice([1, 1, 2, 3, 5, 70]), RANDOM.randrange(TABLE_ENTRIES)
+    return Raster(width, height, *windows, samples, jitter, first, seed)
 
 
 class Bench:
@@ -191,15 +175,8 @@ async def an_illegal_window_is_refused(dut):
         "first_row": 5, "last_column": 4, "first_column": 3,
     }  # fmt: skip
     assert packed(**values) == good
-    for wrong in (
-        {"first_column": 5},
-        {"last_column": 100},
-        {"first_row": 7},
-        {"last_row": 80},
-        {"width": 0},
-        {"height": 0},
-        {"first_column": 101, "last_column": 102},
-    ):
+    alone = {"first_column": 5, "last_column": 100, "first_row": 7, "last_row": 80, "width": 0, "height": 0}
+    for wrong in (*({name: value} for name, value in alone.items()), {"first_column": 101, "last_column": 102}):
         dut.ray_ready_i.value = 1
         await bench.start(packed(**{**values, **wrong}))
         for _ in range(12):
