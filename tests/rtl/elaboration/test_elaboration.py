@@ -222,6 +222,17 @@ NO_SCENES = [
 #: The rays that a board elaborates soonest, where its rays do not matter.
 LIGHT = built(F=14, Model=0)
 
+
+def each(modules, message, **values):
+    """A row for every value of a parameter alone, in each of the modules: what it says."""
+    return [
+        (module, {name: value}, f"{module}: {message}")
+        for module in modules.split()
+        for name, several in values.items()
+        for value in several
+    ]
+
+
 #: Parameters that must stop elaboration, and the message of each.
 REFUSED = [
     *((module, {"F": f}, f"{module}: F must be 14 to 23") for module in STEPS for f in (13, 24)),
@@ -231,21 +242,9 @@ REFUSED = [
         for x, a in ((17, 17), (21, 18), (18, 19), (20, 17))
     ),
     *(("shear", {"F": 16, "Wx": bits}, "shear: Wx must be F + 2 to F + 4") for bits in (17, 21)),
-    *(
-        (f"{bus}_to_apb", {"AddressBits": b}, f"{bus}_to_apb: AddressBits must be 3 to 32")
-        for bus in ("axil", "wishbone")
-        for b in (2, 33)
-    ),
-    *(
-        (module, {"F": f}, f"{module}: F must be 14 to 23")
-        for module in ("axis_to_rays", "axis_from_rays")
-        for f in (13, 24)
-    ),
-    *(
-        (module, {"F": f}, f"{module}: F must be 14 to 23")
-        for module in ("exit_line", "layer_coordinate")
-        for f in (13, 24)
-    ),
+    *each("axil_to_apb wishbone_to_apb", "AddressBits must be 3 to 32", AddressBits=(2, 33)),
+    *each("axis_to_rays axis_from_rays", "F must be 14 to 23", F=(13, 24)),
+    *each("exit_line layer_coordinate", "F must be 14 to 23", F=(13, 24)),
     *(
         (module, scene, f"{module}: Scene is not legal")
         for module in ("texel_slot", "texel_fetch")
@@ -259,19 +258,16 @@ REFUSED = [
     *(("texel_blend", {"Taps": n}, "texel_blend: Taps must be 1 or 4") for n in (0, 2, 8)),
     *(("composite", {"Layers": n}, "composite: Layers must be 1 to 8") for n in (0, 9)),
     *(("sample_mean", {"SamplesBits": n}, "sample_mean: SamplesBits must be 0 to 2") for n in (-1, 3)),
-    *(
-        ("small_product", {a: n}, "small_product: Wa must be 3 to 17 and Drop 0 or 8")
-        for a, n in (("Wa", 2), ("Wa", 18), ("Drop", -1), ("Drop", 7))
-    ),
+    *each("small_product", "Wa must be 3 to 17 and Drop 0 or 8", Wa=(2, 18), Drop=(-1, 7)),
     ("gated_sum", {"W": 0}, "gated_sum: W must be 1 or more"),
-    *(
-        ("digit_product", {a: n}, "digit_product: W must be 3 or more and Digit 1 to 4")
-        for a, n in (("W", 2), ("Digit", 0), ("Digit", 5))
-    ),
+    *each("digit_product", "W must be 3 or more and Digit 1 to 4", W=(2,), Digit=(0, 5)),
     *(("row_product", {a: n}, "row_product: W must be 3 or more and Low 1 to 16") for a, n in (("W", 2), ("Low", 17))),
-    *(
-        ("row_multiplier", {a: n}, "row_multiplier: Wa and Wb must be 3 to 32, and Drop less than their sum")
-        for a, n in (("Wa", 2), ("Wa", 33), ("Wb", 2), ("Wb", 33), ("Drop", -1), ("Drop", 36))
+    *each(
+        "row_multiplier",
+        "Wa and Wb must be 3 to 32, and Drop less than their sum",
+        Wa=(2, 33),
+        Wb=(2, 33),
+        Drop=(-1, 36),
     ),
     ("row_multiplier", {"Wa": 20, "Wb": 19, "Drop": 9, "Square": 1}, "row_multiplier: Square takes words of one width"),
     ("row_multiplier", {"Wa": 20, "Wb": 20, "Drop": 3}, "row_multiplier: Drop must cut off the product of the lower"),
@@ -292,11 +288,7 @@ REFUSED = [
     ),
     *(("register_access", {"Layers": n}, "register_access: Layers must be 0 to 8") for n in (-1, 9)),
     ("reply_builder", {"HeadBytes": 3}, "reply_builder: HeadBytes must be 4 or more"),
-    *(
-        (f"word_{way}", {name: n}, f"word_{way}: Width must be 1 or more and Parts 2 or more")
-        for way in ("join", "split")
-        for name, n in (("Width", 0), ("Parts", 1))
-    ),
+    *each("word_join word_split", "Width must be 1 or more and Parts 2 or more", Width=(0,), Parts=(1,)),
     *(
         ("sdram_splitter", {"Width": w, "Height": h}, "sdram_splitter: Width must be even, Width and Height 1 to 16383")
         for w, h in ((0, 8), (7, 8), (8, 0), (16384, 8), (8, 16384))
@@ -314,47 +306,34 @@ REFUSED = [
         for wrong in ((1, 2), (4, 2), (3, 1), (3, 9))
     ),
     ("sdram_controller", {"PadClocks": -1}, "sdram_controller: PadClocks must be 0 or more"),
-    *(
-        ("sdram_controller", {"ClockHz": f}, "sdram_controller: ClockHz must be about 35 MHz to 400 MHz")
-        for f in (0, 1_000_000, 30_000_000, 500_000_000)
-    ),
+    *each("sdram_controller", "ClockHz must be about 35 MHz to 400 MHz", ClockHz=(0, 1000000, 30000000, 500000000)),
     ("skid_buffer", {"Width": 0}, "skid_buffer: Width must be 1 or more"),
-    ("async_fifo", {"Width": 0}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
-    ("async_fifo", {"AddressBits": 1}, "async_fifo: Width must be 1 or more and AddressBits 2 or more"),
-    *(
-        ("board_lamps", {name: 0}, "board_lamps: HoldBits and StillBits must be 1 or more")
-        for name in ("HoldBits", "StillBits")
-    ),
+    *each("async_fifo", "Width must be 1 or more and AddressBits 2 or more", Width=(0,), AddressBits=(1,)),
+    *each("board_lamps", "HoldBits and StillBits must be 1 or more", HoldBits=(0,), StillBits=(0,)),
     ("tmds_serialiser", {"Channels": 0}, "tmds_serialiser: Channels must be 1 or more"),
     ("bit_sync", {"Stages": 1}, "bit_sync: Stages must be 2 or more"),
     ("reset_sync", {"Stages": 1}, "reset_sync: Stages must be 2 or more"),
-    ("block_ring", {"Width": 0}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
-    ("block_ring", {"Cycles": 4}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
-    ("block_ring", {"Cycles": 1}, "block_ring: Width must be 1 or more and Cycles 5 or more"),
-    *(
-        (module, {a: n}, f"{module}: Wa and Wb must be 1 or more, 64 at most together, and more than Drop")
-        for module in ("cut_product", "wide_product")
-        for a, n in (("Wa", 0), ("Wb", 47), ("Drop", 36))
+    *each("block_ring", "Width must be 1 or more and Cycles 5 or more", Width=(0,), Cycles=(4, 1)),
+    *each(
+        "cut_product wide_product",
+        "Wa and Wb must be 1 or more, 64 at most together, and more than Drop",
+        Wa=(0,),
+        Wb=(47,),
+        Drop=(36,),
     ),
     ("config_bank", {"Width": 0}, "config_bank: Width must be 1 or more"),
-    ("delay", {"Width": 0}, "delay: Width must be 1 or more and Cycles 0 or more"),
-    ("delay", {"Cycles": -1}, "delay: Width must be 1 or more and Cycles 0 or more"),
-    ("flow_control", {"Latency": 0}, "flow_control: Latency must be 1 to 10 less than the FIFO's places"),
-    ("flow_control", {"Latency": -1}, "flow_control: Latency must be 1 to 10 less than the FIFO's places"),
+    *each("delay", "Width must be 1 or more and Cycles 0 or more", Width=(0,), Cycles=(-1,)),
+    *each("flow_control", "Latency must be 1 to 10 less than the FIFO's places", Latency=(0, -1)),
     ("flow_control", {"Latency": 23, "AddressBits": 5}, "flow_control: Latency must be 1 to 10 less than"),
-    ("fifo", {"Width": 0}, "fifo: Width and AddressBits must be 1 or more"),
-    ("fifo", {"AddressBits": 0}, "fifo: Width and AddressBits must be 1 or more"),
-    ("memory_1w1r", {"Width": 0}, "memory_1w1r: Width and AddressBits must be 1 or more"),
-    ("memory_1w1r", {"AddressBits": 0}, "memory_1w1r: Width and AddressBits must be 1 or more"),
+    *each("fifo", "Width and AddressBits must be 1 or more", Width=(0,), AddressBits=(0,)),
+    *each("memory_1w1r", "Width and AddressBits must be 1 or more", Width=(0,), AddressBits=(0,)),
     ("low_product", {"Low": 18}, "low_product: Low must be 1 to 17 and Latency no shorter than the product takes"),
     ("low_product", {"Low": 9, "Latency": 2}, "low_product: Low must be 1 to 17 and Latency no shorter than"),
     # Far off, where something else could fail before, or take its time.
     *((module, {"F": 3}, f"{module}: F must be 14 to 23") for module in ("blend", "lenslet_hex", "sqrt", "unit_slope")),
     *((module, {"F": 99}, f"{module}: F must be 14 to 23") for module in ("aim", "lenslet_hex", "meet_dome", "rsqrt")),
     ("quadratic", {"F": 50}, "quadratic: F must be 14 to 23"),
-    ("multiplier", {"Wa": 0}, "multiplier: Wa and Wb must be 1 or more, and Drop less than their sum"),
-    ("multiplier", {"Wb": 0}, "multiplier: Wa and Wb must be 1 or more, and Drop less than their sum"),
-    ("multiplier", {"Drop": 36}, "multiplier: Wa and Wb must be 1 or more, and Drop less than their sum"),
+    *each("multiplier", "Wa and Wb must be 1 or more, and Drop less than their sum", Wa=(0,), Wb=(0,), Drop=(36,)),
     ("multiplier", {"Wa": 20, "Wb": 19, "Drop": 9, "Square": 1}, "multiplier: Square takes words of one width"),
     ("multiplier", {"Wa": 20, "Wb": 20, "Drop": 3}, "multiplier: Drop must cut off the product of the lower parts"),
     ("packet_fifo", {"AddressBits": 11}, "packet_fifo: 2^AddressBits must be MaxPacket + 4 or more"),
@@ -391,30 +370,27 @@ REFUSED = [
         {"VSync": 1, "VBack": 0, "Width": 8, "Height": 8, "HBack": 0, **drawn(1, 1, 5, 32)},
         "board: the scene needs a longer blanking before the first pixel",
     ),
-    *(
-        ("draw_frame", {side: n}, "draw_frame: Width and Height must be 1 to")
-        for side in ("Width", "Height")
-        for n in (0, 16384)
-    ),
+    *each("draw_frame", "Width and Height must be 1 to", Width=(0, 16384), Height=(0, 16384)),
     ("pixel_feed", {"Pixels": 0}, "pixel_feed: Pixels must be 1 or more"),
     ("scene_block", drawn(layers=0), "scene_block: Scene must be a legal build"),
     *(("draw_frame", {"SamplesBits": n}, "draw_frame: SamplesBits must be 0 to 2") for n in (-1, 3)),
     *(("scan_out", {"ClocksPerPixel": n}, "scan_out: ClocksPerPixel must be a power of two") for n in (0, 3)),
-    *(
-        ("slot_loader", {name: n}, "slot_loader: Slots must be 1 to 15, and Blocks 1 to 256")
-        for name, n in (("Slots", 0), ("Slots", 16), ("Blocks", 0), ("Blocks", 257))
-    ),
-    *(
-        ("scan_out", {name: n}, "scan_out: porches must be 0 or more, and syncs and VFront 1 or more")
-        for name, n in (("HFront", -5), ("HBack", -60), ("VBack", -3), ("VFront", 0), ("HSync", 0), ("VSync", 0))
+    *each("slot_loader", "Slots must be 1 to 15, and Blocks 1 to 256", Slots=(0, 16), Blocks=(0, 257)),
+    *each(
+        "scan_out",
+        "porches must be 0 or more, and syncs and VFront 1 or more",
+        HFront=(-5,),
+        HBack=(-60,),
+        VBack=(-3,),
+        VFront=(0,),
+        HSync=(0,),
+        VSync=(0,),
     ),
     ("scan_out", {"Width": 4, "HFront": 1, "HSync": 1, "HBack": 1}, "scan_out: a line must be "),
     ("tile_writer", {"Width": 16383, "Height": 16383}, "tile_writer: the panel must have fewer than 65536 tiles"),
-    ("ring", {"Width": 0}, "ring: Width must be 1 or more and Cycles 2 or more"),
-    ("ring", {"Cycles": 1}, "ring: Width must be 1 or more and Cycles 2 or more"),
+    *each("ring", "Width must be 1 or more and Cycles 2 or more", Width=(0,), Cycles=(1,)),
     ("saturate", {"From": 3, "To": 5}, "saturate: To must be 1 or more and From no less"),
-    ("saturate", {"Slack": 18}, "saturate: Slack must be 0 or more and less than To"),
-    ("saturate", {"Slack": -1}, "saturate: Slack must be 0 or more and less than To"),
+    *each("saturate", "Slack must be 0 or more and less than To", Slack=(18, -1)),
     *(("blend", {"F": 16, "Wy": y}, "blend: Wy must be Wk to F + 4") for y in (17, 21)),
     ("blend", {"F": 16, "Wk": 19, "Wy": 19}, "blend: Wk must be F + 2, or have extra_bits(F) more"),
     ("blend", {"F": 23, "Wk": 27, "Wy": 27}, "blend: Wk must be F + 2, or have extra_bits(F) more"),
