@@ -34,147 +34,133 @@ TASKS = {
 PROOFS = [f"{name} {task}" for name, tasks in TASKS.items() for task in tasks]
 
 # A fault put into the RTL, and the assertion that it must break from reset on (no induction: a trace of the fault).
-# (proof, file, text, its replacement, assertions of which one must fail)
-FAULTS = {
-    "binary count brought over": (
-        "async_fifo bmc", "async_fifo.sv", "read_after ^ (read_after >> 1)", "read_after", "one_bit|gray"),
-    "word written while there is no place": (
-        "async_fifo bmc", "async_fifo.sv", "C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)", "room|inside"),
-    "word read while there is none": (
-        "async_fifo bmc", "async_fifo.sv", "read = read_gray_q != written_gray && ", "read = ", "room|inside|in_order"),
-    "an answer is withdrawn before it is taken": (
-        "axil_to_apb bmc", "axil_to_apb.sv", "|| (s_axil_bvalid && !s_axil_bready)", "", "write_answered|b_stable"),
-    "a write begins without its data": (
-        "axil_to_apb bmc", "axil_to_apb.sv", "write_may = aw_q && w_q && ", "write_may = aw_q && ", "write_asked"),
-    "a read is done twice": (
-        "axil_to_apb bmc", "axil_to_apb.sv", "s_axil_arready)) && !start_read;", "s_axil_arready));",
-        "read_asked|places"),
-    "an answer takes the place of the one before it": (
-        "axil_to_apb bmc", "axil_to_apb.sv", " && (!s_axil_rvalid || s_axil_rready)", "", "room|r_stable"),
-    "a write waits as long as reads come": (
-        "axil_to_apb bmc", "axil_to_apb.sv", "!(read_may && m_apb_pwrite)", "!read_may", "turns|begins"),
-    "the access changes as the next address comes": (
-        "axil_to_apb bmc", "axil_to_apb.sv", "if (start_write || start_read) begin\n      m_apb_paddr",
-        "begin\n      m_apb_paddr", "apb_access"),
-    "a cycle given up is answered": (
-        "wishbone_to_apb bmc", "wishbone_to_apb.sv", "{2{asked}} & {ack_q, err_q}", "{ack_q, err_q}",
-        "answered"),
-    "a cycle is done twice": (
-        "wishbone_to_apb bmc", "wishbone_to_apb.sv", "!m_apb_psel && !s_wb_ack && !s_wb_err", "!m_apb_psel",
-        "begins|one_clock"),
-    "the bus is asked once and no more": (
-        "dispatcher bmc", "ray_access.sv", "if (on_bus) asked_q <= !heard;", "if (on_bus) asked_q <= 1'b1;",
-        "answered|todo|bus|asked"),
-    "an abort waits for rays for ever": (
-        "dispatcher bmc", "ray_access.sv", "heard && !(occupied || running || busy)", "heard && occupied",
-        "few_looks|polls"),
-    "a reply waits for words that it does not have": (
-        "dispatcher bmc", "dispatcher.sv", "words_q == '0 ? Receive : Words;", "Words;", "answered|todo|reply|words"),
-    "a request is not read while the reply to the one before it is sent": (
-        "dispatcher bmc", "request_reader.sv", "if (next_i) state_q <= Kind;", "if (next_i && 1'b0) state_q <= Kind;",
-        "answered|todo|one_at_a_time|unsent"),
-    "an abort waits while the scene is drawn": (
-        "dispatcher bmc_scene", "ray_access.sv", "if (drawn_i && op_i != OpResult) begin\n            done_o <= 1'b1;",
-        "if (drawn_i && op_i != OpResult) begin\n            done_o <= op_i != OpAbort;", "answered|todo|part"),
-    "a late pixel is shown at the next one's place": (
-        "draw_frame bmc_1", "pixel_feed.sv", "assign drop = !fed_q || late_q != '0;", "assign drop = !fed_q;",
-        "pixel_in_place|late"),
-    "a late frame goes on in the next one": (
-        "draw_frame bmc_1", "pixel_feed.sv", "assign drop = !fed_q || late_q", "assign drop = late_q",
-        "pixel_in_place|late|whole"),
-    "registers are taken while they are written": (
-        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && owed_none",
-        "taken_between|one_set"),
-    "registers are taken within a late frame": (
-        "draw_frame bmc_1", "draw_frame.sv", "begin_i && owed_none && !hold_i", "begin_i && !hold_i",
-        "taken_between|one_set"),
-    "a black pixel is not counted": (
-        "draw_frame bmc_1", "pixel_feed.sv", "want_i && shown_i && !hit_o", "want_i && fed_q && !hit_o",
-        "in_time_or_counted"),
-    "a row has a ray too few": (
-        "draw_frame bmc_1", "draw_frame.sv", "PanelBits'(Width - 1)", "PanelBits'(Width - 2)", "rays|walk|place"),
-    "word asked for without a place": (
-        "fifo bmc_8", "fifo.sv", "held_d < 3'd4", "held_d < 3'd5", "held|flags"),
-    "read pointer stands still": (
-        "fifo bmc_8", "fifo.sv", "read_at_q + 1'b1", "read_at_q", "in_order|memory"),
-    "write pointer stands still": (
-        "fifo bmc_8", "fifo.sv", "write_at_q + AddressBits'(write_i)", "write_at_q", "in_order|memory"),
-    "output moves on during a stall": (
-        "fifo bmc_8", "fifo.sv", "assign take = valid_o && ready_i", "assign take = valid_o", "stable|held|count"),
-    "word asked for while none is stored": (
-        "fifo bmc_8", "fifo.sv", "some_q && free_q", "free_q", "four_clocks|count|flags"),
-    "memory answers a clock early": (
-        "memory_1w1r bmc", "memory_1w1r.sv", "read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
-    "no credit: rays enter while there is no room": (
-        "flow_control bmc_full", "flow_control.sv", "taken_q < (AddressBits + 1)'(Room - 2) && !hold_i",
-        "!hold_i", "room|promise|open"),
-    "one place too many given away": (
-        "flow_control bmc_full", "flow_control.sv", "(AddressBits + 1)'(Room - 2)", "(AddressBits + 1)'(Room - 1)",
-        "room|promise|open"),
-    "a ray that leaves frees no place": (
-        "flow_control bmc", "flow_control.sv", " - (AddressBits + 1)'(left_q[1])", "", "taken|idle|open|places"),
-    "mark comes out a clock late": (
-        "flow_control bmc", "flow_control.sv", "assign enter = accept;",
-        "assign enter = accept && ready_o && valid_q == '0;", "places|entered|in_order|counted|latency|waiting"),
-    "marks a clock early behind stage 64": (
-        "flow_control bmc_65", "flow_control.sv", "gen_marks[k-1].valid_q[63]", "gen_marks[k-1].valid_q[62]",
-        "places|entered|counted|latency|waiting"),
-    "ray stored a clock early": (
-        "flow_control bmc_order", "flow_control.sv", "valid_q[(Held-1)%64]", "valid_q[(Held-2)%64]",
-        "in_order|waiting|watch"),
-    "hold ignored": (
-        "flow_control bmc", "flow_control.sv", "(Room - 2) && !hold_i", "(Room - 2)", "hold"),
-    "idle while a ray enters": (
-        "flow_control bmc", "flow_control.sv", "!entered && !accept", "!entered", "idle"),
-    "idle before the last ray has left": (
-        "flow_control bmc", "flow_control.sv", "idle_o <= taken_q == '0 && !entered",
-        "idle_o <= gen_marks[0].valid_q == '0", "idle"),
-    "optics change within a frame": (
-        "frame_gate bmc", "frame_gate.sv", "apply_waits_o && !within_d && !take_o", "apply_waits_o && !take_o",
-        "between"),
-    "change decided a clock too late": (
-        "frame_gate bmc", "frame_gate.sv", "apply_waits_o && !within_d", "apply_waits_o && !within_q",
-        "between|answered"),
-    "input open during a change": (
-        "frame_gate bmc", "frame_gate.sv", "raster_valid_i) && !take_o", "raster_valid_i)", "passed_on|closed"),
-    "request of a change forgotten": (
-        "frame_gate bmc", "frame_gate.sv", "apply_i || (apply_waits_o && !take_o)", "apply_i", "waits|answered"),
-    "request during a change forgotten": (
-        "frame_gate bmc", "frame_gate.sv", "apply_i || (apply_waits_o && !take_o)",
-        "(apply_i || apply_waits_o) && !take_o", "waits|answered"),
-    "start forgotten while the raster runs": (
-        "frame_gate bmc", "frame_gate.sv", "start_i || (start_waits_o && !begin_o && !abort_i)", "start_i",
-        "waits|begins"),
-    "source changes as soon as it is written": (
-        "frame_gate bmc", "frame_gate.sv", "if (take_o) stream_o", "stream_o", "changes"),
-    "frame begins before the change that it waits for": (
-        "frame_gate bmc", "frame_gate.sv", "apply_waits_o && !within_d", "apply_waits_o && !start_waits_o && !within_d",
-        "in_time|answered|time"),
-    "pulse accepted while one is on its way": (
-        "pulse_sync bmc", "pulse_sync.sv", "from_pulse_i && !from_busy_o", "from_pulse_i", "one_for_one|way|late"),
-    "copy taken while rays are on the way": (
-        "ray_stream bmc", "config_bank.sv", "pending_q && idle_i && !copy_q", "pending_q && !copy_q",
-        "copy_idle|only_idle|one_configuration"),
-    "request forgotten": (
-        "ray_stream bmc", "config_bank.sv", "apply_i || (pending_q && !copy_q)", "pending_q && !copy_q",
-        "steady|taken_over"),
-    "no copy after reset": (
-        "ray_stream bmc", "config_bank.sv", "pending_q <= 1'b1;", "pending_q <= 1'b0;",
-        "steady|taken_over"),
-    "show waits as long as write has transactions": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "!(shown_q && write_valid_i)", "!write_valid_i", "show"),
-    "write waits as long as show has transactions": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "show_valid_i && !(shown_q && write_valid_i)", "show_valid_i",
-        "write"),
-    "a transaction is taken from two clients": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "ready_i && !show_o && !write_o", "ready_i && !show_o",
-        "one|in_order"),
-    "a transaction is done for another client": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "write_o ? write_i : read_i", "read_valid_i ? read_i : write_i",
-        "whose"),
-    "the last turn is forgotten": (
-        "sdram_arbiter bmc", "sdram_arbiter.sv", "shown_q <= show_o;", "shown_q <= 1'b1;", "show"),
+# By proof and file: (text, its replacement, assertions of which one must fail)
+DESIGN_FAULTS = {
+    ("async_fifo bmc", "async_fifo.sv"): {
+        "binary count brought over": ("read_after ^ (read_after >> 1)", "read_after", "one_bit|gray"),
+        "word written while there is no place": ("C'(3) << (AddressBits - 1)", "C'(1) << (AddressBits - 1)",
+            "room|inside"),
+        "word read while there is none": ("read = read_gray_q != written_gray && ", "read = ", "room|inside|in_order"),
+    },
+    ("axil_to_apb bmc", "axil_to_apb.sv"): {
+        "an answer is withdrawn before it is taken": ("|| (s_axil_bvalid && !s_axil_bready)", "",
+            "write_answered|b_stable"),
+        "a write begins without its data": ("write_may = aw_q && w_q && ", "write_may = aw_q && ", "write_asked"),
+        "a read is done twice": ("s_axil_arready)) && !start_read;", "s_axil_arready));", "read_asked|places"),
+        "an answer takes the place of the one before it": (" && (!s_axil_rvalid || s_axil_rready)", "",
+            "room|r_stable"),
+        "a write waits as long as reads come": ("!(read_may && m_apb_pwrite)", "!read_may", "turns|begins"),
+        "the access changes as the next address comes": ("if (start_write || start_read) begin\n      m_apb_paddr",
+            "begin\n      m_apb_paddr", "apb_access"),
+    },
+    ("wishbone_to_apb bmc", "wishbone_to_apb.sv"): {
+        "a cycle given up is answered": ("{2{asked}} & {ack_q, err_q}", "{ack_q, err_q}", "answered"),
+        "a cycle is done twice": ("!m_apb_psel && !s_wb_ack && !s_wb_err", "!m_apb_psel", "begins|one_clock"),
+    },
+    ("dispatcher bmc", "ray_access.sv"): {
+        "the bus is asked once and no more": ("if (on_bus) asked_q <= !heard;", "if (on_bus) asked_q <= 1'b1;",
+            "answered|todo|bus|asked"),
+        "an abort waits for rays for ever": ("heard && !(occupied || running || busy)", "heard && occupied",
+            "few_looks|polls"),
+    },
+    ("dispatcher bmc", "dispatcher.sv"): {
+        "a reply waits for words that it does not have": ("words_q == '0 ? Receive : Words;", "Words;",
+            "answered|todo|reply|words"),
+    },
+    ("dispatcher bmc", "request_reader.sv"): {
+        "a request is not read while the reply to the one before it is sent": ("if (next_i) state_q <= Kind;",
+            "if (next_i && 1'b0) state_q <= Kind;", "answered|todo|one_at_a_time|unsent"),
+    },
+    ("dispatcher bmc_scene", "ray_access.sv"): {
+        "an abort waits while the scene is drawn": (
+            "if (drawn_i && op_i != OpResult) begin\n            done_o <= 1'b1;",
+            "if (drawn_i && op_i != OpResult) begin\n            done_o <= op_i != OpAbort;", "answered|todo|part"),
+    },
+    ("draw_frame bmc_1", "pixel_feed.sv"): {
+        "a late pixel is shown at the next one's place": ("assign drop = !fed_q || late_q != '0;",
+            "assign drop = !fed_q;", "pixel_in_place|late"),
+        "a late frame goes on in the next one": ("assign drop = !fed_q || late_q", "assign drop = late_q",
+            "pixel_in_place|late|whole"),
+        "a black pixel is not counted": ("want_i && shown_i && !hit_o", "want_i && fed_q && !hit_o",
+            "in_time_or_counted"),
+    },
+    ("draw_frame bmc_1", "draw_frame.sv"): {
+        "registers are taken while they are written": ("begin_i && owed_none && !hold_i", "begin_i && owed_none",
+            "taken_between|one_set"),
+        "registers are taken within a late frame": ("begin_i && owed_none && !hold_i", "begin_i && !hold_i",
+            "taken_between|one_set"),
+        "a row has a ray too few": ("PanelBits'(Width - 1)", "PanelBits'(Width - 2)", "rays|walk|place"),
+    },
+    ("fifo bmc_8", "fifo.sv"): {
+        "word asked for without a place": ("held_d < 3'd4", "held_d < 3'd5", "held|flags"),
+        "read pointer stands still": ("read_at_q + 1'b1", "read_at_q", "in_order|memory"),
+        "write pointer stands still": ("write_at_q + AddressBits'(write_i)", "write_at_q", "in_order|memory"),
+        "output moves on during a stall": ("assign take = valid_o && ready_i", "assign take = valid_o",
+            "stable|held|count"),
+        "word asked for while none is stored": ("some_q && free_q", "free_q", "four_clocks|count|flags"),
+    },
+    ("memory_1w1r bmc", "memory_1w1r.sv"): {
+        "memory answers a clock early": ("read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
+    },
+    ("flow_control bmc_full", "flow_control.sv"): {
+        "no credit: rays enter while there is no room": ("taken_q < (AddressBits + 1)'(Room - 2) && !hold_i", "!hold_i",
+            "room|promise|open"),
+        "one place too many given away": ("(AddressBits + 1)'(Room - 2)", "(AddressBits + 1)'(Room - 1)",
+            "room|promise|open"),
+    },
+    ("flow_control bmc", "flow_control.sv"): {
+        "a ray that leaves frees no place": (" - (AddressBits + 1)'(left_q[1])", "", "taken|idle|open|places"),
+        "mark comes out a clock late": ("assign enter = accept;", "assign enter = accept && ready_o && valid_q == '0;",
+            "places|entered|in_order|counted|latency|waiting"),
+        "hold ignored": ("(Room - 2) && !hold_i", "(Room - 2)", "hold"),
+        "idle while a ray enters": ("!entered && !accept", "!entered", "idle"),
+        "idle before the last ray has left": ("idle_o <= taken_q == '0 && !entered",
+            "idle_o <= gen_marks[0].valid_q == '0", "idle"),
+    },
+    ("flow_control bmc_65", "flow_control.sv"): {
+        "marks a clock early behind stage 64": ("gen_marks[k-1].valid_q[63]", "gen_marks[k-1].valid_q[62]",
+            "places|entered|counted|latency|waiting"),
+    },
+    ("flow_control bmc_order", "flow_control.sv"): {
+        "ray stored a clock early": ("valid_q[(Held-1)%64]", "valid_q[(Held-2)%64]", "in_order|waiting|watch"),
+    },
+    ("frame_gate bmc", "frame_gate.sv"): {
+        "optics change within a frame": ("apply_waits_o && !within_d && !take_o", "apply_waits_o && !take_o",
+            "between"),
+        "change decided a clock too late": ("apply_waits_o && !within_d", "apply_waits_o && !within_q",
+            "between|answered"),
+        "input open during a change": ("raster_valid_i) && !take_o", "raster_valid_i)", "passed_on|closed"),
+        "request of a change forgotten": ("apply_i || (apply_waits_o && !take_o)", "apply_i", "waits|answered"),
+        "request during a change forgotten": ("apply_i || (apply_waits_o && !take_o)",
+            "(apply_i || apply_waits_o) && !take_o", "waits|answered"),
+        "start forgotten while the raster runs": ("start_i || (start_waits_o && !begin_o && !abort_i)", "start_i",
+            "waits|begins"),
+        "source changes as soon as it is written": ("if (take_o) stream_o", "stream_o", "changes"),
+        "frame begins before the change that it waits for": ("apply_waits_o && !within_d",
+            "apply_waits_o && !start_waits_o && !within_d", "in_time|answered|time"),
+    },
+    ("pulse_sync bmc", "pulse_sync.sv"): {
+        "pulse accepted while one is on its way": ("from_pulse_i && !from_busy_o", "from_pulse_i",
+            "one_for_one|way|late"),
+    },
+    ("ray_stream bmc", "config_bank.sv"): {
+        "copy taken while rays are on the way": ("pending_q && idle_i && !copy_q", "pending_q && !copy_q",
+            "copy_idle|only_idle|one_configuration"),
+        "request forgotten": ("apply_i || (pending_q && !copy_q)", "pending_q && !copy_q", "steady|taken_over"),
+        "no copy after reset": ("pending_q <= 1'b1;", "pending_q <= 1'b0;", "steady|taken_over"),
+    },
+    ("sdram_arbiter bmc", "sdram_arbiter.sv"): {
+        "show waits as long as write has transactions": ("!(shown_q && write_valid_i)", "!write_valid_i", "show"),
+        "write waits as long as show has transactions": ("show_valid_i && !(shown_q && write_valid_i)", "show_valid_i",
+            "write"),
+        "a transaction is taken from two clients": ("ready_i && !show_o && !write_o", "ready_i && !show_o",
+            "one|in_order"),
+        "a transaction is done for another client": ("write_o ? write_i : read_i", "read_valid_i ? read_i : write_i",
+            "whose"),
+        "the last turn is forgotten": ("shown_q <= show_o;", "shown_q <= 1'b1;", "show"),
+    },
 }  # fmt: skip
+FAULTS = {name: (*where, *fault) for where, faults in DESIGN_FAULTS.items() for name, fault in faults.items()}
 
 # For every commit: one for each proof, and one for each of its ways to be run.
 SANITY = {

@@ -249,51 +249,37 @@ def ask(board, kind, body, seq=None):
     raise AssertionError("no reply")
 
 
+#: Requests that are refused: of each kind, for each reason, the bodies.
+BAD_REQUESTS = {
+    (0x3F, ReplyStatus.UNKNOWN_TYPE): (b"", bytes(500)),
+    (Kind.HELLO, ReplyStatus.WRONG_LENGTH): (b"", bytes([1, 0, 0, 0]), bytes([1, 0, 0, 0, 0, 0])),
+    (Kind.HELLO, ReplyStatus.WRONG_VERSION): (bytes([1, 0, 0, 0, 0]),),
+    (Kind.READ, ReplyStatus.WRONG_LENGTH): (struct.pack("<HB", 0, 0), struct.pack("<HB", 0, 65)),
+    (Kind.READ, ReplyStatus.NO_SUCH_ADDRESS): (struct.pack("<HB", 2, 1), struct.pack("<HB", 0x100, 1),
+        struct.pack("<HB", 0xFC, 2), struct.pack("<HB", 0x400, 1), struct.pack("<HB", 0xFFFC, 64)),
+    (Kind.WRITE, ReplyStatus.WRONG_LENGTH): (struct.pack("<H", 0x18), struct.pack("<HI", 0x18, 1)[:-1],
+        struct.pack("<H65I", 0x200, *range(65))),
+    (Kind.WRITE, ReplyStatus.NO_SUCH_ADDRESS): (struct.pack("<HI", 0x180, 1), struct.pack("<HII", 0xFC, 1, 1)),
+    (Kind.TILE, ReplyStatus.STALE_EPOCH): (struct.pack("<HHB", 1, 0, 0), struct.pack("<HHB", 1, 0, 0) + bytes(3072)),
+    (Kind.TILE, ReplyStatus.NO_SUCH_TILE): (struct.pack("<HHB", 0, 12, 1) + bytes(3),),
+    (Kind.TILE, ReplyStatus.BAD_TILE_DATA): (struct.pack("<HHB", 0, 0, 0), struct.pack("<HHB", 0, 0, 0) + bytes(3071),
+        struct.pack("<HHB", 0, 0, 0) + bytes(3073), struct.pack("<HHB", 0, 3, 0) + bytes(3072),
+        struct.pack("<HHB", 0, 0, 4) + bytes(3), struct.pack("<HHB", 0, 0, 2) + b"\xfd" * 20,
+        struct.pack("<HHB", 0, 0, 3) + b"\0"),
+    (Kind.PRESENT, ReplyStatus.STALE_EPOCH): (struct.pack("<HI", 5, 0), struct.pack("<HI", 0xFFFF, 0)),
+    (Kind.PRESENT, ReplyStatus.FRAME_CRC_DIFFERS): (struct.pack("<HI", 0, 12345),),
+    (Kind.PRESENT, ReplyStatus.WRONG_LENGTH): (struct.pack("<HIB", 0, 0, 0),),
+    (Kind.TILES, ReplyStatus.WRONG_LENGTH): (struct.pack("<BHH", 0, 0, 0), struct.pack("<BHH", 0, 0, 513)),
+    (Kind.TILES, ReplyStatus.NO_SUCH_TILE): (struct.pack("<BHH", 2, 0, 1), struct.pack("<BHH", 0, 10, 3)),
+    (Kind.TRACE, ReplyStatus.WRONG_LENGTH): (b"", bytes(20), bytes(16 * 65)),
+    (Kind.SIGN, ReplyStatus.WRONG_LENGTH): (b"x",),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("kind", "body", "status"),
-    [
-        (0x3F, b"", ReplyStatus.UNKNOWN_TYPE),
-        (0x3F, bytes(500), ReplyStatus.UNKNOWN_TYPE),
-        (Kind.HELLO, b"", ReplyStatus.WRONG_LENGTH),
-        (Kind.HELLO, bytes([1, 0, 0, 0]), ReplyStatus.WRONG_LENGTH),
-        (Kind.HELLO, bytes([1, 0, 0, 0, 0, 0]), ReplyStatus.WRONG_LENGTH),
-        (Kind.HELLO, bytes([1, 0, 0, 0, 0]), ReplyStatus.WRONG_VERSION),
-        (Kind.READ, struct.pack("<HB", 0, 0), ReplyStatus.WRONG_LENGTH),
-        (Kind.READ, struct.pack("<HB", 0, 65), ReplyStatus.WRONG_LENGTH),
-        (Kind.READ, struct.pack("<HB", 2, 1), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0x100, 1), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0xFC, 2), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0x400, 1), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.READ, struct.pack("<HB", 0xFFFC, 64), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.WRITE, struct.pack("<H", 0x18), ReplyStatus.WRONG_LENGTH),
-        (Kind.WRITE, struct.pack("<HI", 0x18, 1)[:-1], ReplyStatus.WRONG_LENGTH),
-        (Kind.WRITE, struct.pack("<H65I", 0x200, *range(65)), ReplyStatus.WRONG_LENGTH),
-        (Kind.WRITE, struct.pack("<HI", 0x180, 1), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.WRITE, struct.pack("<HII", 0xFC, 1, 1), ReplyStatus.NO_SUCH_ADDRESS),
-        (Kind.TILE, struct.pack("<HHB", 1, 0, 0), ReplyStatus.STALE_EPOCH),
-        (Kind.TILE, struct.pack("<HHB", 1, 0, 0) + bytes(3072), ReplyStatus.STALE_EPOCH),
-        (Kind.TILE, struct.pack("<HHB", 0, 12, 1) + bytes(3), ReplyStatus.NO_SUCH_TILE),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 0), ReplyStatus.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3071), ReplyStatus.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 0) + bytes(3073), ReplyStatus.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 3, 0) + bytes(3072), ReplyStatus.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 4) + bytes(3), ReplyStatus.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 2) + b"\xfd" * 20, ReplyStatus.BAD_TILE_DATA),
-        (Kind.TILE, struct.pack("<HHB", 0, 0, 3) + b"\0", ReplyStatus.BAD_TILE_DATA),
-        (Kind.PRESENT, struct.pack("<HI", 5, 0), ReplyStatus.STALE_EPOCH),
-        (Kind.PRESENT, struct.pack("<HI", 0xFFFF, 0), ReplyStatus.STALE_EPOCH),
-        (Kind.PRESENT, struct.pack("<HI", 0, 12345), ReplyStatus.FRAME_CRC_DIFFERS),
-        (Kind.PRESENT, struct.pack("<HIB", 0, 0, 0), ReplyStatus.WRONG_LENGTH),
-        (Kind.TILES, struct.pack("<BHH", 0, 0, 0), ReplyStatus.WRONG_LENGTH),
-        (Kind.TILES, struct.pack("<BHH", 0, 0, 513), ReplyStatus.WRONG_LENGTH),
-        (Kind.TILES, struct.pack("<BHH", 2, 0, 1), ReplyStatus.NO_SUCH_TILE),
-        (Kind.TILES, struct.pack("<BHH", 0, 10, 3), ReplyStatus.NO_SUCH_TILE),
-        (Kind.TRACE, b"", ReplyStatus.WRONG_LENGTH),
-        (Kind.TRACE, bytes(20), ReplyStatus.WRONG_LENGTH),
-        (Kind.TRACE, bytes(16 * 65), ReplyStatus.WRONG_LENGTH),
-        (Kind.SIGN, b"x", ReplyStatus.WRONG_LENGTH),
-    ],
-)  # fmt: skip
+    [(kind, body, status) for (kind, status), bodies in BAD_REQUESTS.items() for body in bodies],
+)
 def test_bad_requests_are_refused_and_change_nothing(shared, kind, body, status):
     with Board.open(shared.url) as board:
         display = board.read(0x18)
