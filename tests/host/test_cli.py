@@ -309,9 +309,8 @@ def ended(words, redirected, code):
 )
 def test_the_installed_command_waits_for_those_that_watch_it(place, watch):
     line = f"import threading\n{PROGRAM}".replace("program()", f"{watch}; program()")
-    done = subprocess.run(
-        [sys.executable, "-c", line, *INSPECT], capture_output=True, text=True, timeout=60, check=False
-    )
+    command = [sys.executable, "-c", line, *INSPECT]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, Path("notes.txt").read_text()) == (0, "registered taken down")
 
 
@@ -909,9 +908,8 @@ def test_ctrl_c_before_the_command_line_is_loaded(number, code):
 @pytest.mark.parametrize("words", [["inspect", "tiny.toml"], ["inspect", "tiny.toml", "--json"]])
 def test_a_full_disk_behind_stdout_is_one_line(place, words):
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "lippmann", *words], stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+        command = [sys.executable, "-m", "lippmann", *words]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.stderr == "lippmann: cannot write: no space left on the device; free space or choose another place\n"
     assert done.returncode == 3
 

@@ -430,9 +430,8 @@ def test_python_examples_run(tmp_path, page, made, whole):
     """The page's blocks are one program, run in a process of its own beside the page's files."""
     run_page(TOP / page, reader_folder(tmp_path, whole))
     code = "\n".join(text for _, text in blocks(TOP / page, "python"))
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], check=False, cwd=tmp_path, capture_output=True, text=True
-    )
+    command = [sys.executable, "-W", "error", "-c", code]
+    done = subprocess.run(command, check=False, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / made).is_file()
 

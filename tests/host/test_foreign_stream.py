@@ -451,9 +451,8 @@ def test_a_fault_is_named_on_every_hard_case_too(name, tmp_path):
 
 
 def regressed(answers, *options):
-    return subprocess.run(
-        [*LIPPMANN, "regress", "--stream", *map(str, options)], input=answers, capture_output=True, check=False
-    )
+    command = [*LIPPMANN, "regress", "--stream", *map(str, options)]
+    return subprocess.run(command, input=answers, capture_output=True, check=False)
 
 
 @pytest.mark.parametrize("kept", [0, 1, 3])

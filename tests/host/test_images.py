@@ -390,9 +390,8 @@ def test_a_file_that_does_not_fit_is_told(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     write_picture(path, picture("old"), {"age": "old"})
     old = path.read_bytes()
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(script), str(path)], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-c", textwrap.dedent(script), str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
     assert len(lines) == 4, done.stdout
     assert all("cannot be written (" in line and "free space" in line for line in lines), done.stdout

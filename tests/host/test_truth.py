@@ -592,7 +592,6 @@ def test_rayoptics_comes_without_qt_and_matplotlib():
         "print(sorted(tops & {'pyside6', 'qtpy', 'qtconsole', 'ipython', 'matplotlib', 'pandas',"
         " 'opticalglass', 'lippmann'}))\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=Path(__file__).parent, capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -70,9 +70,8 @@ def test_the_source_archive_builds_the_same_wheel(wheel):
     # Without site-packages' .pth files, one of which leads to the checkout.
     build = f"import sys; sys.path.append({sysconfig.get_path('purelib')!r})"
     build += "; import setuptools.build_meta as b; b.build_wheel('..')"
-    done = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", build], cwd=place, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-I", "-S", "-c", build]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     (other,) = folder.glob("*.whl")
     with zipfile.ZipFile(wheel) as one, zipfile.ZipFile(other) as two:

@@ -3,19 +3,17 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from packets import Joined, edges, frame, marked, some_bytes, with_crc
 from rtl_coverage import Coverage
-from streams import INFERRED, PAIRS, Monitor, hold_reset, pattern, watched
+from streams import INFERRED, PAIRS, Monitor, pattern, start_and_reset, watched
 
 SEEN = Monitor.seen
 
 
 async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = dut.in_last_i.value = 0
     monitor = watched(dut, put=Joined(dut.in_last_i, dut.in_data_i).put)
-    await hold_reset(dut)
+    await start_and_reset(dut)
     return monitor
 
 

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import ClassVar
 
+from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
 
 #: How both ends of a stream behave: each yields whether it is active in the next clock.
@@ -48,6 +49,12 @@ async def hold_reset(dut, edge=None) -> None:
     for _ in range(3):
         await edge
     dut.rst_ni.value = 1
+
+
+async def start_and_reset(dut) -> None:
+    """Start a module's clock, and reset it."""
+    Clock(dut.clk_i, 2, unit="ns").start()
+    await hold_reset(dut)
 
 
 class Monitor:

@@ -228,9 +228,8 @@ def test_the_program_ends_with_a_code_and_a_line(netlists):
     good = run("fifo")
     assert good.returncode == 0
     assert "a_clk -> b_clk: Gray, 5 at i_fifo written" in good.stdout.splitlines()
-    wrong = subprocess.run(
-        [sys.executable, "-m", "tools.crossings", __file__], capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-m", "tools.crossings", __file__]
+    wrong = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (wrong.returncode, len(wrong.stderr.splitlines())) == (2, 1)
     bad = run("fan_out")
     assert bad.returncode == crossings.CrossingError.exit_code == 4

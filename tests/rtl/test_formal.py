@@ -261,8 +261,7 @@ def test_the_documented_command_runs_anywhere_and_leaves_nothing(tmp_path: Path)
     assert "fifo prove_4: PASS" in run.stderr
     assert untracked() == before
     assert not list(tmp_path.iterdir())
-    wrong = subprocess.run(
-        [*shlex.split(command)[:-1], "prove_9"], cwd=tmp_path, env=ours, capture_output=True, text=True, check=False
-    )
+    command = [*shlex.split(command)[:-1], "prove_9"]
+    wrong = subprocess.run(command, cwd=tmp_path, env=ours, capture_output=True, text=True, check=False)
     assert wrong.returncode == 2
     assert wrong.stderr.startswith("lippmann: sim/formal/fifo.sby has no task 'prove_9'; choose from prove_4, ")

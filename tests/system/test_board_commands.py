@@ -39,9 +39,8 @@ def lippmann(*words):
 
 def process(*words):
     """Run the command as a person does, in a process of its own: exit code, stdout, stderr."""
-    done = subprocess.run(
-        [sys.executable, "-m", "lippmann", *map(str, words)], capture_output=True, text=True, check=False, timeout=300
-    )
+    command = [sys.executable, "-m", "lippmann", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     return done.returncode, done.stdout, done.stderr
 
 

@@ -7,7 +7,6 @@ import struct
 import cocotb
 import numpy as np
 from buses import WishboneMaster, pauses
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, with_timeout
 from cocotb_axis import stream
 from cocotbext.axi import AxiLiteBus, AxiLiteMaster, AxiStreamFrame, AxiStreamSink, AxiStreamSource
@@ -17,7 +16,7 @@ from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, read, write
-from streams import hold_reset
+from streams import start_and_reset
 
 F = int(os.environ["BUS_F"])
 DISPLAY = load_display(os.environ["BUS_DISPLAY"])
@@ -68,8 +67,7 @@ class Wish:
 async def driver(dut, registers):
     """What software does: identify the block, write the optics, trace a frame of the raster and two of the stream."""
     source, sink = stream(AxiStreamSource, dut, "s_axis"), stream(AxiStreamSink, dut, "m_axis")
-    Clock(dut.clk_i, 2, unit="ns").start()
-    await hold_reset(dut)
+    await start_and_reset(dut)
     await FallingEdge(dut.clk_i)
     registers.pause()
     for side in (source, sink):

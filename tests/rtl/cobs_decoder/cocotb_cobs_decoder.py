@@ -4,10 +4,9 @@ import random
 
 import cocotb
 from cobs import cobs
-from cocotb.clock import Clock
 from packets import Joined, decode_cut, edges, some_bytes
 from rtl_coverage import Coverage
-from streams import INFERRED, PAIRS, Monitor, hold_reset, pattern, watched
+from streams import INFERRED, PAIRS, Monitor, pattern, start_and_reset, watched
 
 SEEN = Monitor.seen
 END, BAD = 0x200, 0x100
@@ -25,10 +24,9 @@ class Beats(Joined):
 
 
 async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = 0
     monitor = watched(dut, Beats(dut.out_end_o, dut.out_bad_o, dut.out_data_o), through=True)
-    await hold_reset(dut)
+    await start_and_reset(dut)
     return monitor
 
 

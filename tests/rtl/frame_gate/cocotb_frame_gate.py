@@ -7,10 +7,9 @@ rays of a frame with the optics that this frame must have.
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
 from rtl_coverage import Coverage
-from streams import hold_reset
+from streams import start_and_reset
 
 CLOCKS = 12_000
 
@@ -44,11 +43,10 @@ class Raster:
 
 @cocotb.test()
 async def every_request_is_answered_between_two_frames(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     for port in dut:
         if port._name.endswith("_i") and port._name != "clk_i":
             port.value = 0
-    await hold_reset(dut)
+    await start_and_reset(dut)
     seen = Coverage("frame_gate", "all")
     raster = Raster()
     stream_left = 0  # rays of the stream's frame

@@ -3,10 +3,9 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from packets import CRC, CUT, LONG, LONGEST, SHORT, SHORTEST, TAKEN, Joined, marked, some_bytes, with_crc
 from rtl_coverage import Coverage
-from streams import INFERRED, PAIRS, Monitor, hold_reset, pattern
+from streams import INFERRED, PAIRS, Monitor, pattern, start_and_reset
 
 SEEN = Monitor.seen
 ROOM = 1 << int(cocotb.plusargs["AddressBits"])
@@ -34,11 +33,10 @@ class Watched(Monitor):
 
 
 async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     for handle in (dut.in_valid_i, dut.out_ready_i, dut.in_data_i, dut.in_end_i, dut.in_bad_i):
         handle.value = 0
     monitor = Watched(dut)
-    await hold_reset(dut)
+    await start_and_reset(dut)
     await monitor.edge
     return monitor
 

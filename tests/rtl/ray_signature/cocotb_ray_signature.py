@@ -5,9 +5,8 @@ import zlib
 
 import cocotb
 import numpy as np
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from streams import PATTERNS, hold_reset, pattern
+from streams import PATTERNS, pattern, start_and_reset
 
 WORDS = 9
 
@@ -17,9 +16,8 @@ class Bench:
         self.dut, self.edge, self.clocks = dut, FallingEdge(dut.clk_i), 0
 
     async def reset(self):
-        Clock(self.dut.clk_i, 2, unit="ns").start()
         self.dut.start_i.value = self.dut.ray_valid_i.value = 0
-        await hold_reset(self.dut)
+        await start_and_reset(self.dut)
         assert not self.dut.done_o.value
 
     async def clock(self, start=False, ray=None, last=None):

@@ -3,10 +3,9 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from packets import Joined
 from rtl_coverage import Coverage
-from streams import PAIRS, Monitor, hold_reset, pattern
+from streams import PAIRS, Monitor, pattern, start_and_reset
 
 SIZE = int(cocotb.plusargs["Bytes"])
 SEEN = Monitor.seen
@@ -24,7 +23,6 @@ class NotBusy:
 
 
 async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     dut.load_i.value = dut.ready_i.value = 0
 
     def put(load):
@@ -36,7 +34,7 @@ async def start(dut):
 
     out = Joined(dut.last_o, dut.data_o)
     monitor = Monitor(dut.clk_i, dut.load_i, NotBusy(dut.busy_o), dut.valid_o, dut.ready_i, out, put)
-    await hold_reset(dut)
+    await start_and_reset(dut)
     assert not dut.busy_o.value
     return monitor
 

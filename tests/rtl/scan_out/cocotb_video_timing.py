@@ -3,10 +3,9 @@
 import zlib
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge
 from cocotb.utils import get_sim_time
-from streams import hold_reset
+from streams import start_and_reset
 
 T = {name: int(value) for name, value in cocotb.plusargs.items() if name[0] in "HVW"}
 LINE = T["HSync"] + T["HBack"] + T["Width"] + T["HFront"]
@@ -27,8 +26,7 @@ async def watch(signal, begins, ends, positive=1):
 async def a_whole_frame_with_the_panels_timing(dut):
     dut.swap_i.value = dut.fill_i.value = dut.view_i.value = dut.scene_i.value = dut.key_i.value = 0
     dut.brightness_i.value, dut.kind_i.value = 255, 5
-    Clock(dut.clk_i, 2, unit="ns").start()
-    await hold_reset(dut)
+    await start_and_reset(dut)
     edges = {}
     for name in ("de", "hsync", "vsync", "frame_start"):
         edges[name] = [], []

@@ -5,9 +5,8 @@ import re
 from pathlib import Path
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from streams import hold_reset
+from streams import start_and_reset
 
 LAYERS, WORD = (int(cocotb.plusargs[name]) for name in ("Layers", "Word"))
 PAGE = Path(__file__).resolve().parents[3] / "docs/reference/scene-registers.md"
@@ -37,11 +36,10 @@ class Bench:
 
     async def reset(self):
         dut = self.dut
-        Clock(dut.clk_i, 2, unit="ns").start()
         for handle in (dut.s_apb_psel, dut.s_apb_penable, dut.take_i, dut.shown_i, dut.drawn_i, dut.underflow_i):
             handle.value = 0
         dut.s_apb_pprot.value = 0
-        await hold_reset(dut)
+        await start_and_reset(dut)
 
     async def access(self, write, at, word=0, strobes=15):
         """An access; its word, or None for an error."""

@@ -3,9 +3,8 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
-from streams import hold_reset, pattern
+from streams import pattern, start_and_reset
 
 WIDTH, HEIGHT, BLOCK = (int(cocotb.plusargs[name]) for name in ("Width", "Height", "Block"))
 BUDGET, MAX_BUDGET = (int(cocotb.plusargs[name]) for name in ("Budget", "MaxBudget"))
@@ -26,9 +25,8 @@ def fields(value):
 
 
 async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     dut.valid_i.value = dut.ready_i.value = dut.pair_i.value = 0
-    await hold_reset(dut)
+    await start_and_reset(dut)
     await FallingEdge(dut.clk_i)
 
 

@@ -5,10 +5,9 @@ import random
 import zlib
 
 import cocotb
-from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly
 from rtl_coverage import Coverage
-from streams import hold_reset
+from streams import start_and_reset
 
 WIDTH, HEIGHT = int(cocotb.plusargs["Width"]), int(cocotb.plusargs["Height"])
 PIXELS = WIDTH * HEIGHT
@@ -31,8 +30,7 @@ class Bench:
         dut = self.dut
         for name in ("begin_i", "front_i", "shown_i", "swapped_i", "crc_i", "ready_i", "pixel_valid_i", "want_i"):
             getattr(dut, name).value = 0
-        Clock(dut.clk_i, 2, unit="ns").start()
-        await hold_reset(dut)
+        await start_and_reset(dut)
         await self.edge
 
     async def clock(self, want=False):

@@ -3,18 +3,16 @@
 import random
 
 import cocotb
-from cocotb.clock import Clock
-from streams import PAIRS, hold_reset, pattern, watched
+from streams import PAIRS, pattern, start_and_reset, watched
 
 PARTS = int(cocotb.plusargs["Parts"])
 
 
 async def start(dut):
-    Clock(dut.clk_i, 2, unit="ns").start()
     dut.in_valid_i.value = dut.out_ready_i.value = dut.in_data_i.value = 0
 
     monitor = watched(dut, through=True)
-    await hold_reset(dut)
+    await start_and_reset(dut)
     await monitor.edge
     return monitor, [random.getrandbits(len(dut.in_data_i)) for _ in range(100)]
 
