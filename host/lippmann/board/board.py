@@ -182,9 +182,8 @@ class Board(Session):
         pattern = display.fields["pattern"]
         number = pattern.value(self.read(display.address)[0])
         if number:
-            what = (
-                f"the panel shows test pattern {number} ({dict(pattern.names).get(number, 'unknown')}), not the frame"
-            )
+            name = dict(pattern.names).get(number, "unknown")
+            what = f"the panel shows test pattern {number} ({name}), not the frame"
             raise self.error(what, "end it with lippmann board write display pattern=0")
 
     def draws_scene(self) -> bool:
@@ -221,14 +220,11 @@ class Board(Session):
         if scanned == crc:
             return
         display = BOARD_REGISTERS["display"]
-        changed = self.read(display.address)[0] != display.fields["brightness"].reset
-        remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
-        raise self.error(
-            f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}",
-            remedy
-            if changed
-            else "stream the frame again, or end the scene (scene.source) or the button's test pattern",
-        )
+        remedy = "stream the frame again, or end the scene (scene.source) or the button's test pattern"
+        if self.read(display.address)[0] != display.fields["brightness"].reset:
+            remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
+        what = f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}"
+        raise self.error(what, remedy)
 
 
 @dataclass(frozen=True)

@@ -297,18 +297,9 @@ def scene(
 ) -> Bytes:
     """Return the pixels (N, 3) of exit rays, `build.samples` of them for each.
 
-    Parameters
-    ----------
-    rays
-        Exit rays in the words of an optics build with F fraction bits, in the order of their pixels.
-    words
-        The registers; layers that the build does not have are not read.
-    slots
-        What the slots hold (`slot_bytes`), by number; those that are not given hold zeros.
-    table
-        The panel's curve, 8192 bytes.
-    build, f
-        The build of the drawing, and F.
+    The rays are words of an optics build with F fraction bits, in the order of their pixels; layers of `words` that the
+    build of the drawing does not have are not read. `slots` holds what the slots hold (`slot_bytes`), by number, zeros
+    where it has none; `table` is the panel's curve, 8192 bytes.
     """
     return curve_table(sample_mean(scene_light(rays, words, slots, build, f), build.samples_bits), table)
 

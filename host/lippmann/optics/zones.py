@@ -64,10 +64,7 @@ def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, floa
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
     """Return the share of an eye's rays by status, as `observe` does for a window that covers the panel.
 
-    Raises
-    ------
-    InputError
-        When the eye is not in front of the display, or absurdly far away.
+    Raises InputError when the eye is not in front of the display, or absurdly far away.
     """
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
