@@ -31,19 +31,9 @@ from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.eye.observer import observe as observe_window
 from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, page_html
-from lippmann.layers.layer_choice import (
-    BLOCK_RAMS,
-    MULTIPLIERS,
-    SLOTS,
-    TOLERANCE_DB,
-    LayerChoice,
-    choose_layers,
-    measured_cuts,
-)
 from lippmann.layers.layer_drawing import Filter
 from lippmann.layers.layer_plan import plan_layers
 from lippmann.layers.layers_folder import load_named_layers
-from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine, Model
@@ -57,7 +47,7 @@ from lippmann.rendering.plan import image_metadata
 from lippmann.rendering.sampling import Aperture, Window
 from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Arrange, Placement
-from lippmann.scenes.scene import Part, Scene, check_scene_file
+from lippmann.scenes.scene import Scene, check_scene_file
 from lippmann.scenes.scene import load_scene as load_scene_file
 
 logger = logging.getLogger("lippmann")
@@ -145,111 +135,11 @@ def render(
     """
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
-    executor, built = choose_executor(workers, scheduler, device), _display_in_memory(display, settings)
+    executor, built = choose_executor(workers, scheduler, device), display_at(display)
+    check_display_memory(built, settings, f"display '{built.name}'" if isinstance(display, Display) else str(display))
     with open_scene(scene, placement, device) as loaded:
         plan = Job(loaded, built, options, arrange).plan(portable=kept is not None or executor is not render_here)
         return render_picture(plan, executor, kept, progress)
-
-
-def _display_in_memory(display: str | Path | Display, settings: Settings) -> Display:
-    """Return a display, whose image must be within the memory limit."""
-    built = display_at(display)
-    check_display_memory(built, settings, f"display '{built.name}'" if isinstance(display, Display) else str(display))
-    return built
-
-
-def cut_layers(
-    scene: SceneSource,
-    display: str | Path | Display,
-    counts: Sequence[int] = (4,),
-    slot: tuple[int, int] = SLOT,
-    settings: Settings | None = None,
-    *,
-    apart: str | None = None,
-    filter: Filter | None = None,
-    placement: Placement | None = None,
-    arrange: Arrange | None = None,
-    device: str = "auto",
-    progress: Progress | None = None,
-) -> list[tuple[Cut, list[float]]]:
-    """Cut a scene into layers for a display, once for each number of layers.
-
-    Parameters
-    ----------
-    scene, display, placement, arrange, device
-        See `render`. With `apart` the scene must be given as a path.
-    counts
-        Numbers of layers, 1 to 8.
-    slot
-        Most texels of a layer, across and down.
-    settings
-        How each texel is rendered.
-    apart
-        Shapes by id (`*`, `?`) that become a layer of their own, which can be moved.
-    filter
-        For this filter the layers are drawn, and compared with the full render in the views of a moving eye.
-    progress
-        Called with (cuts done, cuts in all).
-
-    Returns
-    -------
-    Each cut (its `stack` holds the layers), and the PSNR, dB, of the moving eye's views; empty without a filter.
-
-    Raises
-    ------
-    InputError
-        For bad files and values, and a scene of which no eye sees anything.
-    """
-    built, settings = display_at(display), Settings(samples=16) if settings is None else settings
-    with open_scene(scene, placement, device) as loaded:
-        placed = place_scene(loaded, built, arrange)
-        parts: tuple[Scene, Scene | None] = (placed, None)
-        if apart is not None:
-            rest = load_scene_file(placed.path, placed.placement, part=Part(apart, kept=False))
-            parts = rest, load_scene_file(placed.path, placed.placement, part=Part(apart))
-        return list(measured_cuts(placed, parts, built, counts, slot, settings, filter, progress))
-
-
-def fit_layers(
-    scene: SceneSource,
-    display: str | Path | Display,
-    tolerance_db: float = TOLERANCE_DB,
-    slots: Sequence[tuple[int, int]] = SLOTS,
-    block_rams: int = BLOCK_RAMS,
-    multipliers: int = MULTIPLIERS,
-    settings: Settings | None = None,
-    *,
-    placement: Placement | None = None,
-    arrange: Arrange | None = None,
-    device: str = "auto",
-    progress: Progress | None = None,
-) -> LayerChoice:
-    """Choose the cheapest layers of a scene, and the build that draws them, within a tolerance.
-
-    Parameters
-    ----------
-    scene, display, placement, arrange, device
-        See `render`.
-    tolerance_db
-        Least PSNR, dB, of the drawn layers' view against the full render's, at every place of an eye that moves.
-    slots
-        Sizes of slots that are tried, texels across and down.
-    block_rams, multipliers
-        Most of each (DP16KD, MULT18X18D) that the drawing may take.
-    settings
-        How each texel is rendered.
-    progress
-        Called with (builds tried, builds in all).
-
-    Raises
-    ------
-    InputError
-        As `lippmann.layers.layer_choice.choose_layers`, and for bad files.
-    """
-    built = display_at(display)
-    with open_scene(scene, placement, device) as loaded:
-        placed = place_scene(loaded, built, arrange)
-        return choose_layers(placed, built, tolerance_db, slots, block_rams, multipliers, settings, progress)
 
 
 def load_layers(path: str | Path) -> LayerStack:

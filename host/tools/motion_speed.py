@@ -14,14 +14,14 @@ import numpy as np
 from lippmann.base.variant import current_device
 from lippmann.display.description import load_display
 from lippmann.motion.film import load_film
-from lippmann.motion.film_frames import FramePlan, choose_shading, plan_film, render_frame
+from lippmann.motion.film_frames import FramePlan, choose_shading, plan_film
 from lippmann.motion.live_loop import MOST_SAMPLES
 from lippmann.motion.live_picture import LivePicture
 from lippmann.motion.screens import Hand
 from lippmann.optics.rays import Model
 from lippmann.rendering.executors import local_workers, render_on_cluster
 from lippmann.rendering.options import RenderOptions, Settings
-from lippmann.rendering.sinks import bands_of_plan
+from lippmann.rendering.sinks import bands_of_plan, render_picture
 from lippmann.scenes.scene import Scene, load_scene
 
 from tools.renderer_speed import gpu_name
@@ -88,10 +88,10 @@ def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
             options = RenderOptions(settings=Settings(samples=4, seed=seed))
             plans = choose_shading(plan_film(film, display, options, scale))[:frames]
             # Loads the scene and compiles the programs, here and on every worker.
-            render_frame(plans[0])
+            render_picture(plans[0])
             client.run(_warm, device, plans[0])
             started, cpu = time.perf_counter(), time.process_time()
-            ours = [render_frame(plan).radiance for plan in plans]
+            ours = [render_picture(plan).radiance for plan in plans]
             one, one_cpu = time.perf_counter() - started, time.process_time() - cpu
             started, cpu = time.perf_counter(), _cpu_seconds(client)
             theirs = {plan.frame: np.empty_like(ours[0]) for plan in plans}
@@ -125,4 +125,4 @@ def _warm(device: str, plan: FramePlan) -> None:
     from lippmann.base.variant import start_mitsuba
 
     start_mitsuba(device)
-    render_frame(plan)
+    render_picture(plan)

@@ -21,7 +21,7 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError, LippmannWarning, NoSpaceError
 from lippmann.motion.film import load_film
-from lippmann.motion.film_frames import choose_shading, plan_film, render_frame
+from lippmann.motion.film_frames import choose_shading, plan_film
 from lippmann.rendering import bands, cache_key, renderer, sinks
 from lippmann.rendering.executors import Band, local_workers, render_band, render_here, render_on_cluster
 from lippmann.rendering.job import Job
@@ -119,7 +119,7 @@ def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film
         (place / "film.toml").write_text('scene = "three.xml"\nframes = 1\n')
         one = load_film(place / "film.toml")
         (shot,) = choose_shading(plan_film(one, display, options))
-        np.testing.assert_array_equal(render_frame(shot).radiance, auto.radiance)
+        np.testing.assert_array_equal(render_picture(shot).radiance, auto.radiance)
         return
     whole, _ = still(place, options.settings)
     for number, rows in enumerate(whole.bands):

@@ -18,10 +18,11 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.motion.film import Key, MotionPath, load_film
-from lippmann.motion.film_frames import plan_film, render_frame
+from lippmann.motion.film_frames import plan_film
 from lippmann.motion.video import write_video
 from lippmann.rendering import renderer
 from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import depths_of, load_scene
 from PIL import Image
@@ -159,12 +160,12 @@ def test_a_moved_shape_is_the_shape_there(place, mi):
     """The film's last frame against the scene with the block written there."""
     film = film_of(place, FILM + MOVE.format("block", 1, 0, 2))
     display, options = load_display(place / "small.toml"), RenderOptions("exact", settings=Settings(samples=1))
-    moved = render_frame(plan_film(film, display, options)[4]).radiance
+    moved = render_picture(plan_film(film, display, options)[4]).radiance
     (place / "three.xml").write_text(
         SCENE.replace('<translate x="0" y="-1" z="0" />', '<translate x="1" y="-1" z="2" />')
     )
-    there = render_frame(plan_film(film_of(place, FILM), display, options)[0]).radiance
-    still = render_frame(plan_film(film_of(place, FILM), display, options)[4]).radiance
+    there = render_picture(plan_film(film_of(place, FILM), display, options)[0]).radiance
+    still = render_picture(plan_film(film_of(place, FILM), display, options)[4]).radiance
     assert psnr_db(moved, there) > 60.0
     np.testing.assert_array_equal(there, still)
 
@@ -199,7 +200,7 @@ def test_depths_reach_as_far_as_shapes_move(place, mi):
 
     def picture(near):
         film = film_of(place, near + FILM + flight)
-        return render_frame(plan_film(film, load_display(place / "small.toml"), RenderOptions("exact"))[0]).radiance
+        return render_picture(plan_film(film, load_display(place / "small.toml"), RenderOptions("exact"))[0]).radiance
 
     seen, from_40, cut = (picture(near) for near in ("", "near_mm = 40.0\n", "near_mm = 4.0\n"))
     assert psnr_db(seen, from_40) > 50.0
@@ -364,7 +365,7 @@ def test_an_interrupted_film_goes_on(place, mi):
     display, options = load_display(place / "small.toml"), RenderOptions(settings=Settings(samples=16))
     shots = plan_film(load_film(place / "film.toml"), display, options)
     for k in (0, len(there) - 1, len(there), frames - 1):
-        radiance = render_frame(shots[k]).radiance
+        radiance = render_picture(shots[k]).radiance
         frame = read_picture(place / f"out/frame_{k:04d}.exr").radiance
         np.testing.assert_array_equal(frame, radiance.astype(np.float16).astype(np.float32))
 
@@ -432,7 +433,7 @@ def test_every_speed_can_be_written(place, name, speed):
 
 def test_a_video_that_the_disk_does_not_take_is_told(tmp_path):
     frames = [np.zeros((16, 16, 3), np.uint8)] * 3
-    assert write_video(tmp_path / "good.mkv", frames, 16, 16, 10.0) == 3
+    write_video(tmp_path / "good.mkv", frames, 16, 16, 10.0)
     (tmp_path / "full.mkv").symlink_to("/dev/full")
     with pytest.raises(InputError):
         write_video(tmp_path / "none/bad.mkv", frames, 16, 16, 10.0)

@@ -14,12 +14,13 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.motion.film import load_film
-from lippmann.motion.film_frames import Reel, plan_film, render_frame
+from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_loop import run_live
 from lippmann.motion.live_picture import Encoder, LivePicture, least_radiance
 from lippmann.motion.screens import Hand, screens
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.renderer import render_integral
+from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
@@ -231,12 +232,14 @@ def test_mouse_and_keys(place):
 
 
 def test_the_window_shows_the_panels_pixels(made):
+    import pygame
+
     display, scene, picture, hand = made
     panel = display.panel
     with screens() as shown:
         shown.open("panel", (panel.width_px, panel.height_px))
         played = run_live(picture, hand, shown, display, seconds=0.0, most=8)
-        found = shown.pixels("panel")
+        found = pygame.surfarray.array3d(shown._windows["panel"].get_surface()).swapaxes(0, 1)
     assert played.samples == 8
     picture.quick(scene.placement)
     assert picture.finer(lambda: False)
@@ -308,7 +311,7 @@ def test_a_films_frames_are_those_of_animate(reel):
     wanted = []
     for shot in reel.plans:
         one = replace(shot, options=replace(shot.options, settings=Settings(samples=1, seed=3, shading="each")))
-        wanted.append(panel_values(render_frame(one).radiance, display.panel.transfer, 8).astype(np.uint8))
+        wanted.append(panel_values(render_picture(one).radiance, display.panel.transfer, 8).astype(np.uint8))
     assert len({frame.tobytes() for frame in wanted}) == 4
     given = []
     with screens() as shown:
@@ -322,7 +325,7 @@ def test_a_films_frames_are_those_of_animate(reel):
         assert np.count_nonzero(frame != wanted[number % 4]) <= 6, number  # rays start at a front of another box
     assert played.samples == 4
     assert not reel.playing
-    fine = panel_values(render_frame(reel.plans[reel.frame]).radiance, display.panel.transfer, 8)
+    fine = panel_values(render_picture(reel.plans[reel.frame]).radiance, display.panel.transfer, 8)
     assert np.count_nonzero(last != fine) <= 6
 
 

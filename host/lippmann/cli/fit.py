@@ -8,7 +8,6 @@ from decimal import ROUND_CEILING, Context
 
 import click
 
-from lippmann import api
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options_common import DEVICE, SEED, Finite, Slot, Vector
 from lippmann.cli.options_rendering import MOVED, Moved
@@ -17,9 +16,10 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error
-from lippmann.layers.layer_choice import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice
+from lippmann.layers.layer_choice import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.model_choice import TOLERANCE
+from lippmann.rendering.job import open_scene, place_scene
 from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import check_scene_file
 
@@ -70,11 +70,10 @@ def command(
     lines = [str(display_fit.choice), _samples(display_fit, tolerance), _build(display_fit, tolerance)]
     if scene is not None:
         settings, checked = Settings(samples=16, seed=seed), check_scene_file(scene)
-        with progress_bar("fit") as progress:
-            choice = api.fit_layers(
-                scene, display, tolerance_db, slot, block_rams, multipliers, settings,
-                placement=moved.placement(checked), arrange=moved.arrange(checked), device=device, progress=progress,
-            )  # fmt: skip
+        placement, arrange = moved.placement(checked), moved.arrange(checked)
+        with progress_bar("fit") as progress, open_scene(checked, placement, device) as loaded:
+            placed = place_scene(loaded, display, arrange)
+            choice = choose_layers(placed, display, tolerance_db, slot, block_rams, multipliers, settings, progress)
         result |= {
             "tolerance_db": tolerance_db, "layers": choice.chosen, "best": choice.best, "limit": choice.limit,
             "render_db": choice.render_db, "tried": choice.tried,

@@ -11,7 +11,6 @@ from typing import Any
 
 import click
 
-from lippmann import api
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.cli.frame import argument, make_command, option
@@ -22,14 +21,15 @@ from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words
-from lippmann.layers.layer_choice import Row, row_of
+from lippmann.layers.layer_choice import Row, measured_cuts, row_of
 from lippmann.layers.layer_drawing import Filter, scene_build_of
 from lippmann.layers.layers_folder import check_for_display, save_layers, warn_of_depths, warn_of_textures
 from lippmann.layers.pictures_folder import cut_pictures, is_pictures
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
+from lippmann.rendering.job import open_scene, place_scene
 from lippmann.rendering.options import Settings
-from lippmann.scenes.scene import check_scene_file
+from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
 #: Layers of a scene, unless --count tells.
 COUNT = 4
@@ -78,11 +78,11 @@ def command(
         count = COUNT if count is None else count
         least = 1 if apart is None else 2
         counts = [k for k in MEASURED if table is not None and least <= k < count] + [count]
-        with progress_bar("layers") as progress:
-            cuts = api.cut_layers(
-                scene_path, display, counts, slot, settings, apart=apart, filter=None if table is None else filter,
-                placement=placement, arrange=arrange, device=device, progress=progress,
-            )  # fmt: skip
+        measured_filter = None if table is None else filter
+        with progress_bar("layers") as progress, open_scene(checked, placement, device) as loaded:
+            placed = place_scene(loaded, display, arrange)
+            parts = _parted(placed, apart)
+            cuts = list(measured_cuts(placed, parts, display, counts, slot, settings, measured_filter, progress))
         cut = cuts[-1][0]
         names = tuple("apart" if k == cut.apart else f"layer_{k}" for k in range(len(cut.stack.layers)))
     check_for_display(cut.stack, display, scene_path)
@@ -98,6 +98,14 @@ def command(
         {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
         _text(file, cut, names, rows),
     )
+
+
+def _parted(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
+    """Return what is cut by depths, and the shapes `apart`, which become a layer of their own."""
+    if apart is None:
+        return scene, None
+    rest = load_scene(scene.path, scene.placement, part=Part(apart, kept=False))
+    return rest, load_scene(scene.path, scene.placement, part=Part(apart))
 
 
 def _write_table(path: Path, rows: list[Row]) -> None:

@@ -28,7 +28,7 @@ from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, E
 from lippmann.motion.live_picture import LivePicture
 from lippmann.motion.screens import Hand, NoScreens, Screens, screens
 from lippmann.rendering.bands import check_memory
-from lippmann.rendering.job import Job
+from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.placement import Placement
@@ -82,7 +82,7 @@ def command(
     options = RenderOptions(model=model, settings=settings)
     reel = None if film is None else Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
     scene = moved.load(path, display) if reel is None else reel.plans[0].load()
-    chosen = Job(scene, display, options).choose_model(scene)
+    chosen = choose_model(scene, display, options)
     picture = LivePicture(scene, display, chosen, settings)
     if view is not None:
         _compile_view(view, display)

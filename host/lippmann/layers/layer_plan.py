@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,9 @@ class LayerPlan:
     settings: Settings
     bands: tuple[range, ...]
     name: str = "the layers"
+    #: As a `BandRenderer`: nothing is compiled, and nothing was open.
+    prepare_seconds: float = 0.0
+    choices: dict[str, str] = field(default_factory=dict)
 
     @cached_property
     def identity(self) -> str:
@@ -69,18 +72,9 @@ class LayerPlan:
     def check_files(self, worker: str) -> None:
         """Check nothing: the plan holds its layers."""
 
-    def start(self) -> LayerRenderer:
-        """Return the renderer of the bands."""
-        return LayerRenderer(self)
-
-
-class LayerRenderer:
-    """Draws bands of a picture of layers."""
-
-    def __init__(self, plan: LayerPlan) -> None:
-        self._plan = plan
-        self.prepare_seconds = 0.0
-        self.choices: dict[str, str] = {}
+    def start(self) -> LayerPlan:
+        """Return the plan, which draws its bands itself."""
+        return self
 
     def prepare(self) -> float:
         """Compile nothing."""
@@ -91,10 +85,10 @@ class LayerRenderer:
 
         Raises InputError for what the engine's registers cannot hold.
         """
-        plan, rows = self._plan, self._plan.bands[number]
         light = draw_layers(
-            plan.display, plan.stack, plan.filter, plan.rays, plan.model, plan.engine, plan.fraction_bits, rows
-        )
+            self.display, self.stack, self.filter, self.rays, self.model, self.engine, self.fraction_bits,
+            self.bands[number],
+        )  # fmt: skip
         return light.astype(np.float32), []
 
 

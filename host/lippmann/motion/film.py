@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -145,14 +146,19 @@ def load_film(path: str | Path) -> Film:
     return replace(film, scene=(path.parent / film.scene).absolute(), object=moving, world=world)
 
 
-def _moving(path: AnyPath, film: Film, where: str) -> AnyPath:
-    """Return a path with the film's motion where it has none; refuse keys out of order or beyond the last frame."""
+def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
+    """Refuse keys out of order, or beyond the last of a film's frames."""
     before = -1
-    for place, frame in enumerate(one.frame for one in path.keys):
+    for place, frame in enumerate(key_frames):
         here = f"{where}.keys[{place}].frame"
-        if frame >= film.frames:
-            raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {film.frames - 1}")
+        if frame >= frames:
+            raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
         if frame <= before:
             raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
         before = frame
+
+
+def _moving(path: AnyPath, film: Film, where: str) -> AnyPath:
+    """Return a path with the film's motion where it has none; see `check_frames`."""
+    check_frames([one.frame for one in path.keys], film.frames, where)
     return replace(path, motion=path.motion or film.motion)

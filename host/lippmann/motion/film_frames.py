@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.base.files import make_folder
-from lippmann.base.images import Radiance, read_picture
+from lippmann.base.images import read_picture
 from lippmann.base.progress import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
@@ -22,11 +22,11 @@ from lippmann.rendering.bands import bands_of
 from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.job import Job
+from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import ScenePlan, make_renderer
 from lippmann.rendering.sampling import colours_of
-from lippmann.rendering.sinks import bands_of_plan, render_picture
+from lippmann.rendering.sinks import MemorySink, bands_of_plan
 from lippmann.scenes.arrange import fitting
 from lippmann.scenes.placement import Matrix, Placement, placement_beside
 from lippmann.scenes.scene import (
@@ -161,18 +161,13 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn of what will not be seen of a frame, and log its lens model; see `Job.choose_model`.
+    """Warn of what will not be seen of a frame, and log its lens model; see `choose_model`.
 
     The frame's renderer is kept for its render in this process.
     """
     scene = plan.load()
-    model = Job(scene, plan.display, plan.options).choose_model(scene)
+    model = choose_model(scene, plan.display, plan.options)
     plan.reuse(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
-
-
-def render_frame(plan: FramePlan) -> IntegralImage:
-    """Render a frame in this process. Errors as `FramePlan.load` and `Renderer`."""
-    return render_picture(plan)
 
 
 #: How the names of frames begin.
@@ -226,7 +221,7 @@ class FrameFolder:
         #: The frames that are to be rendered.
         self.missing_plans = [plan for plan in plans if not is_rendered(folder, plan)]
         self.bands = [band for plan in plans for band in bands_of_plan(plan)]
-        self._pictures: dict[int, tuple[Radiance, set[int]]] = {}
+        self._pictures: dict[int, tuple[MemorySink, set[int]]] = {}
 
     def missing_bands(self) -> Sequence[Band]:
         """Return the bands of the frames that the folder lacks."""
@@ -234,17 +229,15 @@ class FrameFolder:
 
     def take(self, rendered: RenderedBand) -> None:
         """Take a band; InputError and NoSpaceError when the frame cannot be written."""
-        band = rendered.band
-        plan, panel = band.plan, band.plan.display.panel
+        plan = rendered.band.plan
         assert isinstance(plan, FramePlan)
         if plan.frame not in self._pictures:
-            self._pictures[plan.frame] = np.empty((panel.height_px, panel.width_px, 3), np.float32), set()
-        radiance, numbers = self._pictures[plan.frame]
-        radiance[band.rows.start : band.rows.stop] = rendered.radiance
-        numbers.add(band.number)
+            self._pictures[plan.frame] = MemorySink(plan), set()
+        picture, numbers = self._pictures[plan.frame]
+        picture.take(rendered)
+        numbers.add(rendered.band.number)
         if len(numbers) == len(plan.bands):
-            metadata = {**plan.metadata, **rendered.choices}
-            IntegralImage(radiance, plan.display, metadata).save(frame_path(self.folder, plan.frame))
+            picture.write(frame_path(self.folder, plan.frame))
             del self._pictures[plan.frame]
 
     def images(self, progress: Progress | None = None) -> Iterator[IntegralImage]:

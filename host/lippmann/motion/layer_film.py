@@ -16,7 +16,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, did_you_mean, input_error, likely_file
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
-from lippmann.motion.film import MAX_FRAMES, Motion, interpolated
+from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolated
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
 #: Frames a second of a folder of layers, which stands still.
@@ -120,14 +120,7 @@ def load_layer_film(path: str | Path) -> LayerFilm:
         if one.name in seen:
             raise input_error(f"{where}.name", f"'{one.name}' moves already", "put all its keys into one table")
         seen.add(one.name)
-        before = -1
-        for number, frame in enumerate(one_key.frame for one_key in one.keys):
-            here = f"{where}.keys[{number}].frame"
-            if frame >= film.frames:
-                raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {film.frames - 1}")
-            if frame <= before:
-                raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
-            before = frame
+        check_frames([one_key.frame for one_key in one.keys], film.frames, where)
         if stack.layers[names.index(one.name)].sky:
             for number, sky_key in enumerate(one.keys):
                 if sky_key.offset_mm != ORIGIN:

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from lippmann.base.fullscreen import Pixels
 from lippmann.base.images import Radiance
 from lippmann.base.tones import BAND_ROWS, encoded_values
-from lippmann.base.variant import Jit, current_device, mitsuba
+from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.optics.rays import Model
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, radiance_of
 from lippmann.rendering.sampling import RaySource, display_source
-from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import Scene, box_of, in_front_of
+from lippmann.scenes.placement import Matrix, Placement
+from lippmann.scenes.scene import Scene, bounds_of, in_front_of, placed_box
 
 #: float32 of 0 and of 1, as whole numbers; those between are in the order of their values.
 ZERO, ONE = 0, 0x3F800000
@@ -49,9 +49,7 @@ class Encoder:
 
     def __init__(self, panel: Panel) -> None:
         """Take the panel's transfer curve, and its bits up to 8."""
-        import drjit as dr
-
-        mi = mitsuba()
+        dr, mi = drjit(), mitsuba()
         bits = min(panel.bits, 8)
         self._byte = getattr(dr, mi.variant().split("_")[0]).ad.UInt8
         self._shape = (panel.height_px, panel.width_px, 3)
@@ -63,10 +61,7 @@ class Encoder:
 
         They may be Dr.Jit's memory, as in `radiance_of`.
         """
-        mi = mitsuba()
-        import drjit
-
-        dr: Jit = drjit  # its search has no types
+        dr, mi = drjit(), mitsuba()
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         found = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -102,7 +97,7 @@ class LivePicture:
         self._scene, self._panel = scene, display.panel
         # A quick picture has fewer rays than there are points whose light they could share.
         self._settings = replace(settings, samples=PASS_SAMPLES, shading="each")
-        self._corners = _corners(scene)
+        self._bounds = bounds_of(scene.mitsuba)
         source = display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
@@ -123,7 +118,7 @@ class LivePicture:
 
     def stage(self, scene: Scene) -> None:
         """Take another scene, that of another moment; `quick` is to follow."""
-        self._scene, self._corners, self._fine = scene, _corners(scene), None
+        self._scene, self._bounds, self._fine = scene, bounds_of(scene.mitsuba), None
         self._quick = self._renderer(self._sources[0], 1)
 
     @property
@@ -132,10 +127,10 @@ class LivePicture:
         return self._passes * PASS_SAMPLES
 
     @property
-    def middle_mm(self) -> Jit:
+    def middle_mm(self) -> Matrix:
         """The middle of the scene's box where it stands now (3,), mm."""
-        corners = self._corners @ self._scene.placement.display_from_scene.T
-        return 0.5 * (corners.min(axis=0) + corners.max(axis=0))[:3]
+        low, high = placed_box(self._bounds, self._scene.placement)
+        return 0.5 * (low + high)
 
     @property
     def values(self) -> Pixels:
@@ -149,8 +144,7 @@ class LivePicture:
 
     def quick(self, placement: Placement) -> None:
         """Make the picture of the scene in another place, one ray for each block of pixels."""
-        import drjit as dr
-
+        dr = drjit()
         self._placement, self._passes = self._with_front(placement), 0
         self._quick.move(self._placement)
         planes = self._all(self._quick, -(-self._panel.height_px // self.block), lambda: False)
@@ -164,8 +158,7 @@ class LivePicture:
 
         The first pass equals a render of `PASS_SAMPLES` samples.
         """
-        import drjit as dr
-
+        dr = drjit()
         if self._fine is None:
             self._fine = self._renderer(self._sources[1], PASS_SAMPLES)
         self._fine.move(self._placement, self._passes)
@@ -178,9 +171,7 @@ class LivePicture:
         return True
 
     def _mean(self) -> list[Jit]:
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         if self._passes < 2:
             return self._planes
         passes = dr.opaque(mi.Float, float(self._passes))
@@ -209,8 +200,8 @@ class LivePicture:
         """Return a placement with depths: those of the scene's box, where it has none."""
         if placement.near_mm is not None and placement.far_mm is not None:
             return placement
-        depths = (self._corners @ placement.display_from_scene.T)[:, 2]
-        far, near = float(depths.min()), float(depths.max())
+        low, high = placed_box(self._bounds, placement)
+        far, near = float(low[2]), float(high[2])
         return replace(placement, near_mm=in_front_of((far, near)), far_mm=far)
 
     @staticmethod
@@ -236,17 +227,9 @@ def _coarse(source: RaySource, block: int) -> RaySource:
     )
 
 
-def _corners(scene: Scene) -> Jit:
-    """Return the corners of a scene's box in its own frame, (8, 4)."""
-    low, high = box_of(scene.mitsuba, Placement())
-    return np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-
-
 def _blocks(panel: Panel, block: int) -> Jit:
     """Return the number of each pixel's block, row by row (UInt32)."""
-    mi = mitsuba()
-    import drjit as dr
-
+    dr, mi = drjit(), mitsuba()
     pixel = dr.arange(mi.UInt32, panel.width_px * panel.height_px)
     row = pixel // panel.width_px
     found = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block

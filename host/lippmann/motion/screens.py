@@ -112,11 +112,6 @@ class Screens:
         except pygame.error as error:
             raise DeviceError(f"the window is gone ({error}); is the monitor still there?") from None
 
-    def pixels(self, name: str) -> Pixels:
-        """Return what a window shows, (height, width, 3)."""
-        found = self._pygame.surfarray.array3d(self._windows[name].get_surface())
-        return np.asarray(found, np.uint8).swapaxes(0, 1)
-
     def waiting(self) -> bool:
         """Tell whether mouse or keys wait to be obeyed."""
         pygame = self._pygame

@@ -30,8 +30,8 @@ def even_window(window: Window) -> Window:
 
 def write_video(
     path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
-) -> int:
-    """Write a video of frames, (height, width, 3) uint8 each, sRGB; return their number.
+) -> None:
+    """Write a video of frames, (height, width, 3) uint8 each, sRGB.
 
     .mkv is FFV1, lossless; .mp4 is H.264, for which width and height must be even.
 
@@ -52,7 +52,6 @@ def write_video(
         made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "15", "-movflags", "+faststart"]
         made += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
         made += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
-    count = 0
     with replacing(path) as partial:
         place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
         command = [ffmpeg, "-y", "-v", "quiet", *taken, *made, place]
@@ -62,9 +61,7 @@ def write_video(
                 assert encoder.stdin is not None
                 for frame in frames:
                     encoder.stdin.write(np.ascontiguousarray(frame).data)
-                    count += 1
         except BrokenPipeError:  # ffmpeg has ended; its message is too long to show
             raise not_written(path, "ffmpeg stopped", partial) from None
         if encoder.returncode:
             raise not_written(path, "ffmpeg stopped", partial)
-    return count

@@ -154,15 +154,12 @@ class IntegralImage(Showable):
                 _check(metadata, built, str(path), Path(path).suffix.lower() in ENCODED_SUFFIXES)
 
         size = built.panel.width_px, built.panel.height_px
-        if stored:
-            rows = StoredRows(path, size, accept)
-            image = cls(cast(Radiance, rows), built, rows.metadata)
-        else:
-            picture = read_picture(path, size, accept)
-            image = cls(picture.radiance, built, picture.metadata)
+        file = StoredRows(path, size, accept) if stored else read_picture(path, size, accept)
+        radiance = cast(Radiance, file) if isinstance(file, StoredRows) else file.radiance
+        image = cls(radiance, built, file.metadata)
         if force:
-            source = rows.metadata if stored else picture.metadata
-            image._made_for.update({key: source[key] for key in ("display", "identity") if key in source})
+            names = ("display", "identity")
+            image._made_for.update({key: file.metadata[key] for key in names if key in file.metadata})
         return image
 
 

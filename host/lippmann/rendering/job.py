@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from lippmann.base.variant import VARIANTS, own_variant
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.optics.model_choice import TOLERANCE, choose_model
+from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Model
 from lippmann.rendering.bands import bands_of
 from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.options import RenderOptions
-from lippmann.rendering.plan import ScenePlan, make_renderer
+from lippmann.rendering.plan import ScenePlan, make_renderer, resolve_model
 from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Arrange, Placement
@@ -75,6 +75,18 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
     return placed
 
 
+def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
+    """Return the lens model for a placed scene, after warnings about what will be seen of it.
+
+    There are none where nobody reads the log (level INFO): their trial view takes time.
+    Raises InputError as `resolve_model`.
+    """
+    if logger.isEnabledFor(logging.INFO):
+        warn_of_unused_parts(scene, options.settings)
+        warn_of_view(scene, display, options.settings, options.engine)
+    return resolve_model(scene, display, options, logger)
+
+
 @dataclass(frozen=True)
 class Job:
     """The picture of a loaded scene for a display."""
@@ -84,22 +96,6 @@ class Job:
     options: RenderOptions = field(default_factory=RenderOptions)
     #: How the display places the scene; None: as its file asks for, or where it stands.
     arrange: Arrange | None = None
-
-    def choose_model(self, scene: Scene) -> Model:
-        """Return the lens model for a placed scene, after warnings about what will be seen of it.
-
-        There are none where nobody reads the log (level INFO): their trial view takes time.
-        Raises InputError as `choose_model`.
-        """
-        options, settings = self.options, self.options.settings
-        if logger.isEnabledFor(logging.INFO):
-            warn_of_unused_parts(scene, settings)
-            warn_of_view(scene, self.display, settings, options.engine)
-        if options.model != "auto":
-            return options.model
-        choice = choose_model(self.display, scene.depth_range_mm, settings.aperture, options.tolerance)
-        logger.info("%s", choice)
-        return choice.model
 
     def plan(self, portable: bool = False) -> ScenePlan:
         """Decide all that is "auto".
@@ -112,7 +108,7 @@ class Job:
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
         # No tolerance is left when the model is chosen.
-        options = replace(self.options, model=self.choose_model(scene), tolerance=TOLERANCE)
+        options = replace(self.options, model=choose_model(scene, self.display, self.options), tolerance=TOLERANCE)
         panel = self.display.panel
         rays = options.settings.samples * colours_of(panel)
         bands = tuple(bands_of(panel.width_px, panel.height_px, rays))

@@ -39,14 +39,10 @@ def needs_chance(scene: Jit) -> bool:
         bsdf = surface.bsdf()
         if bsdf is None:
             return True
-        scatters, mirrors, refracts, passes = (
-            mi.has_flag(bsdf.flags(), flag)
-            for flag in (
-                *(mi.BSDFFlags.Smooth, mi.BSDFFlags.DeltaReflection),
-                *(mi.BSDFFlags.DeltaTransmission, mi.BSDFFlags.Null),
-            )
-        )
-        if refracts or passes or (mirrors and scatters):
+        flags, kinds = bsdf.flags(), mi.BSDFFlags
+        passes = mi.has_flag(flags, kinds.DeltaTransmission) or mi.has_flag(flags, kinds.Null)
+        mirrors, scatters = mi.has_flag(flags, kinds.DeltaReflection), mi.has_flag(flags, kinds.Smooth)
+        if passes or (mirrors and scatters):
             return True
     return False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -28,8 +29,9 @@ from lippmann.scenes.scene import Scene, digest_of, load_scene
 class BandRenderer(Protocol):
     """Renders the bands of one plan, in any order."""
 
-    #: Seconds of all calls of `prepare`.
-    prepare_seconds: float
+    @property
+    def prepare_seconds(self) -> float:
+        """Seconds of all calls of `prepare`."""
 
     @property
     def choices(self) -> Mapping[str, str]:
@@ -177,21 +179,26 @@ def make_renderer(
 
     Raises InputError as `Renderer` and `choose_model`.
     """
-    settings, model = options.settings, chosen_model(scene, display, options)
+    settings, model = options.settings, resolve_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
     renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
     renderer.choices["model"] = model
     return renderer
 
 
-def chosen_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Return the lens model of a render: "auto" takes the cheapest within the tolerance.
+def resolve_model(
+    scene: Scene, display: Display, options: RenderOptions, logger: logging.Logger | None = None
+) -> Model:
+    """Return the lens model of a render: "auto" takes the cheapest within the tolerance, and a logger learns why.
 
     Raises InputError as `choose_model`.
     """
     if options.model != "auto":
         return options.model
-    return choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance).model
+    choice = choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance)
+    if logger is not None:
+        logger.info("%s", choice)
+    return choice.model
 
 
 def image_metadata(

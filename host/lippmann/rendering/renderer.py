@@ -21,7 +21,7 @@ from lippmann.base import interrupts
 from lippmann.base.images import Radiance
 from lippmann.base.progress import Progress
 from lippmann.base.tones import psnr_db
-from lippmann.base.variant import Jit, current_device, mitsuba
+from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.rays import Engine, Model
@@ -267,9 +267,7 @@ class Renderer:
         It is that of the part of the image, of `TRIAL_PARTS` x `TRIAL_PARTS`, where they are least alike. None: most
         samples meet surfaces without a lattice.
         """
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         tiles = self._trial_tiles()
         side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
         # All at once, where the samples' numbers have 31 bits (programs take the 32nd for 0); they have not in large
@@ -324,9 +322,7 @@ class Renderer:
         report_rows: Callable[[int], None] | None = None,
     ) -> list[int]:
         """Draw so many tiles of some rows, from their first on."""
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         # The mean of several passes is as good without.
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
@@ -352,9 +348,7 @@ class Renderer:
 
     def planes(self, rows: int) -> list[Jit]:
         """Return black planes of red, green and blue for rows of the image (Dr.Jit)."""
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         return [dr.zeros(mi.Float, self._width * rows) for _ in range(3)]
 
     def _run(
@@ -364,9 +358,7 @@ class Renderer:
 
         If there are `sums`, the samples are added to them; if not, each pixel's mean is written into the planes.
         """
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
@@ -390,9 +382,7 @@ def radiance_of(planes: list[Jit], width: int) -> Radiance:
 
     Copy it for other threads: who lets go of it waits for Dr.Jit, which may wait for Python in the thread that renders.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    dr, mi = drjit(), mitsuba()
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
@@ -439,9 +429,7 @@ def render_rays(
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
     """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
-    mi = mitsuba()
-    import drjit as dr
-
+    dr, mi = drjit(), mitsuba()
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -453,9 +441,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
     Where there is none it is -infinity.
     """
-    mi = mitsuba()
-    import drjit as dr
-
+    dr, mi = drjit(), mitsuba()
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from lippmann.base.variant import Jit, current_device, mitsuba
+from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import COLOURS, Box, Layout, layout_of
 from lippmann.engines import trace
@@ -145,9 +145,7 @@ def eye_source(
     """
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         # Opaque, so that another eye or window needs no compilation.
         wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
         x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
@@ -173,9 +171,7 @@ TILE_PX = 8
 
 def colour_count(layout: Layout | None) -> int:
     """Return how many colours have samples of their own: three where pixels have sub-pixels, else one for all."""
-    if layout is None:
-        return 1
-    return 3
+    return 1 if layout is None else 3
 
 
 def colours_of(panel: Panel) -> int:
@@ -209,9 +205,7 @@ class Parts:
     @classmethod
     def of(cls, layout: Layout | None) -> Parts:
         """Return the parts of a layout; opaque, so that other places need no compilation."""
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
             boxes = [box for colour in COLOURS[: colour_count(layout)] for box in layout.boxes(colour)]
@@ -234,9 +228,7 @@ def lines_of(
     source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
     """Return the lines of sight of samples, by the numbers of their pixels, their own, and their colours (UInt32)."""
-    mi = mitsuba()
-    import drjit as dr
-
+    dr, mi = drjit(), mitsuba()
     b = DrJitBackend(current_device())
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
@@ -263,9 +255,7 @@ class Pose:
     @classmethod
     def of(cls, placement: Placement) -> Pose:
         """Return the pose of a placement."""
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         matrix = placement.scene_from_display
         moved = not np.array_equal(matrix, np.eye(4))
         rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
@@ -273,9 +263,7 @@ class Pose:
 
     def ray(self, lines: Lines) -> Jit:
         """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
-        mi = mitsuba()
-        import drjit as dr
-
+        dr, mi = drjit(), mitsuba()
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)

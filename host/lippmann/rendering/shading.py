@@ -44,14 +44,12 @@ class Recorded:
     """
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
-        import drjit as dr
-
         held = _Held(function, scene)
 
         def call(*arguments: Jit) -> Jit:
             return held.function(*arguments)
 
-        frozen: Jit = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
+        frozen: Jit = drjit().freeze(call, state_fn=lambda *_: held.scene.mitsuba)
         self._function, self._frozen = function, frozen
         # Their Python objects belong to what tells one recording from another: made now, not in the first recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
