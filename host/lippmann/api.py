@@ -268,19 +268,13 @@ def capture(
 
 def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
     """Return the rays of a capture that are lost in the lens and in the array, per cent, and warn of many."""
-    texts = []
     if lens_percent > NOTED_PERCENT:
-        texts.append(
-            f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image); "
-            "a larger lens.aperture_mm lets them in"
-        )
+        text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
+        warnings.warn(f"{text}; a larger lens.aperture_mm lets them in", LippmannWarning, stacklevel=3)
     if array_percent > NOTED_PERCENT:
-        texts.append(
-            f"{array_percent:.1f} % of the rays are lost in the array (black in the image): the lenslets' "
-            "rims reflect them; a longer focal length lets them out"
-        )
-    for text in texts:
-        warnings.warn(text, LippmannWarning, stacklevel=3)
+        text = f"{array_percent:.1f} % of the rays are lost in the array (black in the image)"
+        remedy = "the lenslets' rims reflect them; a longer focal length lets them out"
+        warnings.warn(f"{text}: {remedy}", LippmannWarning, stacklevel=3)
     return {"vignetting_percent": lens_percent, "array_loss_percent": array_percent}
 
 

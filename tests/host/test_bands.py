@@ -494,7 +494,7 @@ class DeadlyPlan:
 
     name, identity = "the picture", "0" * 16
 
-    def check_files(self, worker):
+    def start(self, worker):
         os.kill(os.getpid(), signal.SIGKILL)
 
 

@@ -330,7 +330,7 @@ def test_pictures_do_not_depend_on_bands(mi, subpixels, rows):
     assert (np.concatenate([found[number] for number in range(len(bands))]) == whole).all()
     planes = parts.planes(150)
     for number in reversed(range(len(bands))):
-        parts.draw(number, planes)
+        parts.draw(parts.bands[number], planes)
     assert (radiance_of(planes, 96) == whole).all()
 
 

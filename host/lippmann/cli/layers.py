@@ -81,7 +81,7 @@ def command(
         measured_filter = None if table is None else filter
         with progress_bar("layers") as progress, open_scene(checked, placement, device) as loaded:
             placed = place_scene(loaded, display, arrange)
-            parts = _parted(placed, apart)
+            parts = _split_parts(placed, apart)
             cuts = list(measured_cuts(placed, parts, display, counts, slot, settings, measured_filter, progress))
         cut = cuts[-1][0]
         names = tuple("apart" if k == cut.apart else f"layer_{k}" for k in range(len(cut.stack.layers)))
@@ -100,7 +100,7 @@ def command(
     )
 
 
-def _parted(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
+def _split_parts(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
     """Return what is cut by depths, and the shapes `apart`, which become a layer of their own."""
     if apart is None:
         return scene, None

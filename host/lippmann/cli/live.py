@@ -97,7 +97,7 @@ def command(
         )  # fmt: skip
         if sender is not None:
             sender.finish()
-    _emit_result(scene_path, display, chosen, played, hand, _board_counts(port, sender))
+    _emit_result(scene_path, display, chosen, played, hand, port, sender)
 
 
 def _open_windows(shown: Screens, display: Display, monitor: int | None, view: EyeView | None) -> float:
@@ -110,9 +110,12 @@ def _open_windows(shown: Screens, display: Display, monitor: int | None, view: E
 
 
 def _emit_result(
-    scene: str, display: Display, model: str, played: Played, hand: Hand, board: dict[str, str | int | None] | None
+    scene: str, display: Display, model: str, played: Played, hand: Hand, port: str | None, sender: Sender | None
 ) -> None:
-    """Print what a live picture came to."""
+    """Print what a live picture came to, and what a board was sent."""
+    board = None
+    if sender is not None:
+        board = {"port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes}
     result = {
         "scene": scene, "display": display.name, "model": model, **asdict(played), "board": board,
         "placement": str(hand.placement()), "peak_memory_mb": peak_memory_mb(),
@@ -152,13 +155,6 @@ def _board_sender(
         check_board(board, display, display_path, ", or show it with --force")
     board.check_panel()
     return Sender(board)
-
-
-def _board_counts(port: str | None, sender: Sender | None) -> dict[str, str | int | None] | None:
-    """Return what a board was sent; None without one."""
-    if sender is None:
-        return None
-    return {"port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes}
 
 
 def _summary(played: Played, hand: Hand) -> str:

@@ -69,10 +69,7 @@ class LayerPlan:
         """Rays for each pixel."""
         return self.settings.samples
 
-    def check_files(self, worker: str) -> None:
-        """Check nothing: the plan holds its layers."""
-
-    def start(self) -> LayerPlan:
+    def start(self, worker: str | None = None) -> LayerPlan:
         """Return the plan, which draws its bands itself."""
         return self
 

@@ -208,10 +208,10 @@ class LivePicture:
     def _all(renderer: Renderer, rows: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
         """Return the planes of all bands, or None."""
         planes = renderer.planes(rows)
-        for number in range(len(renderer.bands)):
+        for band in renderer.bands:
             if interrupted():
                 return None
-            renderer.draw(number, planes)
+            renderer.draw(band, planes)
         return planes
 
 

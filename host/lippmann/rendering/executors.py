@@ -304,8 +304,7 @@ def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dic
     identity = band.plan.identity
     if identity not in _kept_renderers:
         _kept_renderers.clear()  # the scene of the last plan must go before the next one is compiled
-        band.plan.check_files(worker)
-        _kept_renderers[identity] = band.plan.start()
+        _kept_renderers[identity] = band.plan.start(worker)
     renderer = _kept_renderers[identity]
     radiance, _ = renderer.render(band.number)
     # Its own memory, for other threads (`radiance_of`).

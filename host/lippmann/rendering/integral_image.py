@@ -165,7 +165,8 @@ class IntegralImage(Showable):
 
 def metadata_of(display: Display) -> dict[str, str]:
     """Return what every image for a display carries: its name, identity, transfer curve and bits."""
-    return {"display": display.name, "identity": display.identity, **_tones(display)}
+    tones = {"transfer": transfer_text(display.panel.transfer), "bits": str(display.panel.bits)}
+    return {"display": display.name, "identity": display.identity, **tones}
 
 
 def check_image(image: object) -> None:
@@ -173,11 +174,6 @@ def check_image(image: object) -> None:
     if not isinstance(image, IntegralImage):
         what = f"{str(image)[:80]!r} is not an IntegralImage"
         raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
-
-
-def _tones(display: Display) -> dict[str, str]:
-    """Return the panel's transfer curve and bits as metadata."""
-    return {"transfer": transfer_text(display.panel.transfer), "bits": str(display.panel.bits)}
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
@@ -188,7 +184,8 @@ def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: 
         what = f"{'names no display' if identity is None else made}, not for '{display.name}' ({display.identity})"
         remedy = "give the display that it was made for, or --force (force=True in Python)"
         raise input_error(source, what, remedy)
-    for key, wanted in _tones(display).items():
+    for key in ("transfer", "bits"):
+        wanted = metadata_of(display)[key]
         found = metadata.get(key, wanted)
         if encoded and found != wanted:
             names = transfer_name(found), transfer_name(wanted)

@@ -78,11 +78,11 @@ class Plan(Protocol):
     def rays(self) -> int:
         """Rays for each pixel."""
 
-    def check_files(self, worker: str) -> None:
-        """Raise InputError, with the worker's name, where the plan's files are missing or different."""
+    def start(self, worker: str | None = None) -> BandRenderer:
+        """Return the renderer of this plan's bands; loads what it needs.
 
-    def start(self) -> BandRenderer:
-        """Return the renderer of this plan's bands; loads what it needs."""
+        Raises InputError on a worker, with its name, where the plan's files are missing or different.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,12 +130,10 @@ class ScenePlan:
         """Load the scene where it is placed; InputError as `load_scene`."""
         return load_scene(self.scene, self.placement)
 
-    def check_files(self, worker: str) -> None:
-        """Raise InputError, with the worker's name, where the scene is missing or different."""
-        check_same_scene(worker, self.scene, self.digest)
-
-    def start(self) -> Renderer:
+    def start(self, worker: str | None = None) -> Renderer:
         """Return the renderer of the bands: the one that planned them, or a new one that loads the scene."""
+        if worker is not None:
+            check_same_scene(worker, self.scene, self.digest)
         renderer: Renderer | None = self.__dict__.pop("planned_by", None)
         return make_renderer(self.load(), self.display, self.options, self.bands) if renderer is None else renderer
 

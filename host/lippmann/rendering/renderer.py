@@ -234,7 +234,7 @@ class Renderer:
                 verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
                 tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
                 self.remark = f"{tried}: {likeness}; {verdict}"
-        self._draw(range(TILE_PX), 1, self.planes(TILE_PX), 0)
+        self.draw(range(TILE_PX), self.planes(TILE_PX), tiles=1)
         self.choices["shading"] = self.shading
         seconds = time.perf_counter() - started
         self.prepare_seconds += seconds
@@ -302,27 +302,24 @@ class Renderer:
         """
         rows = self.bands[number]
         planes = self.planes(len(rows))
-        lost = self.draw(number, planes, rows.start, report_rows)
+        lost = self.draw(rows, planes, rows.start, report_rows)
         return radiance_of(planes, self._width), lost
 
     def draw(
-        self, number: int, planes: list[Jit], first_row: int = 0, report_rows: Callable[[int], None] | None = None
-    ) -> list[int]:
-        """Draw a band into planes whose first row is the image's `first_row`; return the numbers of lost samples."""
-        rows = self.bands[number]
-        tiles = self._across * -(-len(rows) // TILE_PX)
-        return self._draw(rows, tiles, planes, first_row, report_rows)
-
-    def _draw(
         self,
         rows: range,
-        tiles: int,
         planes: list[Jit],
-        first_row: int,
+        first_row: int = 0,
         report_rows: Callable[[int], None] | None = None,
+        tiles: int | None = None,
     ) -> list[int]:
-        """Draw so many tiles of some rows, from their first on."""
+        """Draw so many tiles of some rows, from their first on, or all; return the numbers of lost samples.
+
+        The first row of the planes is the image's `first_row`.
+        """
         dr, mi = drjit(), mitsuba()
+        if tiles is None:
+            tiles = self._across * -(-len(rows) // TILE_PX)
         # The mean of several passes is as good without.
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
@@ -473,7 +470,6 @@ def render_view(
     eye_mm: tuple[float, float, float],
     window: Window,
     settings: Settings,
-    progress: Progress | None = None,
     pupil_mm: float = 0.0,
     focus_z_mm: float = 0.0,
 ) -> Rendered:
@@ -482,4 +478,4 @@ def render_view(
     if near is not None and near > eye_mm[2]:
         # Parts of the scene behind the eye are invisible.
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
-    return render_rays(scene, eye_source(eye_mm, window, pupil_mm, focus_z_mm), settings, progress)
+    return render_rays(scene, eye_source(eye_mm, window, pupil_mm, focus_z_mm), settings)
