@@ -271,7 +271,6 @@ import sys
 import numpy as np
 from lippmann.display.description import load_display
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.renderer import BASE_MEMORY_MB
 from lippmann.base.machine import peak_memory_mb
 import dataclasses
 display = load_display(sys.argv[1])
