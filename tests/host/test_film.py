@@ -18,7 +18,7 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.motion.film import Key, MotionPath, load_film
-from lippmann.motion.film_frames import plan_film
+from lippmann.motion.film_frames import plan_film, render_frame
 from lippmann.motion.video import write_video
 from lippmann.rendering import renderer
 from lippmann.rendering.options import RenderOptions, Settings
@@ -160,7 +160,7 @@ def test_a_moved_shape_is_the_shape_there(place, mi):
     """The film's last frame against the scene with the block written there."""
     film = film_of(place, FILM + MOVE.format("block", 1, 0, 2))
     display, options = load_display(place / "small.toml"), RenderOptions("exact", settings=Settings(samples=1))
-    moved = render_picture(plan_film(film, display, options)[4]).radiance
+    moved = render_frame(plan_film(film, display, options)[4]).radiance
     (place / "three.xml").write_text(
         SCENE.replace('<translate x="0" y="-1" z="0" />', '<translate x="1" y="-1" z="2" />')
     )

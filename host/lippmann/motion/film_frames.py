@@ -26,7 +26,7 @@ from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import ScenePlan, make_renderer
 from lippmann.rendering.sampling import colours_of
-from lippmann.rendering.sinks import MemorySink, bands_of_plan
+from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
 from lippmann.scenes.arrange import fitting
 from lippmann.scenes.placement import Matrix, Placement, placement_beside
 from lippmann.scenes.scene import (
@@ -168,6 +168,11 @@ def warn_of_frame(plan: FramePlan) -> None:
     scene = plan.load()
     model = choose_model(scene, plan.display, plan.options)
     plan.reuse(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
+
+
+def render_frame(plan: FramePlan) -> IntegralImage:
+    """Render a frame in this process. Errors as `FramePlan.load` and `Renderer`."""
+    return render_picture(plan)
 
 
 #: How the names of frames begin.
