@@ -10,7 +10,7 @@ READY := .venv/.ready
 DEMO_READY := .venv/.demo-ready
 
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-full test-gpu test-record coverage toggles formal lint lint-host lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-content report-calibration report-hard peers mutation mutation-host scenes pictures site clean
+.PHONY: help setup demo test test-full test-gpu test-record coverage toggles formal lint lint-host lint-imports lint-house lint-rtl bench docs-tables registers manifests synth bitstream report-bitstream report report-fixed report-link report-depth report-layers report-content report-calibration report-hard peers mutation mutation-host scenes pictures site clean
 
 help: ## list the targets
 	@sed -n -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 20
@@ -80,7 +80,7 @@ formal: $(READY) ## every formal proof of the RTL, its covers and its broken des
 	$(BIN)/pytest -n $(JOBS) tests/rtl/test_formal.py
 
 lint: $(READY) ## style, format, types, import layers, bounds of size; every RTL module alone
-	@$(MAKE) --no-print-directory -k -j2 lint-host lint-imports lint-rtl
+	@$(MAKE) --no-print-directory -k -j2 lint-host lint-imports lint-house lint-rtl
 
 lint-host:
 	$(BIN)/ruff check

@@ -1,7 +1,5 @@
 """Small displays that draw, and random layers for them."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -3,8 +3,6 @@
 A middle part of each scene, 96 x 96 pixels of 0.25 mm behind lenslets of 2 mm: few pixels, all of the optics.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

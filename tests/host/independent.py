@@ -17,8 +17,6 @@ nearest to the vertex, uses Welford's form of the quadratic with the curvature 1
 unnormalised normals. Some 40,000 rays a second.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 

@@ -3,8 +3,6 @@
 The drawing is written apart from `lippmann.layers` and `lippmann.fixed`: it judges the integer twin.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

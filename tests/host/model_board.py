@@ -3,8 +3,6 @@
 It shares no code with the host but the packages cobs and numpy; QOI is decoded here, step by step.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import socket

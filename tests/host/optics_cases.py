@@ -1,7 +1,5 @@
 """Random displays for the tests of the optics, and their numbers as truth.py wants them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable

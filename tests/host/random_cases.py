@@ -3,8 +3,6 @@
 The RTL is compared with its twin on them (tests/rtl, `make mutation`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Random stacks of layers for a display, from one generator."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

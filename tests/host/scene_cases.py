@@ -1,7 +1,5 @@
 """Small scenes and displays for the tests of renderer and observer."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Arrays of two pitches, a shear and an end in fixed point: registers by hand, rays against golden, what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -3,8 +3,6 @@
 The largest display here is 1.2 m wide: an eye at 600 mm sees its corners at 49 degrees.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -4,8 +4,6 @@ u = 2^-F below, half of it the rounding of a wide word. What is promised of the 
 cos theta_t) microradian and 2 nm, is asked of each F in proportion to u.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import os

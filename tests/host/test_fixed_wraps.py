@@ -4,8 +4,6 @@ The twin is compared with the same steps over the reals: the formulas of rtl/opt
 could wrap, saturate or be clamped, and a running bound of the rounding errors. tests/rtl compares RTL and twin.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from typing import NamedTuple

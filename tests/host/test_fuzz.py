@@ -4,8 +4,6 @@ Files of the right kind are changed at random. `LIPPMANN_INPUTS` is the number o
 file is kept under build/fuzz. Those that failed once are in tests/host/fuzz, and are tried first.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Processes that share a measurement end when the command does, whatever ends it."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

@@ -1,7 +1,5 @@
 """What the report measures: errors of rays, noise, growth, load, against closed forms."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

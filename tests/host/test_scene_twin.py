@@ -1,7 +1,5 @@
 """The twin of the drawing against float64: lines, coordinates and colours from the definitions, on random displays."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os

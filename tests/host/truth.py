@@ -38,8 +38,6 @@ Where optics.md leaves room this file reads it so:
 * With gap 0 the flat face is still a face towards air: from the world it can reflect totally.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

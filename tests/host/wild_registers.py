@@ -1,7 +1,5 @@
 """Registers written by hand: any words that the bus accepts, and rays for them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The link's packets: what is right, by zlib and the cobs package, and traffic that is not."""
 
-from __future__ import annotations
-
 import random
 import zlib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """RTL against twin through the batch harness: 0 LSB, over random displays, rays and stalls."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 

@@ -3,8 +3,6 @@
 The expected outputs are computed here, from the ports that a bench prints.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 from collections import deque

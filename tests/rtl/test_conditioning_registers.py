@@ -5,8 +5,6 @@ The host never writes most of these words: it refuses slopes beyond 60 degrees, 
 ranges that the host writes.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The check of clock crossings: what the project's synchronisers make is good, and every planted fault is named."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The proofs of sim/formal hold, their covers are reached, and a broken design fails each of them."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Netlists in simulation: the cells that are written are those of yosys' models, and a board's netlist is its RTL."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

@@ -7,8 +7,6 @@ it must succeed. Until it has, the panel shows the old picture or the new one, n
 LIPPMANN_STEPS sets the number of steps of the full test; 100000 take some hours.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import zlib

@@ -1,7 +1,5 @@
 """Requests that meet a running frame: each is answered in time, none gets another's rays, and the board goes on."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import struct

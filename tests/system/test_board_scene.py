@@ -1,7 +1,5 @@
 """A virtual board that draws: what the panel shows is what the integer twin draws, whatever the line does."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import os

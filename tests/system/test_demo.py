@@ -1,7 +1,5 @@
 """The demo on small panels: its results, its figures, and what it says of a board that shows something else."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

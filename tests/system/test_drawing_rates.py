@@ -1,7 +1,5 @@
 """What loading costs on the line, and that no pixel is late: counted on the virtual board, not timed."""
 
-from __future__ import annotations
-
 import os
 import zlib
 

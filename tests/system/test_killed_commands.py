@@ -3,8 +3,6 @@
 `LIPPMANN_KILLS` is the number of kills of each command.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

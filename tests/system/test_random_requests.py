@@ -5,8 +5,6 @@ registers, from the tables of docs/reference, and rays of the integer twin. Only
 still ran: the model takes it from there, and judges all else, also whether it may have run.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import random

@@ -3,8 +3,6 @@
 `LIPPMANN_SOAK_S` is how long each lasts, s.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time

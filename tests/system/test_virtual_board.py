@@ -1,7 +1,5 @@
 """The virtual board: what the host says over each kind of line, and what then leaves for the panel."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lippmann.base import interrupts
 from lippmann.base.progress import Progress
 from lippmann.calibration.coded_patterns import Pattern, PatternSet
-from lippmann.calibration.diagnostics import Samples, check_marks, check_samples
+from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples
 from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph
 from lippmann.errors import input_error
 

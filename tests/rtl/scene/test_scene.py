@@ -1,7 +1,5 @@
 """scene against its twin: no pixel differs, over random displays, stacks, registers of no stack, stalls and loads."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
