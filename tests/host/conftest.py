@@ -16,3 +16,10 @@ def mi():
     """Mitsuba on the CPU, whatever else the machine has; `make test-gpu` asks for the GPU."""
     start_mitsuba(os.environ.get("LIPPMANN_TEST_DEVICE", "llvm"))
     return mitsuba()
+
+
+@pytest.fixture
+def no_desktop(monkeypatch):
+    """Neither a desktop nor SDL's dummy of one."""
+    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
+        monkeypatch.delenv(variable, raising=False)

@@ -69,6 +69,21 @@ offset_mm = {list(array.offset_mm)!r}
 """
 
 
+def small_toml(width_px: int, height_px: int, pixels: str = "pixel_pitch_mm = 0.1", gap_mm: float = 3.3) -> str:
+    """A display file of square lenslets of 1 mm and f/3.3; `pixels` gives their pitch, and what else the panel has."""
+    return f"""gap_mm = {gap_mm}
+[panel]
+width_px = {width_px}
+height_px = {height_px}
+{pixels}
+[array]
+grid = "square"
+pitch_mm = 1.0
+focal_length_mm = 3.3
+index = 1.5
+"""
+
+
 def rgb(name: str, values: Iterable[float]) -> str:
     """A colour in Mitsuba's XML."""
     return f'<rgb name="{name}" value="{" ".join(repr(float(v)) for v in values)}"/>'
@@ -80,6 +95,16 @@ def glowing_sphere(centre: Iterable[float], radius: float, radiance: Iterable[fl
     return (
         f'<shape type="sphere"><point name="center" x="{x!r}" y="{y!r}" z="{z!r}"/>'
         f'<float name="radius" value="{radius!r}"/><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'
+    )
+
+
+def glowing_card(
+    name: str, z: float, radiance: Iterable[float], half: float = 1000.0, x: float = 0.0, turn: str = ""
+) -> str:
+    """A square that shines, at a depth."""
+    return (
+        f'<shape type="rectangle" id="{name}"><transform name="to_world"><scale value="{half}"/>{turn}'
+        f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", radiance)}</emitter></shape>'
     )
 
 

@@ -38,17 +38,14 @@ lp.observe(image, eye=(20, 0, 600)).show()
 with lp.Board.open("socket://127.0.0.1:4000") as board:
     board.show(image)                                  # identity, curve and bits checked
 """
-HEADLESS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "XDG_RUNTIME_DIR")
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
+def place(tmp_path, monkeypatch, no_desktop):
     """A folder with the files that the ten lines name, and no desktop."""
     for source in (TOP / "scenes/fish").iterdir():
         (tmp_path / source.name).symlink_to(source)
     shutil.copy(TOP / "scenes/displays/vga-square.toml", tmp_path)
-    for name in HEADLESS:
-        monkeypatch.delenv(name, raising=False)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -84,44 +81,43 @@ def test_the_ten_lines_in_a_script(place):
         check(place, model)
 
 
-def test_the_ten_lines_in_a_notebook(place, monkeypatch):
+@pytest.fixture
+def notebook(place, monkeypatch):
+    """Run a program in a notebook's kernel; return its outputs."""
     monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
     manager, client = start_new_kernel(kernel_name="python3", cwd=str(place))
-    outputs = []
-    try:
-        with board() as model:
-            reply = client.execute_interactive(lines_for(model), timeout=300, output_hook=outputs.append)
-            assert reply["content"]["status"] == "ok", reply["content"]
-            check(place, model)
-    finally:
-        client.stop_channels()
-        manager.shutdown_kernel(now=True)
-        manager.cleanup_resources()
+
+    def execute(program):
+        outputs = []
+        reply = client.execute_interactive(program, timeout=300, output_hook=outputs.append)
+        assert reply["content"]["status"] == "ok", reply["content"]
+        return outputs
+
+    yield execute
+    client.stop_channels()
+    manager.shutdown_kernel(now=True)
+    manager.cleanup_resources()
+
+
+def test_the_ten_lines_in_a_notebook(place, notebook):
+    with board() as model:
+        outputs = notebook(lines_for(model))
+        check(place, model)
     shown = [one["content"]["data"] for one in outputs if one["msg_type"] == "display_data"]
     assert len(shown) == 1
     assert "image/png" in shown[0]
     assert [one for one in outputs if one["msg_type"] == "stream"] == []
 
 
-def test_a_sweep_and_the_viewer_page_in_a_notebook(place, monkeypatch):
+def test_a_sweep_and_the_viewer_page_in_a_notebook(place, notebook):
     """`show` displays the animation; the page's frame holds the page that `view` writes."""
-    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
-    manager, client = start_new_kernel(kernel_name="python3", cwd=str(place))
-    outputs = []
-    program = """
+    outputs = notebook("""
 import lippmann as lp
 image = lp.render("fish.xml", "vga-square.toml", samples=1)
 lp.sweep(image, (-20, 0, 600), (20, 0, 600), 4, width_px=48, samples=2).show()
 lp.view(image, "page.html")
 lp.widget(image, height_px=300)
-"""
-    try:
-        reply = client.execute_interactive(program, timeout=300, output_hook=outputs.append)
-        assert reply["content"]["status"] == "ok", reply["content"]
-    finally:
-        client.stop_channels()
-        manager.shutdown_kernel(now=True)
-        manager.cleanup_resources()
+""")
     kinds = ("display_data", "execute_result")
     sweep, page = (one["content"]["data"]["text/html"] for one in outputs if one["msg_type"] in kinds)
     data = base64.b64decode(re.fullmatch(r'<img src="data:image/png;base64,(.*)">', sweep)[1])

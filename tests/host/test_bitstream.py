@@ -18,27 +18,15 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.simulation.toolchain import repository
+from scene_cases import small_toml
 from tools import bitstream
 
 TOP = repository()
-PANEL = """
-name = "{width}x{height}"
-gap_mm = 3.3
-[panel]
-width_px = {width}
-height_px = {height}
-dpi = 600
-[array]
-grid = "square"
-pitch_mm = 1.0
-focal_length_mm = 3.3
-index = 1.5
-"""
 
 
 def shown(width, height, folder):
     path = folder / "panel.toml"
-    path.write_text(PANEL.format(width=width, height=height))
+    path.write_text(f'name = "{width}x{height}"\n' + small_toml(width, height, "dpi = 600"))
     return path
 
 

@@ -15,12 +15,10 @@ from lippmann.cli import doctor, run
 from lippmann.errors import DeviceError
 from lippmann.simulation import virtual_board
 from lippmann.simulation.virtual_board import RunningBoard
+from scene_cases import small_toml
 
 DEAF = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('ready', flush=True); time.sleep(60)"
-SMALL = (
-    "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 600\n"
-    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
-)
+SMALL = small_toml(64, 64, "dpi = 600")
 
 
 @pytest.fixture

@@ -11,25 +11,16 @@ from lippmann.capturing.capture import rays_from_picture
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.capturing.elemental_rotation import rotated, rotation_map
 from lippmann.cli import run
-from lippmann.display.description import display_text, load_display, parse_display
+from lippmann.display.description import load_display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.scenes.placement import Placement
-from scene_cases import generator, glowing_sphere, write_scene
+from scene_cases import generator, glowing_sphere, small_toml, write_scene
 
 TOP = Path(__file__).parents[2]
-SETUP = """
+SETUP = f"""
 [display]
 name = "small"
-gap_mm = 4.8
-[display.panel]
-width_px = 400
-height_px = 300
-pixel_pitch_mm = 0.1
-[display.array]
-grid = "square"
-pitch_mm = 1.0
-focal_length_mm = 3.3
-index = 1.5
+{small_toml(400, 300, gap_mm=4.8).replace("[", "[display.")}
 [object]
 distance_mm = 1000
 rotation_deg = [0, 0, 180]
@@ -126,7 +117,6 @@ def test_vignetting_is_told(place, capfd, mi):
     [
         ("aperture_mm = 300", "aperture_mm = 0.0001", (), "lens.aperture_mm: no ray of the image gets through"),
         ("position_mm = -60", "position_mm = -300", (), "array.position_mm: -300 mm is outside the image space"),
-        ("position_mm = -60", "position_mm = -500", (), "outside the image space"),
         ("[0, 0, 180]", "[0, 0, 180]\noffset_mm = [0, 0, 1005]", (), "the scene extends"),
         ("", "", ("--size", "70"), "fewer than 2; give a larger --size"),
         ("", "", ("--size", "0"), "size 0 is out of range"),
@@ -236,15 +226,11 @@ def test_a_set_up_of_the_scene_s_name_is_no_placement(place, capfd, mi):
 
 def test_the_shipped_identities():
     """A picture of the full size fits the display file that the set-up names."""
-    for path in (TOP / "scenes/setups").glob("*.toml"):
+    paths = list((TOP / "scenes/setups").glob("*.toml"))
+    assert len(paths) >= 9
+    for path in paths:
         named = re.search(r'^display = "(.+)"$', path.read_text(), re.M)[1]
         assert load_setup(path).display.identity == load_display(path.parent / named).identity
-
-
-@pytest.mark.parametrize("path", sorted((TOP / "scenes/displays").glob("*.toml")), ids=lambda p: p.stem)
-def test_display_text_reads_back(path):
-    display = load_display(path)
-    assert parse_display(display_text(display)) == display
 
 
 def test_placements_one_after_the_other():

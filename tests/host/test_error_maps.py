@@ -11,21 +11,11 @@ from lippmann.conformance.judge import judge
 from lippmann.conformance.ray_sets import PanelRays
 from lippmann.conformance.ray_words import ForeignRays, foreign_from_words
 from lippmann.conformance.regress_page import ErrorMaps, edges
-from lippmann.display.description import parse_display
 from lippmann.fixed.ray_pipeline import FixedRays
+from optics_cases import display_of
+from scene_cases import display_toml
 
-TEXT = """gap_mm = 0.5
-[panel]
-width_px = 96
-height_px = 48
-pixel_pitch_mm = 0.1
-[array]
-grid = "square"
-pitch_mm = 1.0
-radius_mm = 2.0
-index = 1.5
-"""
-DISPLAY = parse_display(TEXT)
+DISPLAY = display_of("square", "panel", radius=2.0, thickness=None, width_px=96, height_px=48, pixel_pitch=0.1)
 
 
 def test_maps_and_bins_by_hand():
@@ -102,7 +92,7 @@ def test_the_page_tells_the_verdict(added, tmp_path, capsys):
     given = chief(300, 5)
     rays = given.trace()
     direction = rays.direction + np.array([added, 0.0, 0.0])
-    (tmp_path / "d.toml").write_text(TEXT)
+    (tmp_path / "d.toml").write_text(display_toml(DISPLAY))
     np.savez(tmp_path / "mine.npz", pixel=given.pixels, direction=direction, origin_mm=rays.origin_mm)
     words = ["regress", "--display", tmp_path / "d.toml", "--rays", tmp_path / "mine.npz", "--json"]
     code = run([*map(str, words), "--report", str(tmp_path / "page")])

@@ -19,23 +19,22 @@ from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import load_scene
 from lippmann.scenes.window_views import quilt_path
 from PIL import Image
+from scene_cases import glowing_sphere, write_scene
 from test_film import DISPLAY
 
 #: Balls of 0.25 mm that glow, on the axis: red before the display, green in its plane, blue behind.
 DEPTHS_MM = {"red": 20.0, "green": 0.0, "blue": -30.0}
-BALL = """<shape type="sphere"><point name="center" x="0" y="{y}" z="{z}" /><float name="radius" value="0.25" />
-<emitter type="area"><rgb name="radiance" value="{rgb}" /></emitter></shape>"""
-BALLS = "\n".join(
-    BALL.format(y=y, z=z, rgb=rgb)
-    for y, z, rgb in zip((1.0, 0.0, -1.0), DEPTHS_MM.values(), ("1, 0, 0", "0, 1, 0", "0, 0, 1"), strict=True)
-)
+BALLS = [
+    glowing_sphere((0.0, y, z), 0.25, colour)
+    for y, z, colour in zip((1.0, 0.0, -1.0), DEPTHS_MM.values(), np.eye(3), strict=True)
+]
 NEAR_FAR = "[placement]\nnear_mm = 25.0\nfar_mm = -35.0\n"
 QUILT = ("--width", "184", "--samples", "4", "--device", "llvm", "--json")
 
 
 @pytest.fixture
 def place(tmp_path, monkeypatch, mi):
-    (tmp_path / "balls.xml").write_text(f'<scene version="3.0.0">{BALLS}</scene>')
+    write_scene(tmp_path / "balls.xml", *BALLS)
     (tmp_path / "balls.toml").write_text(NEAR_FAR)
     (tmp_path / "d.toml").write_text(DISPLAY)
     monkeypatch.chdir(tmp_path)

@@ -22,11 +22,9 @@ from lippmann.base.programs import run_program
 from lippmann.cli import run
 from lippmann.errors import InputError, NoSpaceError
 from lippmann.motion.video import write_video
+from scene_cases import small_toml
 
-TINY = (
-    "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
-    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
-)
+TINY = small_toml(64, 64, "dpi = 254")
 
 
 # --- power cuts -----------------------------------------------------------------------------------

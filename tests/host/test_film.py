@@ -26,21 +26,11 @@ from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import depths_of, load_scene
 from PIL import Image
+from scene_cases import small_toml
 from scipy.spatial.transform import Rotation
 
 TOP = Path(__file__).parents[2]
-DISPLAY = """
-gap_mm = 3.3
-[panel]
-width_px = 46
-height_px = 32
-pixel_pitch_mm = 0.1
-[array]
-grid = "square"
-pitch_mm = 1.0
-focal_length_mm = 3.3
-index = 1.5
-"""
+DISPLAY = small_toml(46, 32)
 #: Three shapes of different kinds, each 1 mm in radius or half side, and a card behind them.
 SCENE = """<scene version="3.0.0">
   <emitter type="point"><point name="position" x="300" y="400" z="600" /><rgb name="intensity" value="4e5" /></emitter>

@@ -24,7 +24,7 @@ from lippmann.rendering.options import Settings
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from optics_cases import GRIDS, SIDES, random_display
-from scene_cases import display_toml, focused_display, generator, rgb, write_scene
+from scene_cases import display_toml, focused_display, generator, glowing_card, write_scene
 from scipy.spatial import KDTree
 
 SEED = 6607
@@ -305,15 +305,7 @@ SMALL = ((64, 48), (128, 96))
 FAST = Settings(samples=4, integrator="direct")
 
 
-def card(z, colour, half):
-    """A square that shines, at a depth."""
-    return (
-        f'<shape type="rectangle"><transform name="to_world"><scale value="{half}"/><translate z="{z}"/></transform>'
-        f'<emitter type="area">{rgb("radiance", colour)}</emitter></shape>'
-    )
-
-
-WALL, FRONT = card(-15.0, (0.1, 0.5, 0.2), 1000.0), card(10.0, (0.6, 0.1, 0.1), 5.0)
+WALL, FRONT = glowing_card("wall", -15.0, (0.1, 0.5, 0.2)), glowing_card("front", 10.0, (0.6, 0.1, 0.1), 5.0)
 
 
 @pytest.fixture

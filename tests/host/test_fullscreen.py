@@ -10,6 +10,7 @@ from lippmann.base.fullscreen import full_screen, monitors
 from lippmann.base.images import write_picture
 from lippmann.cli import run
 from lippmann.errors import DeviceError, InputError
+from scene_cases import small_toml
 
 
 @pytest.fixture(autouse=True)
@@ -47,21 +48,12 @@ def test_without_a_desktop(monkeypatch):
         monitors()
 
 
-def test_a_driver_that_shows_nothing_is_refused(monkeypatch):
-    """Without a desktop SDL takes one of its blind drivers by itself."""
-    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
-        monkeypatch.delenv(variable, raising=False)
+def test_a_driver_that_shows_nothing_is_refused(no_desktop, capfd):
+    """Without a desktop SDL takes one of its blind drivers by itself; libraries print no line of their own."""
     width, height = 1024, 768
     for call in (monitors, lambda: show(noise(width, height), 0, 0.0)):
         with pytest.raises(DeviceError, match=r"no desktop.*graphical session"):
             call()
-
-
-def test_libraries_print_no_line_of_their_own(capfd, monkeypatch):
-    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
-        monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(DeviceError):
-        monitors()
     assert capfd.readouterr() == ("", "")
 
 
@@ -74,10 +66,7 @@ def test_a_driver_that_is_named_is_taken(monkeypatch, named):
 def test_the_command(tmp_path, capsys):
     width, height = monitors()[0]
     toml = tmp_path / "d.toml"
-    toml.write_text(
-        f'gap_mm = 3.3\n[panel]\nwidth_px = {width}\nheight_px = {height}\ndpi = 600\ntransfer = "linear"\n'
-        '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
-    )
+    toml.write_text(small_toml(width, height, 'dpi = 600\ntransfer = "linear"'))
     path = tmp_path / "i.png"
     write_picture(path, noise(width, height) / 255.0, {}, "linear")
     words = ["display", str(path), "--display", str(toml), "--seconds", "0", "--json"]

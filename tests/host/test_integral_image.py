@@ -243,9 +243,7 @@ def test_a_program_that_loads_ipykernel_is_no_notebook(monkeypatch, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_without_a_desktop_a_line_says_so(monkeypatch, capfd):
-    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
-        monkeypatch.delenv(variable, raising=False)
+def test_without_a_desktop_a_line_says_so(no_desktop, capfd):
     image = image_for(display_with())
     capfd.readouterr()
     image.show()

@@ -18,7 +18,7 @@ from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
-from scene_cases import focused_display, rgb, write_scene
+from scene_cases import focused_display, glowing_card, write_scene
 from tools import layers_likeness
 from tools.layers_likeness import layers_page
 
@@ -26,14 +26,6 @@ REPORTS = repository() / "docs/reports"
 DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
 SLOT = (64, 64)
 FAST = Settings(samples=4, integrator="direct")
-
-
-def card(z, colour, half, turn=""):
-    """A square that shines, at a depth."""
-    return (
-        f'<shape type="rectangle"><transform name="to_world"><scale value="{half}"/>{turn}<translate z="{z}"/>'
-        f'</transform><emitter type="area">{rgb("radiance", colour)}</emitter></shape>'
-    )
 
 
 @pytest.fixture
@@ -47,7 +39,7 @@ def scene(mi, tmp_path):
 
 
 def test_two_plain_cards_are_two_layers_without_a_hole(scene):
-    cards = scene(card(10.0, (0.6, 0.1, 0.1), 5.0), card(-15.0, (0.1, 0.5, 0.2), 1000.0))
+    cards = scene(glowing_card("front", 10.0, (0.6, 0.1, 0.1), 5.0), glowing_card("wall", -15.0, (0.1, 0.5, 0.2)))
     streamed, *rows = layers_likeness.measure_scene(cards, DISPLAY, 0, slot=SLOT, settings=FAST)
     # There are two depths, and no third layer.
     assert [(row["layers"], row["drawn"]) for row in rows] == [
@@ -68,7 +60,7 @@ def test_two_plain_cards_are_two_layers_without_a_hole(scene):
 
 def test_a_hole_is_found_where_a_layer_was_pierced(scene):
     """A slanted card in three layers; then the one in the middle gets a square hole of an eighth of its sides."""
-    slant = scene(card(-10.0, (0.5, 0.5, 0.5), 200.0, '<rotate y="1" angle="40"/>'))
+    slant = scene(glowing_card("slant", -10.0, (0.5, 0.5, 0.5), 200.0, turn='<rotate y="1" angle="40"/>'))
     cut = cut_scene(slant, DISPLAY, 3, (128, 96), FAST)
     lines = list(exit_lines(DISPLAY))
     pierced = list(cut.stack.layers)

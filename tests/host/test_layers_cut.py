@@ -25,6 +25,7 @@ from lippmann.scenes.scene import Part, load_scene
 from lippmann.simulation.toolchain import repository
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, rgb, write_scene
+from scene_cases import glowing_card as card
 from scipy import ndimage
 
 SEED = 1616
@@ -33,14 +34,6 @@ DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixe
 SLOT = (64, 64)
 FAST = Settings(samples=4, integrator="direct")
 RED, GREEN, BLUE = (0.64, 0.09, 0.04), (0.09, 0.64, 0.04), (0.04, 0.09, 0.64)
-
-
-def card(name, z, colour, half=1000.0, x=0.0, turn=""):
-    """A square that shines, at a depth."""
-    return (
-        f'<shape type="rectangle" id="{name}"><transform name="to_world"><scale value="{half}"/>{turn}'
-        f'<translate x="{x}" z="{z}"/></transform><emitter type="area">{rgb("radiance", colour)}</emitter></shape>'
-    )
 
 
 def sky(colour):

@@ -14,6 +14,7 @@ from lippmann.layers.stack import Layer, LayerStack
 from PIL import Image
 from random_stacks import random_stack
 from scene_cases import focused_display, generator
+from test_raw_images import chunk, chunks, png
 
 SEED = 1612
 DISPLAY = focused_display("square", width_px=64, height_px=48, pixel_pitch=0.1)
@@ -79,16 +80,12 @@ def test_the_png_holds_the_boards_bytes_and_says_how_light_follows(tmp_path):
     """Read chunk by chunk, as the PNG standard has them, without a library of pictures."""
     palette = generator(SEED, "chunks").integers(0, 256, (256, 4), np.uint8)
     save_layers(tmp_path, LayerStack((Layer(np.full((2, 3), 9, np.uint8), palette, 0.0, np.eye(3)[:2]),)), ["only"])
-    data, chunks, at = (tmp_path / "only.png").read_bytes(), {}, 8
-    while at < len(data):
-        length, name = struct.unpack(">I4s", data[at : at + 8])
-        chunks[name] = data[at + 8 : at + 8 + length]
-        at += 12 + length
-    assert struct.unpack(">IIBB", chunks[b"IHDR"][:10]) == (3, 2, 8, 3)  # 8 bits, palette
-    assert chunks[b"PLTE"] == palette[:, :3].tobytes()
-    assert chunks[b"tRNS"] == palette[:, 3].tobytes()
-    assert struct.unpack(">I", chunks[b"gAMA"]) == (50000,)
-    assert zlib.decompress(chunks[b"IDAT"])[1:4] == bytes([9, 9, 9])
+    found = chunks(tmp_path / "only.png")
+    assert struct.unpack(">IIBB", found[b"IHDR"][:10]) == (3, 2, 8, 3)  # 8 bits, palette
+    assert found[b"PLTE"] == palette[:, :3].tobytes()
+    assert found[b"tRNS"] == palette[:, 3].tobytes()
+    assert struct.unpack(">I", found[b"gAMA"]) == (50000,)
+    assert zlib.decompress(found[b"IDAT"])[1:4] == bytes([9, 9, 9])
 
 
 GOOD = """background = [0, 0.5, 1]
@@ -158,12 +155,8 @@ def test_a_bad_file_is_named(folder, find, put, where, remedy):
 def beyond_palette():
     """A PNG with an index beyond its palette, which decoders may leave to the reader."""
     rows = b"".join(b"\0" + bytes([0, 1, 2, 200]) for _ in range(2))
-    chunks = {
-        b"IHDR": struct.pack(">IIBBBBB", 4, 2, 8, 3, 0, 0, 0), b"PLTE": bytes(9),
-        b"IDAT": zlib.compress(rows), b"IEND": b"",
-    }  # fmt: skip
-    parts = (struct.pack(">I", len(d)) + n + d + struct.pack(">I", zlib.crc32(n + d)) for n, d in chunks.items())
-    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+    parts = chunk(b"PLTE", bytes(9)), chunk(b"IDAT", zlib.compress(rows)), chunk(b"IEND")
+    return png(4, 2, *parts, colour_type=3)
 
 
 #: What is put in a picture's place, and what its error says.

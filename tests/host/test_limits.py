@@ -17,11 +17,10 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.scenes.scene import load_scene
+from scene_cases import small_toml
+from test_raw_images import chunk, png
 
-TINY = (
-    "gap_mm = 3.3\n[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
-    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
-)
+TINY = small_toml(64, 64, "dpi = 254")
 
 
 def header(shape, kind="<f8"):
@@ -186,13 +185,8 @@ def test_scenes_that_nest_too_deeply(place, mi):
 
 
 def test_a_small_picture_of_a_large_size_is_not_expanded(place, monkeypatch):
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    head = struct.pack(">IIBBBBB", 16_000, 16_000, 8, 2, 0, 0, 0)
-    chunks = (b"IHDR", head), (b"IDAT", zlib.compress(bytes(1 << 20))), (b"IEND", b"")
-    png = b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*one) for one in chunks)
-    (place / "bomb.png").write_bytes(png)
+    data = chunk(b"IDAT", zlib.compress(bytes(1 << 20)))
+    (place / "bomb.png").write_bytes(png(16_000, 16_000, data, chunk(b"IEND")))
     monkeypatch.setattr(limits, "free_memory_mb", lambda: 1000.0)
     with pytest.raises(InputError, match=r"bomb\.png: 16000 x 16000 pixels: needs 6144 MB, the limit is 800 MB; take"):
         read_picture("bomb.png")

@@ -40,6 +40,7 @@ from optics_cases import display_of
 from scene_cases import generator
 
 SEED = 4505
+#: The line of the tests is no line: time-outs need not wait for its bytes.
 FAST_BAUD = 12_000_000
 
 

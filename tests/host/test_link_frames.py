@@ -172,19 +172,6 @@ def test_the_size_is_checked_before_any_pixel(tmp_path, suffix):
             load_frame(path, HELLO, force=force)
 
 
-@pytest.mark.parametrize("suffix", [".exr", ".png", ".tif"])
-def test_truncated_files_are_refused(tmp_path, suffix):
-    whole = tmp_path / f"whole{suffix}"
-    write_picture(whole, picture(), META)
-    data = whole.read_bytes()
-    path = tmp_path / f"cut{suffix}"
-    for share in (0.0, 0.02, 0.3, 0.6, 0.9):
-        path.write_bytes(data[: int(share * len(data))])
-        with pytest.raises(InputError) as error:
-            load_frame(path, HELLO)
-        assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize("suffix", [".exr", ".png"])
 def test_mutated_files_are_read_or_refused(tmp_path, suffix):
     rng = generator(SEED, suffix)

@@ -3,7 +3,6 @@
 import threading
 import time
 from collections import Counter
-from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,20 +19,13 @@ from lippmann.rendering.executors import RenderedBand
 from model_board import ModelBoard
 from optics_cases import display_of
 from scene_cases import generator
+from test_link_board import FAST_BAUD, joined
 
 SEED = 4503
-#: The line of the tests is no line: time-outs need not wait for its bytes.
-FAST_BAUD = 12_000_000
 
 
 def noise(model, *key):
     return generator(SEED, *key).integers(0, 256, (model.height, model.width, 3), np.uint8)
-
-
-@contextmanager
-def joined(patience_s=5.0, **settings):
-    with ModelBoard(**settings) as model, Board.open(model.url, FAST_BAUD, patience_s) as board:
-        yield model, board
 
 
 def test_a_frame_is_shown_as_it_was_sent():

@@ -390,11 +390,8 @@ def test_the_board_shows_whole_frames_and_the_last_one(made):
         assert np.asarray(model.shown[-1], np.uint8).tobytes() == given[-1].tobytes()
 
 
-def test_a_board_without_a_desktop(made, monkeypatch, capfd):
+def test_a_board_without_a_desktop(made, no_desktop, capfd):
     """The film's frames, one after the other; no window is opened."""
-    monkeypatch.delenv("SDL_VIDEODRIVER")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
-        monkeypatch.delenv(name, raising=False)
     panel = made[0].panel
     with ModelBoard(panel.width_px, panel.height_px) as model:
         words = ["--no-window", "--port", model.url, "--force", "--turn", "60", "--seconds", "1", "--samples", "4"]
@@ -437,10 +434,7 @@ def test_mistakes(place, capfd):
         assert part in error.splitlines()[-1], error
 
 
-def test_without_a_desktop(place, monkeypatch, capfd):
-    monkeypatch.delenv("SDL_VIDEODRIVER")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"):
-        monkeypatch.delenv(name, raising=False)
+def test_without_a_desktop(place, no_desktop, capfd):
     assert run(["live", "s.xml", "--display", "d.toml", "--device", "llvm"]) == 1
     assert "no desktop" in capfd.readouterr().err
 

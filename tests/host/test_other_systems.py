@@ -6,6 +6,7 @@ from pathlib import Path
 
 import lippmann as lp
 from model_board import ModelBoard
+from scene_cases import small_toml
 
 SCENES = Path(__file__).parents[2] / "scenes"
 #: Hides what Windows has not, of Python's own modules. Other packages, with ways of their own there, are loaded before.
@@ -50,22 +51,10 @@ assert run(["calibrate", "patterns", sys.argv[1], "-o", "patterns"]) == 0
 import lippmann.calibration.solve
 print("tiles", sent.tiles)
 """
-DISPLAY = """
-gap_mm = 0
-[panel]
-width_px = 64
-height_px = 48
-pixel_pitch_mm = 0.1
-[array]
-grid = "square"
-pitch_mm = 1.0
-focal_length_mm = 3.3
-index = 1.5
-"""
 
 
 def test_render_save_observe_and_stream_need_nothing_that_only_unix_has(tmp_path):
-    (tmp_path / "tiny.toml").write_text(DISPLAY)
+    (tmp_path / "tiny.toml").write_text(small_toml(64, 48, gap_mm=0.0))
     display = lp.load_display(tmp_path / "tiny.toml")
     with ModelBoard(64, 48, identity=int(display.identity, 16)) as board:
         words = [sys.executable, "-c", HIDE + WORK, "tiny.toml", SCENES / "fish/fish.xml", board.url]

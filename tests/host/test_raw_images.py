@@ -20,11 +20,20 @@ def chunk(kind, data=b"", length=None):
     return struct.pack(">I", length) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def png(width, height, *chunks):
-    """Return a PNG of 8-bit RGB."""
-    return (
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + b"".join(chunks)
-    )
+def png(width, height, *chunks, colour_type=2):
+    """Return a PNG of 8 bits, RGB if no other type is given, by the standard: signature, IHDR, and these chunks."""
+    head = struct.pack(">IIBBBBB", width, height, 8, colour_type, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + b"".join(chunks)
+
+
+def chunks(path):
+    """A PNG's chunks by their names, read byte by byte."""
+    data, at, found = path.read_bytes(), 8, {}
+    while at < len(data):
+        size, name = struct.unpack(">I4s", data[at : at + 8])
+        found.setdefault(name, data[at + 8 : at + 8 + size])
+        at += 12 + size
+    return found
 
 
 def peak_mb():

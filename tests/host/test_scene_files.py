@@ -23,6 +23,7 @@ from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import digest_of, load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement
+from scene_cases import glowing_card, glowing_sphere, write_scene
 from test_export_views import told
 from test_film import DISPLAY
 from test_raw_images import chunk, png
@@ -388,15 +389,12 @@ def test_stray_splats_do_not_shrink_the_scene(tmp_path, mi):
 
 @pytest.fixture
 def place(tmp_path, monkeypatch, mi):
-    (tmp_path / "balls.xml").write_text(
-        '<scene version="3.0.0">'
-        + "".join(
-            f'<shape type="sphere"><point name="center" x="{x}" y="{y}" z="{z}" /><float name="radius" value="1.5" />'
-            f'<emitter type="area"><rgb name="radiance" value="{rgb}" /></emitter></shape>'
-            for x, y, z, rgb in ((-2, 1, 8, "1,0.2,0.1"), (2, 1, 0, "0.1,1,0.2"), (0, -1.5, -10, "0.2,0.1,1"))
-        )
-        + '<shape type="rectangle"><transform name="to_world"><scale value="40"/><translate z="-14"/></transform>'
-        '<emitter type="area"><rgb name="radiance" value="0.3,0.25,0.2" /></emitter></shape></scene>'
+    write_scene(
+        tmp_path / "balls.xml",
+        glowing_sphere((-2.0, 1.0, 8.0), 1.5, (1.0, 0.2, 0.1)),
+        glowing_sphere((2.0, 1.0, 0.0), 1.5, (0.1, 1.0, 0.2)),
+        glowing_sphere((0.0, -1.5, -10.0), 1.5, (0.2, 0.1, 1.0)),
+        glowing_card("wall", -14.0, (0.3, 0.25, 0.2), 40.0),
     )
     (tmp_path / "d.toml").write_text(DISPLAY)
     monkeypatch.chdir(tmp_path)

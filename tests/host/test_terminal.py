@@ -13,12 +13,9 @@ from lippmann import errors
 from lippmann.cli import output, progress_bar, run
 from lippmann.motion.video import write_video
 from lippmann.rendering import executors as cluster
+from scene_cases import small_toml
 
-NAMED = (
-    'name = "evil\\u001b]0;title\\u0007\\u009b31m\\u202etxt\\u007f"\ngap_mm = 3.3\n'
-    "[panel]\nwidth_px = 64\nheight_px = 64\ndpi = 254\n"
-    '[array]\ngrid = "square"\npitch_mm = 1.0\nfocal_length_mm = 3.3\nindex = 1.5\n'
-)
+NAMED = 'name = "evil\\u001b]0;title\\u0007\\u009b31m\\u202etxt\\u007f"\n' + small_toml(64, 64, "dpi = 254")
 SHOWN = r"evil\x1b]0;title\x07\x9b31m\u202etxt\x7f"
 
 

@@ -24,6 +24,7 @@ from lippmann.optics.display_properties import display_properties
 from optics_cases import GRIDS, SIDES, random_display
 from PIL import Image
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, write_scene
+from test_cli import lippmann
 
 SEED = 1702
 VIEW = Path(viewer_page.__file__).parent / "page_files"
@@ -267,13 +268,6 @@ def place(tmp_path, monkeypatch):
     write_scene(tmp_path / "ball.xml", glowing_sphere((0.0, 0.0, -5.0), 2.0))
     (tmp_path / "text.png").write_text("no picture")
     return tmp_path
-
-
-def lippmann(capfd, *words):
-    capfd.readouterr()
-    code = run(list(words))
-    out, err = capfd.readouterr()
-    return code, out, err
 
 
 def test_the_command_writes_the_page(place, capfd):
