@@ -35,6 +35,7 @@ from lippmann.motion.layer_film import LayerFilmFile
 from lippmann.scenes.depth_picture import DepthPictureFile
 from lippmann.scenes.placement import load_placement
 from lippmann.simulation.toolchain import PREFIX
+from scene_cases import small_toml
 
 TOP = Path(__file__).parents[2]
 PAGES = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("scenes/**/*.md")])
@@ -236,20 +237,6 @@ def test_every_option_is_documented(command):
         assert re.search(rf"`[^`\n]*{option}\b", text), f"{command} {option} is not in command-line.md"
 
 
-SMALL_DISPLAY = """
-gap_mm = 3.3
-[panel]
-width_px = 32
-height_px = 24
-pixel_pitch_mm = 0.1
-[array]
-grid = "square"
-pitch_mm = 1.0
-focal_length_mm = 3.3
-index = 1.5
-"""
-
-
 def json_keys(value):
     """Return all keys of nested JSON objects."""
     if isinstance(value, dict):
@@ -261,7 +248,7 @@ def json_keys(value):
 
 def test_every_json_key_is_documented(tmp_path, capsys):
     display, image = tmp_path / "small.toml", tmp_path / "small.exr"
-    display.write_text(SMALL_DISPLAY)
+    display.write_text(small_toml(32, 24))
     film = tmp_path / "film.toml"
     film.write_text(f'scene = "{TOP}/scenes/chart/chart.xml"\nframes = 1\n')
     common = ["--display", str(display), "--json"]
