@@ -520,6 +520,13 @@ def test_radius_too_small_for_its_cell(grid, key):
     assert parse_display(toml(array=but(array, **{key: 1.001 * rho * scale}))).array.grid == grid
 
 
+def test_a_lens_that_is_nearly_flat_gets_the_smallest_thickness():
+    """Its sag, p^2 / (4 R) at the corner of a square cell, is below any length that a file may give."""
+    array = parse_display(toml(array=but(ARRAY, grid="square", radius_mm=1e9))).array
+    assert array.sag_mm < 1e-9
+    assert array.thickness_mm == 1e-9
+
+
 @given(grid=st.sampled_from(("square", "hex")), steepness=st.floats(1.001, 1e4), pitch=pitches)
 def test_thickness_may_equal_the_sag_as_typed(grid, steepness, pitch):
     """15 digits, as a person copies them, may lie 5e-16 of the sag below it: it passes."""

@@ -40,9 +40,9 @@ MAX_EXTENT = 100.0
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
 #: Largest side of a panel, px: the largest that picture files and 16-bit indices can hold.
 MAX_SIDE_PX = 65535
-#: Largest length in a file, mm: far more than can be built, yet squares and quotients do not overflow.
-MAX_LENGTH_MM = 1e12
-Length = Annotated[float, key("", low=1e-9, high=MAX_LENGTH_MM)]
+#: Smallest and largest length in a file, mm: far beyond what can be built, yet squares and quotients do not overflow.
+MIN_LENGTH_MM, MAX_LENGTH_MM = 1e-9, 1e12
+Length = Annotated[float, key("", low=MIN_LENGTH_MM, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
 #: Not tuple[Length, Length]: msgspec breaks on a union of that with a bounded number.
 LengthPair = Annotated[tuple[Length, ...], key("", shape="[x, y], numbers more than 0", lengths=(2, 2))]
@@ -392,7 +392,7 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     check_pitch(lenslets, f"{where}array.pitch_mm")
     if thinnest:
         check_radius(lenslets, f"{where}array.radius_mm")
-        lenslets = replace(lenslets, thickness_mm=lenslets.sag_mm)
+        lenslets = replace(lenslets, thickness_mm=max(lenslets.sag_mm, MIN_LENGTH_MM))
     title = keys.name if keys.name is not None else name
     if len(title.splitlines()) > 1 or title != title.strip("\r\n"):
         raise input_error(f"{where}name", "has a line break", "give a name of one line")
