@@ -10,6 +10,7 @@ from typing import Annotated, get_origin, get_type_hints
 
 import lippmann
 from jinja2.sandbox import SandboxedEnvironment
+from lippmann.base.variant import mitsuba, start_mitsuba
 from numpydoc import docscrape_sphinx
 from sphinx.util.inspect import stringify_signature
 
@@ -104,7 +105,8 @@ def skip_constants(app, what, name, thing, skip, options):
 def plain_types(app, what, name, thing, options, signature, returned):
     """Leave the ranges of keys out of a dataclass's signature: its attributes are described below it."""
     if what == "class" and dataclasses.is_dataclass(thing):
-        hints = get_type_hints(thing)
+        start_mitsuba("llvm")  # its types have names only in a variant
+        hints = get_type_hints(thing, localns={"mi": mitsuba()})
         given = inspect.signature(thing)
         typed = [one.replace(annotation=hints[one.name]) for one in given.parameters.values()]
         return stringify_signature(given.replace(parameters=typed, return_annotation=given.empty)), returned

@@ -26,7 +26,7 @@ COUNT_S = 5.0
 
 #: Seconds from the start of the navigation until the first view is on the canvas: reading a pixel waits for it.
 OPENED = """
-lippmann.eye.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
+lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
   const gl = viewer.renderer.gl;
   gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
   done(performance.now() / 1000);
@@ -34,7 +34,7 @@ lippmann.eye.then((viewer) => new Promise((done) => requestAnimationFrame(() => 
 """
 #: Frames, seconds and the canvas' size while the eye sways from side to side.
 COUNTED = """
-(seconds) => lippmann.eye.then((viewer) => new Promise((done) => {
+(seconds) => lippmann.viewer.then((viewer) => new Promise((done) => {
   const sway = document.getElementById("sway");
   sway.click();
   let first, frames = -1;

@@ -253,8 +253,9 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
     crosstalk = own.status_share["crosstalk"]
     assert crosstalk > 0.1
     assert abs(own.radiance.mean() - own.status_share["ok"]) < 2e-3
-    # Rays that cross a cell's side at its border end on pixels that other rays reach through their own lenslet.
-    assert every.radiance.mean() - own.radiance.mean() < 0.5 * crosstalk
+    # Rays that cross a cell's side at its border end on pixels that other rays reach through their own lenslet: 0.51 of
+    # them, where the rays that look for these pixels have independent places; with correlated places 0.44 were seen.
+    assert every.radiance.mean() - own.radiance.mean() < 0.55 * crosstalk
 
 
 # --- bad input ------------------------------------------------------------------------------------

@@ -81,7 +81,7 @@ def open_page(browser, folder, page):
     file = folder / "page.html"
     file.write_text(page, encoding="utf-8")
     browser.goto(file.as_uri())
-    assert browser.evaluate("lippmann.eye.then((viewer) => { globalThis.viewer = viewer; return true; })")
+    assert browser.evaluate("lippmann.viewer.then((viewer) => { globalThis.viewer = viewer; return true; })")
 
 
 def open_still(browser, folder, page):
