@@ -72,7 +72,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 def _connected(url: str) -> socket.SocketIO:
     """Connect to unix://PATH or socket://HOST:PORT and send the token; the file's reads and writes do not block.
 
-    Raises ValueError for a URL that is none, OSError when nobody accepts the connection.
+    Raises ValueError for an invalid URL, and OSError when the connection is refused.
     """
     if url.startswith("unix://"):
         connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")

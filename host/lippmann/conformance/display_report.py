@@ -117,7 +117,7 @@ class Move:
 class Comparison:
     """The result of a comparison."""
 
-    #: The origin of the run before; empty when there is none.
+    #: The origin of the earlier run; empty without an earlier run.
     before: Mapping[str, str]
     #: Entries of `ALIKE` that differ. Then nothing was compared.
     differs: tuple[str, ...] = ()

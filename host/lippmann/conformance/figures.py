@@ -192,7 +192,7 @@ def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[st
 
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of the numbers that are not None, such as "21.5 to 23.3"; "-" when there are none."""
+    """Return the range of the numbers, such as "21.5 to 23.3", without counting `None`; "-" if all are `None`."""
     present = [number for number in numbers if number is not None]
     ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))

@@ -408,7 +408,7 @@ _COMMAS = bytes.maketrans(b" \n", b",,")
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    """Return the numbers behind those of the rays of lines that are all complete; None: look at each line."""
+    """Return the numbers behind the rays' indices, a row a line; `None` unless all lines are complete and in order."""
     table = np.empty((len(lines), ASKED + ANSWERED))
     for first in range(0, len(lines), PART):
         try:

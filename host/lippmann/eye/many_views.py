@@ -60,8 +60,8 @@ def eyes_of(
     """Return eyes (mm) from left to right, row by row from the bottom, all at one distance before the display.
 
     Their steps are equal. From the leftmost to the rightmost they span a cone, seen from the display's middle, and so
-    do the rows; None: the display's viewing zone, where no eye sees crosstalk. A distance of None is the viewing
-    distance.
+    do the rows. A cone of `None` is the display's viewing zone, where no eye sees crosstalk. A distance of `None` is
+    the viewing distance.
 
     Raises InputError for a cone or distance out of range.
     """

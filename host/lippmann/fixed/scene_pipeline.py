@@ -61,7 +61,7 @@ class SceneWords:
 
     @property
     def slots(self) -> tuple[int | None, ...]:
-        """The slot of each layer: of the visible ones that name a slot, the first has it; None: without one."""
+        """The slot of each layer, or `None`. The first visible layer that names a slot has it."""
         used: set[int] = set()
         owners: list[int | None] = []
         for layer in self.layers:
@@ -181,7 +181,7 @@ WHOLE = 1 << 16
 def texel_fetch(s: Ints, t: Ints, hidden: Bools, slot: Bytes | None, build: SceneBuild) -> tuple[Ints, Ints]:
     """Return the colours (N, taps, 4) of the texels at coordinates (N,), 8 fraction bits, and their weights (N, taps).
 
-    `slot` is what the layer's slot holds: its texels row by row, then the palette; None: the layer has no slot. With
+    `slot` is what the layer's slot holds: its texels row by row, then the palette; `None` without a slot. With
     i = s >> 8, j = t >> 8, f = s & 255, g = t & 255:
 
         nearest: the texel (i, j) has the weight 65536
