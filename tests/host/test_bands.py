@@ -114,6 +114,8 @@ def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film
         for settings in (options.settings, replace(options.settings, shading="shared"))
     )
     assert auto.metadata["shading"] == shared.metadata["shading"] == "shared"
+    # The plan of one compiled for its trial, the render of the other when it began: both say so.
+    assert min(auto.measured["prepare_seconds"], shared.measured["prepare_seconds"]) > 0.0
     assert not np.array_equal(auto.radiance, shared.radiance)
     if film:
         (place / "film.toml").write_text('scene = "three.xml"\nframes = 1\n')

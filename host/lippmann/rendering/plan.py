@@ -78,6 +78,10 @@ class Plan(Protocol):
     def rays(self) -> int:
         """Rays for each pixel."""
 
+    @property
+    def prepare_seconds(self) -> float:
+        """Seconds of compilation that planning took, until `start` is called."""
+
     def start(self, worker: str | None = None) -> BandRenderer:
         """Return the renderer of this plan's bands; loads what it needs.
 
@@ -125,6 +129,12 @@ class ScenePlan:
     def rays(self) -> int:
         """Rays for each pixel."""
         return self.settings.samples * colours_of(self.display.panel)
+
+    @property
+    def prepare_seconds(self) -> float:
+        """Seconds of compilation that planning took, until `start` is called."""
+        renderer: Renderer | None = self.__dict__.get("planned_by")
+        return 0.0 if renderer is None else renderer.prepare_seconds
 
     def load(self) -> Scene:
         """Load the scene where it is placed; InputError as `load_scene`."""

@@ -55,7 +55,7 @@ class Sink(Protocol):
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: its wall time without compilation, the compilation, and the numbers of bands."""
+    """The cost of a render: its wall time without compilation, all compilation, and the numbers of bands."""
 
     seconds: float
     prepare_seconds: float
@@ -81,6 +81,7 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
     missing = sink.missing_bands()
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total - sum(len(band.rows) for band in missing), total)
+    planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
     rays, prepare_seconds, started = 0, 0.0, time.perf_counter()
     try:
         for rendered in executor(missing, report):
@@ -93,6 +94,7 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
         sink.stop(report.done)
         raise
     seconds = time.perf_counter() - started - prepare_seconds
+    prepare_seconds += planning_seconds
     return RenderTimes(seconds, prepare_seconds, rays, len(sink.bands), len(sink.bands) - len(missing))
 
 
