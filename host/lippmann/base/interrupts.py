@@ -81,3 +81,23 @@ def held(*numbers: int) -> Iterator[list[int]]:
             signal.signal(number, handler)
         if came:
             signal.raise_signal(came[0])
+
+
+@contextlib.contextmanager
+def blocked_in_children() -> Iterator[None]:
+    """Block the signals of `ENDING` in processes that multiprocessing starts meanwhile: this process ends them.
+
+    A terminal sends its signals to all of them. Windows has no signal masks; there the context does nothing.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker  # slow to load
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        resource_tracker.ensure_running()  # it unblocks some signals, so it starts before the other processes
+        signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

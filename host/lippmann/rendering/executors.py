@@ -11,13 +11,11 @@ import contextlib
 import itertools
 import logging
 import re
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -238,17 +236,11 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
         end.enter_context(
             dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
         )
-        # Of a signal to all processes of a terminal, this one ends the workers; they inherit what is blocked here.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
-        try:
-            resource_tracker.ensure_running()  # which unblocks some, so now and not between
-            signal.pthread_sigmask(signal.SIG_BLOCK, interrupts.ENDING)
+        with interrupts.blocked_in_children():
             cluster = LocalCluster(
                 n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=security,
                 memory_limit=0, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
             )  # fmt: skip
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         end.enter_context(cluster)
         yield cluster.scheduler_address, security
 
