@@ -22,7 +22,7 @@ from lippmann.display.description import Display, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_configuration import build_curve_table
+from lippmann.fixed.scene_configuration import build_curve_table, slot_bytes
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.rays import MODELS, Model
@@ -104,8 +104,8 @@ def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -
     """
     with capturing(display, build) as captured:
         scene = SceneBoard(captured.board)
-        scene.load({CURVE_SLOT: build_curve_table(display).tobytes()})
-        scene.load_stack(stack)
+        textures = {slot: slot_bytes(layer, build).tobytes() for slot, layer in enumerate(stack.layers)}
+        scene.load(textures | {CURVE_SLOT: build_curve_table(display).tobytes()})
         scene.prepare(display, stack)
         scene.draw(True)
         first = scene.status().frames

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from lippmann.base.toml import schema, tables
-from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards, read_boards
+from lippmann.board.fpga_boards import FpgaBoard, fpga_board, fpga_boards
 from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
@@ -117,16 +117,13 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "rtl/memory").mkdir(parents=True)
     shutil.copy(TOP / "rtl/memory/lipp_sdram_pkg.sv", tmp_path / "rtl/memory")
     shutil.copytree(TOP / "rtl/board/ulx3s", tmp_path / "rtl/board/ulx3s")
-    read_boards.cache_clear()
-    yield tmp_path / "rtl/board"
-    read_boards.cache_clear()
+    return tmp_path / "rtl/board"
 
 
 def board(folder, name, text):
-    """Write a board's file; all are read anew."""
+    """Write a board's file."""
     (folder / name).mkdir(exist_ok=True)
     (folder / name / "board.toml").write_text(text)
-    read_boards.cache_clear()
 
 
 def test_a_wrong_board_file_is_named_and_hinders_no_other_board(folder):

@@ -148,11 +148,11 @@ def test_aims_that_the_words_do_not_promise_to_hold_are_refused(grid):
 @pytest.mark.parametrize(
     ("parameters", "says"),
     [
-        ({"grid": "oct"}, "grid 'oct' cannot be built; choose from square, hex"),
-        ({"model": "thin"}, "model 'thin' cannot be built; choose from pinhole, paraxial, exact"),
+        ({"grid": "oct"}, 'Build: grid: "oct" is not valid; choose from "hex", "square"'),
+        ({"model": "thin"}, 'model: "thin" is not valid; choose from "exact", "paraxial", "pinhole"'),
         ({"model": "paraxial", "viewer": True}, "viewer belongs to exact builds; leave it out of a paraxial build"),
-        ({"fraction_bits": 24}, "fraction_bits = 24 cannot be built; choose 14 to 23"),
-        ({"max_cell_steps": 5, "aims": True}, "max_cell_steps = 5 cannot be built; choose 0 to 4"),
+        ({"fraction_bits": 24}, "fraction_bits: 24 is not valid; give a whole number from 14 to 23"),
+        ({"max_cell_steps": 5, "aims": True}, "max_cell_steps: 5 is not valid; give a whole number from 0 to 4"),
         ({"max_cell_steps": 1}, "max_cell_steps must be 0 in a build whose rays"),
         ({"model": "pinhole", "aims": True}, "a pinhole build has no aperture points"),
     ],

@@ -283,9 +283,9 @@ def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
         ({"samples": True}, "drawn with 1, 2, 4 samples a pixel, not True"),
         ({"samples": 2.0}, "samples a pixel, not 2.0; give one of these integers"),
         ({"samples": "2"}, "samples a pixel, not '2'; give one of these integers"),
-        ({"engine": "twin", "fraction_bits": "16"}, "fraction_bits '16' is not a whole number; give 14 to 23"),
-        ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits 16.0 is not a whole number; give 14 to 23"),
-        ({"engine": "twin", "fraction_bits": 0}, "fraction_bits = 0 cannot be built; choose 14 to 23"),
+        ({"engine": "twin", "fraction_bits": "16"}, '"16" is not valid; give a whole number from 14 to 23'),
+        ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits: 16 is not valid; give a whole number from 14"),
+        ({"engine": "twin", "fraction_bits": 0}, "fraction_bits: 0 is not valid; give a whole number from 14 to 23"),
         ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden, twin, rtl"),
         ({"model": "thick"}, "unknown model 'thick'"),
     ],
@@ -328,7 +328,7 @@ def test_the_twin_draws_what_golden_draws(filter):
     differ = abs(values[0] - values[1])
     assert (differ <= 1).mean() > 0.995
     assert twin.metadata["engine"] == "twin"
-    with pytest.raises(InputError, match="fraction_bits = 40 cannot be built"):
+    with pytest.raises(InputError, match="fraction_bits: 40 is not valid"):
         lp.draw(stack, display, engine="twin", fraction_bits=40)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cobs import cobs
-from lippmann.board.packets import MAX_PACKET, MAX_STUFFED, Fault, Packet, PacketReader, packed
+from lippmann.board.packets import MAX_PACKET, MAX_STUFFED, Packet, PacketReader, packed
 from lippmann.board.retries import FIRST_S, LONGEST_S, SHORTEST_S, RoundTrip
 from scene_cases import generator
 
@@ -53,26 +53,25 @@ def damaged(data, at):
 
 
 @pytest.mark.parametrize(
-    ("bad", "fault"),
+    "bad",
     [
-        (cobs.encode(damaged(by_zlib(1, 5, b"abc"), 4)), Fault.CRC),
-        (cobs.encode(by_zlib(1, 5, b"abc")[:6]), Fault.SHORT),
-        (b"\x09abc", Fault.COBS),
-        (cobs.encode(by_zlib(1, 5, bytes(MAX_PACKET - 6))), Fault.LONG),
-        (b"\1" * (MAX_STUFFED + 1), Fault.LONG),
-        (b"\xff" * 100_000, Fault.LONG),
-        (b"", None),
+        cobs.encode(damaged(by_zlib(1, 5, b"abc"), 4)),
+        cobs.encode(by_zlib(1, 5, b"abc")[:6]),
+        b"\x09abc",
+        cobs.encode(by_zlib(1, 5, bytes(MAX_PACKET - 6))),
+        b"\1" * (MAX_STUFFED + 1),
+        b"\xff" * 100_000,
+        b"",
     ],
 )
 @pytest.mark.parametrize("chunk", [1, 7, 10**6])
-def test_bad_packets_are_counted_and_the_next_is_read(bad, fault, chunk):
+def test_bad_packets_are_counted_and_the_next_is_read(bad, chunk):
     reader = PacketReader()
     line = bad + b"\0" + on_line(2, 9, b"next")
     found = [p for at in range(0, len(line), chunk) for p in reader.feed(line[at : at + chunk])]
     assert found == [Packet(2, 9, b"next")]
-    assert reader.counts.accepted == 1
-    assert reader.counts.bytes == len(line)
-    assert reader.counts.dropped == ({fault: 1} if fault else {})
+    assert reader.accepted == 1
+    assert reader.bytes == len(line)
 
 
 def fuzz(size, seed):
@@ -106,8 +105,8 @@ def fuzz(size, seed):
     rest = iter(found)
     assert all(packet in rest for packet in kept)
     assert len(found) - len(kept) <= begun // 100
-    assert reader.counts.accepted == len(found)
-    assert reader.counts.dropped.total() > 0
+    assert reader.accepted == len(found)
+    assert len(found) < begun
 
 
 def test_fuzz():

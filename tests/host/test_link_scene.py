@@ -18,7 +18,7 @@ from lippmann.errors import DeviceError, InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.registers import BOARD_REGISTERS, build_word
 from lippmann.fixed.scene_build import CURVE_SLOT
-from lippmann.fixed.scene_configuration import build_curve_table, scene_words
+from lippmann.fixed.scene_configuration import build_curve_table, scene_words, slot_bytes
 from lippmann.layers.layers_folder import save_layers
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.simulation.toolchain import repository
@@ -48,6 +48,10 @@ def layer(rng, **changes):
     return dataclasses.replace(Layer(texels, palette, rng.uniform(-9, 9), matrix, rng.random()), **changes)
 
 
+def slot_contents(stack, build, slots=(4, 0, 2)):
+    return {slot: slot_bytes(one, build).tobytes() for slot, one in zip(slots, stack.layers, strict=True)}
+
+
 def stored(model, slot):
     return b"".join(model.blocks[slot, block] for block in range(model.blocks_of(slot)))
 
@@ -60,12 +64,12 @@ def test_a_stack_is_loaded_whole(model):
         scene = SceneBoard(board)
         assert (scene.build.layers, scene.build.slots, scene.build.width, scene.build.height) == (4, 5, 64, 48)
         seen = []
-        loaded = scene.load_stack(stack, [4, 0, 2], lambda done, total: seen.append((done, total)))
+        loaded = scene.load(slot_contents(stack, scene.build), lambda done, total: seen.append((done, total)))
         assert (loaded.blocks, loaded.skipped, loaded.sends) == (12, 0, 12)
         assert seen == [(done, 12) for done in range(1, 13)]
         for slot, one in zip([4, 0, 2], stack.layers, strict=True):
             assert stored(model, slot) == one.texels.tobytes() + one.palette.tobytes()
-        assert scene.load_stack(stack, [4, 0, 2]).skipped == 12
+        assert scene.load(slot_contents(stack, scene.build)).skipped == 12
         assert scene.load({CURVE_SLOT: build_curve_table(DISPLAY).tobytes()}).sends == 8
         assert len(stored(model, 15)) == 8192
         # A texture with a change in one place costs one block.
@@ -73,7 +77,7 @@ def test_a_stack_is_loaded_whole(model):
         texels[20, 3] ^= 1
         changed = dataclasses.replace(stack.layers[1], texels=texels)
         stack = LayerStack((stack.layers[0], changed, stack.layers[2]))
-        assert scene.load_stack(stack, [4, 0, 2]).sends == 1
+        assert scene.load(slot_contents(stack, scene.build)).sends == 1
     assert max(model.block_writes.values()) == 2
     assert sum(model.block_writes.values()) == 12 + 8 + 1
 
@@ -195,11 +199,9 @@ def test_contents_that_do_not_fit_are_refused(model, contents, says):
 def test_more_layers_than_the_board_draws(model):
     rng = generator(SEED, "more")
     stack = LayerStack(tuple(layer(rng) for _ in range(5)))
-    with Board.open(model.url, FAST_BAUD) as board:
-        scene = SceneBoard(board)
-        for refused in (lambda: scene.load_stack(stack), lambda: scene.set_stack(DISPLAY, stack)):
-            with pytest.raises(InputError, match=r"5 layers do not fit the board, which draws 4.*--count 4"):
-                refused()
+    says = r"5 layers do not fit the board, which draws 4.*--count 4"
+    with Board.open(model.url, FAST_BAUD) as board, pytest.raises(InputError, match=says):
+        SceneBoard(board).set_stack(DISPLAY, stack)
 
 
 def test_boards_that_do_not_draw():

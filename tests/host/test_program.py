@@ -10,7 +10,7 @@ import pytest
 from lippmann.board import bitstreams as program_module
 from lippmann.board import port as port_module
 from lippmann.board.bitstreams import comment, read_bitfile, sealed
-from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, read_boards, usual_baud
+from lippmann.board.fpga_boards import board_of_port, fpga_board, fpga_boards, usual_baud
 from lippmann.cli import doctor as doctor_module
 from lippmann.cli import run
 from lippmann.errors import InputError
@@ -275,7 +275,7 @@ def test_no_byte_of_a_file_can_be_another(tmp_path):
 
 def test_a_ulx3s_is_known_and_has_its_baud_rate(monkeypatch):
     monkeypatch.setattr(port_module.list_ports, "comports", lambda: [OTHER, ULX3S])
-    assert board_of_port("/dev/ttyUSB3") is fpga_board("ulx3s")
+    assert board_of_port("/dev/ttyUSB3") == fpga_board("ulx3s")
     assert board_of_port("/dev/ttyUSB1") is None
     assert usual_baud("/dev/ttyUSB3") == 3_000_000
     assert usual_baud("/dev/ttyUSB1") == usual_baud("socket://127.0.0.1:4000") == 115_200
@@ -288,9 +288,6 @@ def broken(tmp_path, monkeypatch):
     shutil.copytree(repository() / "rtl/board", tmp_path / "top/rtl/board")
     (tmp_path / "top/rtl/board/a_board").mkdir()
     (tmp_path / "top/rtl/board/a_board/board.toml").write_text('name = "a_board"\n[fpga]\nspeed = 9\n')
-    read_boards.cache_clear()
-    yield
-    read_boards.cache_clear()
 
 
 def test_a_half_written_board_file_hinders_no_port(broken, monkeypatch):

@@ -146,13 +146,13 @@ def test_entries_out_of_range_are_refused(offset, aim, says):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"width": 16384}, "16384 columns"),
-        ({"height": 0}, "0 rows"),
+        ({"width": 16384}, "width: 16384 is not valid; give a whole number from 1 to 16383"),
+        ({"height": 0}, "height: 0"),
         ({"columns": (5, 4)}, "columns 5 to 4"),
         ({"columns": (0, 10)}, "columns 0 to 10"),
         ({"rows": (-1, 3)}, "rows -1 to 3"),
-        ({"samples": 0}, "0 samples"),
-        ({"samples": 65537}, "65537 samples"),
+        ({"samples": 0}, "samples: 0"),
+        ({"samples": 65537}, "samples: 65537"),
         ({"jitter": "dice"}, "dice"),
         ({"table_first": 64}, "table_first"),
         ({"seed": 1 << 32}, "seed"),

@@ -438,12 +438,12 @@ def test_slots_out_of_range_are_refused():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"layers": 0}, "layers = 0 cannot be built; choose 1 to 8"),
-        ({"layers": 9}, "layers = 9 cannot be built; choose 1 to 8"),
+        ({"layers": 0}, "layers: 0 is not valid; give a whole number from 1 to 8"),
+        ({"layers": 9}, "layers: 9 is not valid; give a whole number from 1 to 8"),
         ({"layers": 4, "slots": 3}, "slots = 3 cannot be built; choose 4 to 15"),
         ({"slots": 16}, "slots = 16 cannot be built; choose 4 to 15"),
         ({"width": 200}, "width = 200 cannot be built; choose 32, 64, 128, 256, 512 or 1024 texels"),
-        ({"height": 1}, "height = 1 cannot be built; choose 2 to 1024"),
+        ({"height": 1}, "height: 1 is not valid; give a whole number from 2 to 1024"),
         (
             {"height": 191},
             "slots of 256 x 191 texels cannot be built; choose a multiple of 1024 texels, at most 261120",

@@ -197,7 +197,7 @@ class BoardMachine(RuleBasedStateMachine):
 
         def load():
             self.scene.load({CURVE_SLOT: build_curve_table(display).tobytes()})
-            self.scene.load_stack(stack, slots)
+            self.scene.load({k: slot_bytes(one, BUILD).tobytes() for k, one in zip(slots, stack.layers, strict=True)})
             self.scene.prepare(display, stack, slots)
 
         self.attempt(faults, load, stack=stack, slots=slots)

@@ -61,7 +61,8 @@ def usual(tmp_path):
 
 def show(scene, display, stack, slots=None):
     scene.load({CURVE_SLOT: build_curve_table(display).tobytes()})
-    scene.load_stack(stack, slots)
+    places = range(len(stack.layers)) if slots is None else slots
+    scene.load({k: slot_bytes(one, scene.build).tobytes() for k, one in zip(places, stack.layers, strict=True)})
     scene.prepare(display, stack, slots)
     scene.draw(True)
 

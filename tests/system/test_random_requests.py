@@ -117,7 +117,7 @@ class Judge(ModelBoard):
         scene = None
         if build:
             self.build_of_scene = build
-            scene = build.layers, build.slots_built, build.width_bits, build.height
+            scene = build.layers, build.slots_built, build.width.bit_length() - 1, build.height
             behind = 0x600 + 32 * build.layers
             self.map = REGISTERS | {at: one for at, one in SCENE_REGISTERS.items() if at < behind}
         self.build_of_optics = virtual_board.board_build(display, build)

@@ -276,6 +276,14 @@ def check_fields(made: object) -> None:
         object.__setattr__(made, name, value)
 
 
+class Checked:
+    """Base of declared dataclasses that refuse, when Python code makes them, what no file can give (`check_fields`)."""
+
+    def __post_init__(self) -> None:
+        """Refuse what a file could not give."""
+        check_fields(self)
+
+
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
     """Return a dataclass of a declared one's fields without its methods, and the fields that are dataclasses."""

@@ -1,7 +1,4 @@
-"""A board with a panel: its rays, compared with the twin's, its images and test patterns; the search for boards.
-
-A search sends HELLO to serial ports, and a board replies.
-"""
+"""A board with a panel: its rays, compared with the twin's, its images and test patterns; the search for boards."""
 
 from __future__ import annotations
 
@@ -12,7 +9,6 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +18,7 @@ from lippmann.board.packets import RESET_VERSION, SCENE_VERSION, Kind, ReplyStat
 from lippmann.board.panel_frames import image_frame
 from lippmann.board.port import adapter_ports, own_boards, ports
 from lippmann.board.retries import BUSY_REPLY, THIS_RUNS
-from lippmann.board.session import OPTICS_BASE, SCENE_BASE, SLOWEST_HZ, Hello, Session
+from lippmann.board.session import REGISTERS, SLOWEST_HZ, Session
 from lippmann.board.streaming import BoardSink, Sent, send_frame
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, LippmannError, LippmannWarning
@@ -30,15 +26,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
-from lippmann.fixed.registers import (
-    BOARD_REGISTERS,
-    OPTICS_REGISTERS,
-    SCENE_REGISTERS,
-    build_of,
-    optics_writes,
-    raster_writes,
-    write,
-)
+from lippmann.fixed.registers import build_of, optics_writes, raster_writes, write
 from lippmann.fixed.words import Ints
 from lippmann.rendering.executors import Executor, render_here
 from lippmann.rendering.integral_image import IntegralImage
@@ -68,10 +56,7 @@ SIGNATURE = struct.Struct("<II")
 
 
 class Board(Session):
-    """A board with a panel, real or virtual, and the open line to it; a `with` block closes the line.
-
-    Each request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer for
-    `patience_s` seconds. `info` is its latest reply to HELLO.
+    """A board with a panel, real or virtual, and the open line to it; requests raise as in `Session`.
 
     Examples
     --------
@@ -81,8 +66,7 @@ class Board(Session):
 
     def optics_build(self) -> Build:
         """Return the build of the board's optics block; raises InputError for unknown optics."""
-        names = ("identity", "version", "build")
-        return build_of({name: self.read(OPTICS_BASE + OPTICS_REGISTERS[name].address)[0] for name in names})
+        return build_of({name: self.word(f"optics.{name}") for name in ("identity", "version", "build")})
 
     def trace(self, u: Ints, v: Ints, a: Ints, b: Ints) -> FixedRays:
         """Trace rays (N,) through the board's pipeline; words as in `lippmann.fixed.ray_pipeline`."""
@@ -120,8 +104,7 @@ class Board(Session):
 
     def frame_runs(self) -> bool:
         """Return whether the optics trace a frame, or a start waits (for the end of a frame, or for the raster)."""
-        status = OPTICS_REGISTERS["status"]
-        return bool(status.fields["running"].value(self.read(OPTICS_BASE + status.address)[0]))
+        return bool(self.fields("optics.status")["running"])
 
     def abort(self) -> None:
         """End the frame that the board's optics trace, drop a start that waits, and wait for an empty pipeline."""
@@ -178,20 +161,14 @@ class Board(Session):
 
     def check_no_pattern(self) -> None:
         """Raise DeviceError while the panel shows a test pattern in place of the frame."""
-        display = BOARD_REGISTERS["display"]
-        pattern = display.fields["pattern"]
-        number = pattern.value(self.read(display.address)[0])
-        if number:
-            name = dict(pattern.names).get(number, "unknown")
+        if number := self.fields("display")["pattern"]:
+            name = dict(REGISTERS["display"].fields["pattern"].names).get(number, "unknown")
             what = f"the panel shows test pattern {number} ({name}), not the frame"
             raise self.error(what, "end it with lippmann board write display pattern=0")
 
     def draws_scene(self) -> bool:
         """Return whether the panel shows a scene that the board draws: a frame that is sent is stored behind it."""
-        if self.info.version < SCENE_VERSION:
-            return False
-        status = SCENE_REGISTERS["status"]
-        return bool(status.fields["shown"].value(self.read(SCENE_BASE + status.address)[0]))
+        return self.info.version >= SCENE_VERSION and bool(self.fields("scene.status")["shown"])
 
     def check_panel(self) -> None:
         """Raise DeviceError while the panel shows a test pattern, warn while it shows a scene that the board draws."""
@@ -205,23 +182,21 @@ class Board(Session):
 
         Raises DeviceError when the board scans out no frame.
         """
-        frames = BOARD_REGISTERS["frames"].address
-        first = self.read(frames)[0]
+        first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
-        while (self.read(frames)[0] - first) & 0xFFFFFFFF < FRAME_ENDS:
+        while (self.word("frames") - first) & 0xFFFFFFFF < FRAME_ENDS:
             if time.monotonic() > until:
                 raise self.error("the board scans out no frame", "check its clock and its cable")
             time.sleep(QUERY_S)
-        return self.read(BOARD_REGISTERS["shown_crc"].address)[0]
+        return self.word("shown_crc")
 
     def verify(self, crc: int) -> None:
         """Raise DeviceError when the scanned-out frame has another CRC-32 than the frame that was sent."""
         scanned = self.panel_crc()
         if scanned == crc:
             return
-        display = BOARD_REGISTERS["display"]
         remedy = "stream the frame again, or end the scene (scene.source) or the button's test pattern"
-        if self.read(display.address)[0] != display.fields["brightness"].reset:
+        if self.word("display") != REGISTERS["display"].fields["brightness"].reset:
             remedy = "set brightness=255 pattern=0 to verify (lippmann board write display)"
         what = f"the panel shows a frame of CRC-32 {scanned:08x}, the frame sent has {crc:08x}"
         raise self.error(what, remedy)
@@ -264,25 +239,18 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
     return Check(rays, board_crc, twin_crc)
 
 
-class AnsweringBoard(NamedTuple):
-    """A board's port, and its reply to HELLO."""
-
-    url: str
-    hello: Hello
-
-
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
-) -> tuple[list[AnsweringBoard], list[DeviceError]]:
-    """Send HELLO to each port; return the boards, and the errors of the other ports.
+) -> tuple[list[str], list[DeviceError]]:
+    """Send HELLO to each port; return the ports where a board answers, and the errors of the others.
 
     Without `baud` at the rate of the port's known board (`fpga_boards.usual_baud`).
     """
     boards, errors = [], []
     for url in urls:
         try:
-            with Board.open(url, baud or usual_baud(url), patience_s) as board:
-                boards.append(AnsweringBoard(url, board.info))
+            Board.open(url, baud or usual_baud(url), patience_s).close()
+            boards.append(url)
         except DeviceError as error:
             errors.append(error)
     return boards, errors
@@ -293,8 +261,8 @@ def find_board(
     baud: int | None = None,
     patience_s: float = SEARCH_PATIENCE_S,
     allowed: Callable[[list[str]], bool] = lambda urls: False,
-) -> AnsweringBoard:
-    """Return the one board that answers.
+) -> str:
+    """Return the port of the one board that answers.
 
     A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
     known USB adapters (`lippmann.board.port.ADAPTER_VENDORS`) and this user's virtual boards on Unix sockets, and to
@@ -311,8 +279,7 @@ def find_board(
     if len(boards) == 1:
         return boards[0]
     if boards:
-        names = ", ".join(board.url for board in boards)
-        raise DeviceError(f"{len(boards)} boards answer ({names}); name one with --port")
+        raise DeviceError(f"{len(boards)} boards answer ({', '.join(boards)}); name one with --port")
     what = f"of {len(errors)} ports none answers ({errors[0]})" if errors else "this machine has no serial port"
     if other_urls:
         what = f"{f'{what}; ' if errors else ''}not tried, for they may be other devices: {', '.join(other_urls)}"

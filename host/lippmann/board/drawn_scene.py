@@ -13,13 +13,12 @@ from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.board import FRAME_SECONDS, QUERY_S, Board
 from lippmann.board.packets import SCENE_VERSION, Kind, ReplyStatus
-from lippmann.board.retries import END_SCENE, MAX_ROUNDS, UPDATE, Window
-from lippmann.board.session import SCENE_BASE
+from lippmann.board.retries import END_SCENE, MAX_ROUNDS, UPDATE, Window, refusal
+from lippmann.board.session import REGISTERS
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.fixed.registers import SCENE_REGISTERS
 from lippmann.fixed.scene_build import BLOCK_BYTES, CURVE_SLOT, SceneBuild
-from lippmann.fixed.scene_configuration import scene_words, slot_bytes
+from lippmann.fixed.scene_configuration import scene_words
 from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.layers_folder import check_for_display
 from lippmann.layers.stack import LayerStack
@@ -61,8 +60,7 @@ class SceneStatus:
 #: Words of a layer.
 LAYER_WORDS = 8
 #: Addresses of the words of lattice and background, and of those of the layers.
-_COMMON = SCENE_BASE + SCENE_REGISTERS["lattice_xi"].address
-LAYERS_BASE = SCENE_BASE + SCENE_REGISTERS["layer_0_s0"].address
+_COMMON, LAYERS_BASE = REGISTERS["scene.lattice_xi"].address, REGISTERS["scene.layer_0_s0"].address
 
 
 def _common_words(words: SceneWords) -> list[int]:
@@ -82,10 +80,10 @@ class SceneBoard:
             what = f"the board speaks version {board.info.version} of the protocol and draws no scenes"
             remedy = "take a board that draws: lippmann board start --layers 4, or stream a rendered image"
             raise board.error(what, remedy)
-        identity, version, word = board.read(SCENE_BASE, 3)
-        letters = SCENE_REGISTERS["identity"].fields["letters"].reset
-        major = SCENE_REGISTERS["version"].fields["major"]
-        if identity != letters or major.value(version) != major.reset:
+        register = REGISTERS["scene.identity"]
+        major = REGISTERS["scene.version"].fields["major"]
+        identity, version, word = board.read(register.address, 3)
+        if identity != register.fields["letters"].reset or major.value(version) != major.reset:
             what = f"its scene's registers are 0x{identity:08X}, version {major.value(version)}, unknown to this host"
             raise board.error(what, UPDATE)
         #: What the board's scene can do.
@@ -115,29 +113,41 @@ class SceneBoard:
 
         `contents` holds the bytes of each slot: texels row by row, then the palette (`slot_bytes`); for slot 15 the
         table of the panel's curve. At most `window_bytes` are sent and not yet acknowledged. `progress` counts blocks.
-        `loaded` holds the counts of the same load before a lost connection; this call adds to them.
+        `loaded` holds the counts of a load before; this call adds to them, also when it fails.
 
         Raises InputError for contents that do not fit the board's slots, and DeviceError when a slot is shown, or the
         board does not answer.
         """
+        # An item of the window is a slot's number in the high bits, a block's number in the low 8 bits.
         blocks = {
             slot << 8 | number: block
             for slot, content in contents.items()
             for number, block in enumerate(self._blocks(slot, content))
         }
         loaded = Loaded() if loaded is None else loaded
-        loaded.blocks = len(blocks)
+        loaded.blocks += len(blocks)
         begun, written = time.monotonic(), self.board.line.written
+
+        def request(item: int) -> bytes:
+            loaded.sends += 1
+            return BLOCK_REQUEST.pack(*divmod(item, 256)) + blocks[item]
+
+        def is_stored(_: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
+            if status != ReplyStatus.OK or reply != body[: BLOCK_REQUEST.size]:
+                raise refusal(self.board.line.url, Kind.BLOCK, status, reply)
+            return True
+
         try:
             for turn in range(MAX_ROUNDS):
                 crcs = {slot << 8 | n: crc for slot in contents for n, crc in enumerate(self.crcs(slot))}
                 missing = [item for item, data in blocks.items() if crcs[item] != zlib.crc32(data) or not crcs[item]]
                 missing = missing if turn == 0 else [item for item in missing if zlib.crc32(blocks[item])]
                 if turn == 0:
-                    loaded.skipped = len(blocks) - len(missing)
+                    loaded.skipped += len(blocks) - len(missing)
                 if not missing:
                     return loaded
-                _BlockWindow(self.board, blocks, loaded, window_bytes).run(missing, len(blocks), progress)
+                window = Window(self.board, Kind.BLOCK, window_bytes, request, is_stored)
+                window.run(missing, len(blocks), progress)
         finally:
             loaded.wire_bytes += self.board.line.written - written
             loaded.seconds += time.monotonic() - begun
@@ -157,19 +167,6 @@ class SceneBoard:
     def holds(self, slot: int, content: bytes) -> bool:
         """Return whether a slot holds a content, block for block."""
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
-
-    def load_stack(
-        self,
-        stack: LayerStack,
-        slots: Sequence[int] | None = None,
-        progress: Progress | None = None,
-    ) -> Loaded:
-        """Load the textures of a stack's layers; layer k goes into slot k, or `slots[k]`."""
-        slots = self._slots(stack, slots)
-        contents = {
-            slot: slot_bytes(layer, self.build).tobytes() for slot, layer in zip(slots, stack.layers, strict=True)
-        }
-        return self.load(contents, progress)
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
         """Return a slot for each content: one that holds it already, or one that can be written.
@@ -201,11 +198,10 @@ class SceneBoard:
         """Write the layers' registers that have changed, in one request; return the number of its words.
 
         The panel changes from one frame to the next, as a whole. Layers of the build behind the stack's are hidden.
-        Lattice and background are those of `prepare`. Raises InputError for layers at or behind the eyes, and for what
-        the registers cannot hold.
+        The texture of layer k is in slot k, or `slots[k]`. Lattice and background are those of `prepare`. Raises
+        InputError for layers at or behind the eyes, and for what the registers cannot hold.
         """
-        check_for_display(stack, display)
-        return self.set_words(scene_words(display, stack, self.build, tuple(self._slots(stack, slots))))
+        return self.set_words(self._words(display, stack, slots))
 
     def set_words(self, words: SceneWords) -> int:
         """Write the registers of all layers that have changed, in one request; return the number of its words."""
@@ -227,9 +223,8 @@ class SceneBoard:
 
         Raises as `set_stack`.
         """
-        check_for_display(stack, display)
+        words = self._words(display, stack, slots)
         self.board.write_optics(display)
-        words = scene_words(display, stack, self.build, tuple(self._slots(stack, slots)))
         self.board.write(_COMMON, _common_words(words))
         self._held = None
         self.set_words(words)
@@ -241,7 +236,7 @@ class SceneBoard:
 
     def draw(self, scene: bool) -> None:
         """Show the scene from the next frame on, or the stored frame again; return when the panel does."""
-        self.board.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [int(scene)])
+        self.board.write(REGISTERS["scene.source"].address, [int(scene)])
         self.wait(scene)
 
     def wait(self, shown: bool | None = None) -> None:
@@ -258,39 +253,21 @@ class SceneBoard:
 
     def status(self) -> SceneStatus:
         """Return what the panel shows, and the counts of frames and underflows."""
-        register = SCENE_REGISTERS["status"]
-        word, frames, underflows = self.board.read(SCENE_BASE + register.address, 3)
-        value = {name: field.value(word) for name, field in register.fields.items()}
+        register = REGISTERS["scene.status"]
+        word, frames, underflows = self.board.read(register.address, 3)
+        value = register.values(word)
         slots = frozenset(slot for slot in range(16) if value["slots"] >> slot & 1)
         return SceneStatus(bool(value["shown"]), bool(value["waits"]), slots, frames, underflows)
 
-    def _slots(self, stack: LayerStack, slots: Sequence[int] | None) -> Sequence[int]:
+    def _words(self, display: Display, stack: LayerStack, slots: Sequence[int] | None) -> SceneWords:
+        check_for_display(stack, display)
         if len(stack.layers) > self.build.layers:
             what = f"{len(stack.layers)} layers do not fit the board, which draws {self.build.layers}"
             raise InputError(f"{what}; cut the scene again with --count {self.build.layers}")
         slots = range(len(stack.layers)) if slots is None else slots
         if len(slots) != len(stack.layers):
             raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one")
-        return slots
-
-
-class _BlockWindow(Window):
-    """Sends blocks; an item is 256 times its slot, plus its number."""
-
-    def __init__(self, board: Board, blocks: Mapping[int, bytes], loaded: Loaded, window_bytes: int) -> None:
-        super().__init__(board, Kind.BLOCK, window_bytes)
-        self._blocks, self._loaded = blocks, loaded
-
-    def body(self, item: int) -> bytes:
-        """Return the request of a block."""
-        self._loaded.sends += 1
-        return BLOCK_REQUEST.pack(*divmod(item, 256)) + self._blocks[item]
-
-    def judge(self, item: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
-        """Return whether the block is stored; raise where the board refuses it."""
-        if status != ReplyStatus.OK or reply != body[: BLOCK_REQUEST.size]:
-            raise self.requests.refusal(Kind.BLOCK, status, reply)
-        return True
+        return scene_words(display, stack, self.build, tuple(slots))
 
 
 def _cut(content: bytes) -> list[bytes]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Annotated
 
 from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
-from lippmann.board.drawn_scene import Loaded, SceneBoard, SceneStatus
+from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.scene_build import CURVE_SLOT
@@ -53,12 +53,11 @@ def load_textures(
             raise InputError(f"{where}: frame {frame}: {error}") from None
     scene.wait()  # slots of a scene that was ended are free when the panel has left it
     slots = scene.free_slots(contents)
-    textures = scene.load(dict(zip(slots, contents, strict=True)), progress)
+    loaded = scene.load(dict(zip(slots, contents, strict=True)), progress)
     curve = build_curve_table(display).tobytes()
     if CURVE_SLOT in scene.status().slots and not scene.holds(CURVE_SLOT, curve):
         scene.draw(False)
-    table = scene.load({CURVE_SLOT: curve})
-    return Loaded(*(getattr(textures, one.name) + getattr(table, one.name) for one in fields(Loaded))), slots
+    return scene.load({CURVE_SLOT: curve}, loaded=loaded), slots
 
 
 def play_film(
@@ -86,6 +85,7 @@ def play_film(
     before = scene.status()
     begun = time.monotonic()
     period = 1.0 / film.frames_per_second
+    interrupt: KeyboardInterrupt | None = None
     try:
         while repeat == 0 or played.frames < repeat * film.frames:
             if every_frame:
@@ -102,10 +102,16 @@ def play_film(
             played.frames += 1
             if progress and repeat:
                 progress(played.frames, repeat * film.frames)
-    except KeyboardInterrupt:
-        _finish(scene, played, begun, before, every_frame)
-        raise
-    if not _finish(scene, played, begun, before, every_frame):
+    except KeyboardInterrupt as error:
+        interrupt = error
+    played.seconds = time.monotonic() - begun
+    if every_frame:
+        scene.wait(True)
+    after = scene.status()
+    played.underflows = (after.underflows - before.underflows) % (1 << 32)
+    if interrupt:
+        raise interrupt
+    if not after.shown:
         raise scene.board.error("the board draws the scene no longer: it was reset, or ended", "play the film again")
     return played
 
@@ -118,24 +124,7 @@ def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: lis
     goes_on = is_shown and scene.holds_common(display, stack)
     if is_shown and not goes_on:
         scene.draw(False)
-    line = scene.board.line
-    written = line.written
-    if goes_on:
-        scene.set_stack(display, stack, order)
-    else:
-        scene.prepare(display, stack, order)
-    played.first_bytes = line.written - written
-    if goes_on:
-        scene.wait(True)
-    else:
-        scene.draw(True)
-
-
-def _finish(scene: SceneBoard, played: Played, begun: float, before: SceneStatus, every_frame: bool) -> bool:
-    """Count the seconds and the underflows of a film that has ended; return whether the panel shows the scene."""
-    played.seconds = time.monotonic() - begun
-    if every_frame:
-        scene.wait(True)
-    after = scene.status()
-    played.underflows = (after.underflows - before.underflows) % (1 << 32)
-    return after.shown
+    written = scene.board.line.written
+    (scene.set_stack if goes_on else scene.prepare)(display, stack, order)
+    played.first_bytes = scene.board.line.written - written
+    scene.draw(True)

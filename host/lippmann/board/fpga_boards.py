@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import reprlib
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 from lippmann.base.toml import documented, key, load, read
-from lippmann.board.port import DEFAULT_BAUD
+from lippmann.board.port import DEFAULT_BAUD, port_info
 from lippmann.errors import InputError, did_you_mean, input_error
 from lippmann.simulation.toolchain import hardware
 
@@ -90,8 +89,7 @@ class FpgaBoard:
     @property
     def folders(self) -> list[Path]:
         """The folders of its RTL: its own, then those of the boards that it is like."""
-        others = [] if self.like is None else _chain(self.folder.parent / self.like / FILE)
-        return [self.folder, *(path.parent for path in others)]
+        return [self.folder, *([] if self.like is None else fpga_board(self.like).folders)]
 
     def owns(self, port: ListPortInfo) -> bool:
         """Return whether a serial port is that of such a board."""
@@ -139,36 +137,20 @@ def _from_beside(name: object, folder: str) -> object:
     return os.path.normpath(os.path.join("..", folder, name)) if isinstance(name, str) else name
 
 
-@cache
-def read_boards() -> dict[str, FpgaBoard | InputError]:
-    """Return each board by the name of its folder; in the place of one whose file is wrong, the error."""
-    boards: dict[str, FpgaBoard | InputError] = {}
-    for name in _names():
-        path = hardware() / FOLDER / name / FILE
-        try:
-            board = read(FpgaBoard, _keys(path), str(path))
-            if board.name != name:
-                raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{name}"')
-            boards[name] = board
-        except InputError as error:
-            boards[name] = error
-    return boards
-
-
 def fpga_boards() -> dict[str, FpgaBoard]:
     """Return the boards by name; raise InputError for a file that is wrong."""
-    return {name: fpga_board(name) for name in read_boards()}
+    return {name: fpga_board(name) for name in _names()}
 
 
 def fpga_board(name: str) -> FpgaBoard:
     """Return a board by its name; raise InputError for an unknown one, and for one whose file is wrong."""
-    boards = read_boards()
+    boards, path = _names(), hardware() / FOLDER / name / FILE
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
         raise input_error(name, "no such board", f"{remedy}; rtl/board/NAME/board.toml adds one")
-    board = boards[name]
-    if isinstance(board, InputError):
-        raise InputError(str(board))  # anew: this one is kept, and may be raised again
+    board = read(FpgaBoard, _keys(path), str(path))
+    if board.name != name:
+        raise input_error(f"{path}: name", f'"{board.name}" is not the folder\'s', f'write "{name}"')
     return board
 
 
@@ -178,11 +160,14 @@ def board_of_port(url: str) -> FpgaBoard | None:
     Boards that share an adapter differ in their bitstreams only; the first is returned. One whose file is wrong is
     passed over.
     """
-    if "://" in url:  # a socket
+    port = None if "://" in url else port_info(url)
+    if port is None:
         return None
-    ports = [port for port in serial.tools.list_ports.comports() if port.device == url]
-    boards = [board for board in read_boards().values() if isinstance(board, FpgaBoard)] if ports else []
-    return next((board for board in boards for port in ports if board.owns(port)), None)
+    for name in _names():
+        with contextlib.suppress(InputError):
+            if (board := fpga_board(name)).owns(port):
+                return board
+    return None
 
 
 def usual_baud(url: str) -> int:

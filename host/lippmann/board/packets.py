@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections import Counter
-from dataclasses import dataclass, field
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
@@ -74,24 +72,6 @@ class Packet(NamedTuple):
     body: bytes
 
 
-class Fault(StrEnum):
-    """Why a packet was dropped: the first fault found, in this order."""
-
-    LONG = "long"
-    COBS = "cobs"
-    SHORT = "short"
-    CRC = "crc"
-
-
-@dataclass
-class Counts:
-    """Counts of a reader: bytes, valid packets, and dropped packets by fault."""
-
-    bytes: int = 0
-    accepted: int = 0
-    dropped: Counter[Fault] = field(default_factory=Counter)
-
-
 def packed(kind: int, seq: int, body: bytes) -> bytes:
     """Return the bytes of a packet on the line, with its delimiter; raise ValueError for more than `MAX_PACKET`."""
     data = HEADER.pack(kind, seq) + body
@@ -104,42 +84,32 @@ def packed(kind: int, seq: int, body: bytes) -> bytes:
 class PacketReader:
     """Finds packets in any bytes; drops an invalid packet and continues after the next delimiter.
 
-    Keeps at most one byte more than the longest packet has.
+    Keeps at most one byte more than the longest packet has. `bytes` and `accepted` count the bytes and valid packets.
     """
 
     def __init__(self) -> None:
-        self.counts = Counts()
+        self.bytes = self.accepted = 0
         self._held = b""
 
     def feed(self, data: bytes) -> list[Packet]:
         """Read the next bytes of the line; return the valid packets that end in them."""
-        self.counts.bytes += len(data)
+        self.bytes += len(data)
         *ended, unfinished = (self._held + data).split(DELIMITER)
         # One byte too many is enough to refuse the packet at its end.
         self._held = unfinished[: MAX_STUFFED + 1]
-        packets = []
-        for parsed in map(_parsed, filter(None, ended)):
-            if isinstance(parsed, Fault):
-                self.counts.dropped[parsed] += 1
-            else:
-                packets.append(parsed)
-        self.counts.accepted += len(packets)
+        packets = [packet for packet in map(_parsed, ended) if packet]
+        self.accepted += len(packets)
         return packets
 
 
-def _parsed(stuffed: bytes) -> Packet | Fault:
-    """Return the packet that COBS encoded as these bytes, or its fault."""
-    if len(stuffed) > MAX_STUFFED:
-        return Fault.LONG
+def _parsed(stuffed: bytes) -> Packet | None:
+    """Return the packet that COBS encoded as these bytes; None for one that is damaged, too short or too long."""
     try:
-        data = bytes(cobs.decode(stuffed))
+        data = bytes(cobs.decode(stuffed)) if len(stuffed) <= MAX_STUFFED else b""
     except cobs.DecodeError:
-        return Fault.COBS
-    if len(data) > MAX_PACKET:
-        return Fault.LONG
-    if len(data) < MIN_PACKET:
-        return Fault.SHORT
-    if zlib.crc32(data[: -CRC.size]) != CRC.unpack(data[-CRC.size :])[0]:
-        return Fault.CRC
+        return None
+    crc = CRC.pack(zlib.crc32(data[: -CRC.size]))
+    if not MIN_PACKET <= len(data) <= MAX_PACKET or data[-CRC.size :] != crc:
+        return None
     kind, seq = HEADER.unpack(data[: HEADER.size])
     return Packet(kind, seq, data[HEADER.size : -CRC.size])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,24 +64,15 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
     return panel_values(image.radiance, panel.transfer, panel.bits)
 
 
-@dataclass(frozen=True)
-class FrameFile:
-    """An image file whose header fits a panel; `pixels` reads the rest.
+class FrameFile(NamedTuple):
+    """An image file whose header fits a panel.
 
-    `accept` raises InputError for metadata that do not fit; `transfer` and `bits` are the panel's; `assumption` is a
-    sentence about those that nothing names, or that nothing confirms, else empty.
+    `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a broken file. `assumption` is a
+    sentence about the panel's tones that nothing names, or that nothing confirms, else empty.
     """
 
-    path: Path
-    size_px: tuple[int, int]
-    accept: Callable[[Mapping[str, str]], None]
-    transfer: Transfer
-    bits: int
+    pixels: Callable[[], Pixels]
     assumption: str
-
-    def pixels(self) -> Pixels:
-        """Read the file's pixels as a frame (height, width, 3) uint8; raise InputError for a broken file."""
-        return panel_values(read_picture(self.path, self.size_px, self.accept).radiance, self.transfer, self.bits)
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
@@ -137,7 +127,7 @@ def check_frame(
     elif (curve, bits) != (USUAL_TRANSFER, USUAL_BITS) and panel is None and transfer is None:
         # A board does not tell its panel's tones, and its identity leaves them out.
         assumption = f"{path}: made for {text}; have the board's panel checked with --display FILE"
-    return FrameFile(path, size_px, accept, curve, bits, assumption)
+    return FrameFile(lambda: panel_values(read_picture(path, size_px, accept).radiance, curve, bits), assumption)
 
 
 def load_frame(

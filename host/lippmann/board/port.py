@@ -19,6 +19,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import serial
 from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 from lippmann.base.files import listening, private_folder, private_path
 from lippmann.board.packets import DELIMITER, Packet, PacketReader
@@ -192,9 +193,9 @@ def adapter_ports() -> list[str]:
     return sorted(port.device for port in list_ports.comports() if port.vid in ADAPTER_VENDORS)
 
 
-def serial_number(url: str) -> str:
-    """Return the serial number of a port's USB adapter, empty when it has none."""
-    return next((port.serial_number or "" for port in list_ports.comports() if port.device == url), "")
+def port_info(url: str) -> ListPortInfo | None:
+    """Return what the system tells of a serial port and its USB adapter; None for any other port."""
+    return next((port for port in list_ports.comports() if port.device == url), None)
 
 
 def port_trouble(url: str) -> DeviceError | InputError | None:
@@ -209,8 +210,8 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 class Line:
     """Packets over an open port, for one thread.
 
-    It reads while it writes: two sides that only write would block each other. `written` counts the bytes written, the
-    reader's `counts` the bytes and packets received.
+    It reads while it writes: two sides that only write would block each other. `written` counts the bytes written,
+    `reader` the bytes and packets received.
     """
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:
@@ -317,7 +318,7 @@ class Line:
         self._waiting.extend(self.reader.feed(data or b""))
 
     def _lost(self, error: Exception) -> NoBoardError:
-        if self.url.startswith(SCHEMES) and not self.reader.counts.bytes:
+        if self.url.startswith(SCHEMES) and not self.reader.bytes:
             what, remedy = "it closed the connection at once", "close the other program that uses the board"
             if self.url.startswith("socket://") and not token_of(self.url):
                 remedy += ", or give the board's token: socket://HOST:PORT?token=..."

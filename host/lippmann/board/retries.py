@@ -1,20 +1,21 @@
-"""Requests that are sent again until their replies arrive: the time-out, one request at a time, a window of many."""
+"""Requests that are sent again until their replies arrive: the time-out, the refusals, a window of many requests."""
 
 from __future__ import annotations
 
-import secrets
 import struct
 import time
-from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import takewhile
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lippmann.base.progress import Progress
-from lippmann.board.packets import MAX_PACKET, REPLY, VERSIONS, Kind, Packet, ReplyStatus, packed
-from lippmann.board.port import SEND_S, Line
-from lippmann.errors import DeviceError, InputError, LippmannError, NoBoardError
+from lippmann.board.packets import REPLY, VERSIONS, Kind, Packet, ReplyStatus, packed
+from lippmann.board.port import SEND_S
+from lippmann.errors import DeviceError, InputError, LippmannError, device_error
+
+if TYPE_CHECKING:
+    from lippmann.board.session import Session
 
 #: Time-out before the first reply, shortest and longest time-out, s.
 FIRST_S = 0.25
@@ -59,6 +60,34 @@ OLD_NUMBER = ("another program has used it since the connection", "connect again
 ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
 
 
+def refusal(url: str, kind: int, status: int, body: bytes = b"") -> LippmannError:
+    """Return the error of a reply whose status is not OK; `body` follows the status. `url` is the board's."""
+    name = Kind(kind).name
+    if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
+        return _busy(url, name, *BUSY_REPLY.unpack(body))
+    if status not in REFUSALS:
+        return device_error(url, f"the board answers {name} with status {status}", UPDATE)
+    is_old = status == ReplyStatus.STALE_EPOCH and kind in ONCE
+    what, remedy = OLD_NUMBER if is_old else REFUSALS[ReplyStatus(status)]
+    kind_of_error = InputError if status == ReplyStatus.NO_SUCH_ADDRESS else DeviceError
+    return kind_of_error.at(url, f"the board refuses {name}: {what}", remedy)
+
+
+def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
+    """Return the error of a busy board: `runs` says with what, `rays` how many rays it has traced."""
+    if runs == SCENE_RUNS:
+        return device_error(url, f"the board refuses {name} while its optics draw a scene", END_SCENE)
+    if runs == SLOT_SHOWN:
+        what = f"the board refuses {name}: the slot is shown, or a written layer is about to show it"
+        return device_error(url, what, "load another slot, or hide the layer first")
+    by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
+    remedy = "wait, or end it with lippmann board abort"
+    if runs == FRAME_RUNS:
+        # No stream enters over the line, so such a frame waits for ever.
+        remedy += ", the only way if its source is the stream"
+    return device_error(url, f"the board refuses {name} while {by} runs", remedy)
+
+
 class RoundTrip:
     """Smoothed round-trip time and its deviation, and the time-out of a reply that follows from them.
 
@@ -99,110 +128,6 @@ class RoundTrip:
         return min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)
 
 
-class Requests:
-    """Requests over an open line, one at a time: each is sent again until its reply arrives.
-
-    A request raises `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer for
-    `patience_s` seconds.
-    """
-
-    def __init__(self, line: Line, patience_s: float) -> None:
-        self.line = line
-        self.patience_s = patience_s
-        # Random, so that late replies to another program match no request of this one.
-        self._seq = secrets.randbits(16)
-        self._round_trip = RoundTrip()
-
-    def next_seq(self) -> int:
-        """Return the next sequence number."""
-        self._seq = (self._seq + 1) & 0xFFFF
-        return self._seq
-
-    def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
-        """Send a request; return the `size` bytes behind the reply's status. Raises for a status other than OK."""
-        status, answer = self.request(kind, body, work_s)
-        return self.checked(kind, status, answer, size)
-
-    def checked(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
-        """Return the body of a reply; raise for a status other than OK, and for another size than `size` bytes."""
-        if status != ReplyStatus.OK:
-            raise self.refusal(kind, status, body)
-        if len(body) != size:
-            raise self.error(f"the board's reply to {kind.name} has {len(body)} bytes, not {size}", UPDATE)
-        return body
-
-    def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
-        """Send a request until its reply arrives; return the status and the rest of the reply's body.
-
-        The sequence number, a new one unless it is given, stays the same, so the board executes a repeated request
-        once. Fails `patience_s` after the time of the board's work, or later by one send that the line does not accept.
-        """
-        seq = self.next_seq() if seq is None else seq
-        packet = packed(kind, seq, body)
-        end = time.monotonic() + work_s + self.patience_s
-        again = False
-        while True:
-            self.line.send(packet, min(SEND_S, self.patience_s))
-            sent_at = time.monotonic()
-            until = min(end, sent_at + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
-            # Bounded by time: a line may deliver other packets without end.
-            while time.monotonic() < until:
-                reply = self.line.receive(until - time.monotonic())
-                if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
-                    if again:
-                        self._round_trip.ease()
-                    elif not work_s:
-                        self._round_trip.sample(time.monotonic() - sent_at)
-                    return reply.body[0], reply.body[1:]
-            if time.monotonic() >= end:
-                self._round_trip.give_up()
-                raise self.silence()
-            self._round_trip.back_off()
-            again = True
-
-    def silence(self) -> NoBoardError:
-        """Return the error of a board that does not answer; the received bytes suggest the cause."""
-        counts = self.line.reader.counts
-        what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
-        if counts.accepted:
-            what = f"the board has not answered for {self.patience_s:g} s"
-            remedy = "check its power and the cable; of a virtual board, that its machine is not overloaded"
-        elif counts.bytes:
-            what = f"{counts.bytes} bytes came, but no packet: no board, or one at another baud rate"
-            what, remedy = f"{what} than {self.line.baud}", "give the board's rate"
-        return NoBoardError.at(self.line.url, what, remedy)
-
-    def refusal(self, kind: int, status: int, body: bytes = b"") -> LippmannError:
-        """Return the error of a reply whose status is not OK; `body` follows the status."""
-        name = Kind(kind).name
-        if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
-            return self._busy(name, *BUSY_REPLY.unpack(body))
-        if status not in REFUSALS:
-            return self.error(f"the board answers {name} with status {status}", UPDATE)
-        is_old = status == ReplyStatus.STALE_EPOCH and kind in ONCE
-        what, remedy = OLD_NUMBER if is_old else REFUSALS[ReplyStatus(status)]
-        kind_of_error = InputError if status == ReplyStatus.NO_SUCH_ADDRESS else DeviceError
-        return kind_of_error.at(self.line.url, f"the board refuses {name}: {what}", remedy)
-
-    def _busy(self, name: str, runs: int, rays: int) -> DeviceError:
-        """Return the error of a busy board: `runs` says with what, `rays` how many rays it has traced."""
-        if runs == SCENE_RUNS:
-            return self.error(f"the board refuses {name} while its optics draw a scene", END_SCENE)
-        if runs == SLOT_SHOWN:
-            what = f"the board refuses {name}: the slot is shown, or a written layer is about to show it"
-            return self.error(what, "load another slot, or hide the layer first")
-        by = "a frame that a register write started" if runs == FRAME_RUNS else f"a signature ({rays} rays so far)"
-        remedy = "wait, or end it with lippmann board abort"
-        if runs == FRAME_RUNS:
-            # No stream enters over the line, so such a frame waits for ever.
-            remedy += ", the only way if its source is the stream"
-        return self.error(f"the board refuses {name} while {by} runs", remedy)
-
-    def error(self, what: str, remedy: str) -> DeviceError:
-        """Return an error of the board at this line."""
-        return DeviceError.at(self.line.url, what, remedy)
-
-
 class Flight(NamedTuple):
     """A packet without a reply yet: its item, its body, its length on the line, and the time of sending."""
 
@@ -212,18 +137,23 @@ class Flight(NamedTuple):
     time: float
 
 
-class Window(ABC):
+#: Whether an item, sent as a body, has arrived, by the status and the rest of its reply; if not, it is sent next.
+Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
+
+
+class Window:
     """Sends items, indices of what a board lacks, each in a request of its own, until the board has them.
 
     Each packet has its own sequence number, a repeated item too, so a reply identifies its packet. The line keeps the
     order: earlier packets that are still unanswered are lost, or their replies are. At most `window_bytes` are sent and
-    not yet acknowledged.
+    not yet acknowledged. `body` returns the body of an item's request, `judge` may raise.
     """
 
-    def __init__(self, requests: Requests, kind: Kind, window_bytes: int) -> None:
-        self.requests = requests
-        self.kind = kind
-        self.window_bytes = window_bytes
+    def __init__(
+        self, session: Session, kind: Kind, window_bytes: int, body: Callable[[int], bytes], judge: Judge
+    ) -> None:
+        self.session, self.kind, self.window_bytes = session, kind, window_bytes
+        self._body, self._judge = body, judge
         self.arrived: set[int] = set()
         self._queue: deque[int] = deque()
         # By sequence number, in the order of sending: unanswered, and given up (a late reply may come).
@@ -231,18 +161,6 @@ class Window(ABC):
         self._lost: dict[int, Flight] = {}
         self._bytes = 0
         self._round_trip = RoundTrip()
-
-    @abstractmethod
-    def body(self, item: int) -> bytes:
-        """Return the body of an item's request."""
-
-    @abstractmethod
-    def judge(self, item: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
-        """Return whether an item, sent as `body`, has arrived. It may raise, or send the item again (`again`)."""
-
-    def again(self, item: int) -> None:
-        """Send an item next."""
-        self._queue.appendleft(item)
 
     def run(
         self, items: Sequence[int], total: int, progress: Progress | None = None, ends: ReplyStatus | None = None
@@ -253,7 +171,7 @@ class Window(ABC):
         `patience_s`.
         """
         self._queue.extend(items)
-        line = self.requests.line
+        line = self.session.line
         last_gain = last_reply = time.monotonic()
         while self._queue or self._flights:
             self._fill()
@@ -262,7 +180,7 @@ class Window(ABC):
                 continue
             oldest = next(iter(self._flights.values()))
             due = max(oldest.time, last_reply) + self._round_trip.time_out_s + line.seconds(oldest.length)
-            end = last_gain + self.requests.patience_s
+            end = last_gain + self.session.patience_s
             reply = line.receive(min(due, end) - time.monotonic())
             gains = len(self.arrived)
             status = self._take(reply) if reply else None
@@ -276,7 +194,7 @@ class Window(ABC):
                 if progress:
                     progress(total - len(items) + len(self.arrived), total)
             elif now >= end:
-                raise self.requests.silence()
+                raise self.session.silence()
             elif status is None and now >= due:
                 # Send one packet again; its reply shows which of the others are lost.
                 self._round_trip.back_off()
@@ -285,7 +203,7 @@ class Window(ABC):
 
     def _fill(self) -> None:
         """Send items while the window has room. Replies are read before more is sent: they decide what to send."""
-        line = self.requests.line
+        line = self.session.line
         while self._queue and (not self._flights or (not line.waiting and self._bytes < self.window_bytes)):
             item = self._queue.popleft()
             if item not in self.arrived and not self._send(item):
@@ -293,12 +211,12 @@ class Window(ABC):
 
     def _send(self, item: int) -> bool:
         """Send an item; return False when the line accepts no more."""
-        body = self.body(item)
-        seq = self.requests.next_seq()
+        body = self._body(item)
+        seq = self.session.next_seq()
         packet = packed(self.kind, seq, body)
         # A sequence number that is used again belongs to the new packet.
         self._lost.pop(seq, None)
-        accepted = self.requests.line.send(packet, min(SEND_S, self.requests.patience_s))
+        accepted = self.session.line.send(packet, min(SEND_S, self.session.patience_s))
         self._flights[seq] = Flight(item, body, len(packet), time.monotonic())
         self._bytes += len(packet)
         return accepted
@@ -320,9 +238,11 @@ class Window(ABC):
         try:
             status = ReplyStatus(reply.body[0])
         except ValueError:
-            raise self.requests.refusal(self.kind, reply.body[0]) from None
-        if self.judge(flight.item, flight.body, status, reply.body[1:]):
+            raise refusal(self.session.line.url, self.kind, reply.body[0]) from None
+        if self._judge(flight.item, flight.body, status, reply.body[1:]):
             self.arrived.add(flight.item)
+        else:
+            self._queue.appendleft(flight.item)
         return status
 
     def _give_up(self, numbers: list[int]) -> None:

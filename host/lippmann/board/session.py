@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import secrets
 import struct
+import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 
 from lippmann.base.toml import documented, key
-from lippmann.board.packets import MAX_PACKET, VERSIONS, Kind, ReplyStatus
-from lippmann.board.port import DEFAULT_BAUD, Line
-from lippmann.board.retries import Requests
+from lippmann.board.packets import MAX_PACKET, REPLY, VERSIONS, Kind, ReplyStatus, packed
+from lippmann.board.port import DEFAULT_BAUD, SEND_S, Line
+from lippmann.board.retries import UPDATE, RoundTrip, refusal
 from lippmann.board.tiles import TILE, Crcs, TileGrid
-from lippmann.errors import InputError
-from lippmann.fixed.registers import Write
+from lippmann.errors import DeviceError, InputError, NoBoardError
+from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Write
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0
@@ -27,6 +29,14 @@ PRESENT_CLOCKS = 4
 MAX_WORDS, MAX_TILES = 64, 512
 #: Addresses of the first registers of the optics block and of the scene.
 OPTICS_BASE, SCENE_BASE = 0x200, 0x400
+#: Each block's registers and the address of its first one, by the prefix of their names.
+BLOCKS = {"": (BOARD_REGISTERS, 0), "optics.": (OPTICS_REGISTERS, OPTICS_BASE), "scene.": (SCENE_REGISTERS, SCENE_BASE)}
+#: Registers by name, with their addresses on the board.
+REGISTERS = {
+    prefix + name: replace(register, address=base + register.address)
+    for prefix, (registers, base) in BLOCKS.items()
+    for name, register in registers.items()
+}
 
 HELLO_REQUEST = struct.Struct("<BI")
 HELLO_REPLY = struct.Struct("<BIQHHBHIHI")
@@ -65,14 +75,18 @@ class TileTable(NamedTuple):
     crcs: Crcs
 
 
-class Session(Requests):
+class Session:
     """The open line to a board that has answered HELLO; a `with` block closes the line.
 
-    `info` is the board's latest reply to HELLO. Requests raise as in `Requests`.
+    `info` is the board's latest reply to HELLO. A request is sent again until its reply arrives. It raises
+    `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer for `patience_s` seconds.
     """
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
-        super().__init__(line, patience_s)
+        self.line, self.patience_s = line, patience_s
+        # Random, so that late replies to another program match no request of this one.
+        self._seq = secrets.randbits(16)
+        self._round_trip = RoundTrip()
         self.info = self.hello()
 
     @classmethod
@@ -98,6 +112,69 @@ class Session(Requests):
     def close(self) -> None:
         """Close the port."""
         self.line.close()
+
+    def next_seq(self) -> int:
+        """Return the next sequence number."""
+        self._seq = (self._seq + 1) & 0xFFFF
+        return self._seq
+
+    def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
+        """Send a request; return the `size` bytes behind the reply's status. Raises for a status other than OK."""
+        status, answer = self.request(kind, body, work_s)
+        return self.checked(kind, status, answer, size)
+
+    def checked(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
+        """Return the body of a reply; raise for a status other than OK, and for another size than `size` bytes."""
+        if status != ReplyStatus.OK:
+            raise refusal(self.line.url, kind, status, body)
+        if len(body) != size:
+            raise self.error(f"the board's reply to {kind.name} has {len(body)} bytes, not {size}", UPDATE)
+        return body
+
+    def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
+        """Send a request until its reply arrives; return the status and the rest of the reply's body.
+
+        The sequence number, a new one unless it is given, stays the same, so the board executes a repeated request
+        once. Fails `patience_s` after the time of the board's work, or later by one send that the line does not accept.
+        """
+        seq = self.next_seq() if seq is None else seq
+        packet = packed(kind, seq, body)
+        end = time.monotonic() + work_s + self.patience_s
+        again = False
+        while True:
+            self.line.send(packet, min(SEND_S, self.patience_s))
+            sent_at = time.monotonic()
+            until = min(end, sent_at + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
+            # Bounded by time: a line may deliver other packets without end.
+            while time.monotonic() < until:
+                reply = self.line.receive(until - time.monotonic())
+                if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
+                    if again:
+                        self._round_trip.ease()
+                    elif not work_s:
+                        self._round_trip.sample(time.monotonic() - sent_at)
+                    return reply.body[0], reply.body[1:]
+            if time.monotonic() >= end:
+                self._round_trip.give_up()
+                raise self.silence()
+            self._round_trip.back_off()
+            again = True
+
+    def silence(self) -> NoBoardError:
+        """Return the error of a board that does not answer; the received bytes suggest the cause."""
+        counts = self.line.reader
+        what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
+        if counts.accepted:
+            what = f"the board has not answered for {self.patience_s:g} s"
+            remedy = "check its power and the cable; of a virtual board, that its machine is not overloaded"
+        elif counts.bytes:
+            what = f"{counts.bytes} bytes came, but no packet: no board, or one at another baud rate"
+            what, remedy = f"{what} than {self.line.baud}", "give the board's rate"
+        return NoBoardError.at(self.line.url, what, remedy)
+
+    def error(self, what: str, remedy: str) -> DeviceError:
+        """Return an error of the board at this line."""
+        return DeviceError.at(self.line.url, what, remedy)
 
     def hello(self) -> Hello:
         """Begin a session: send HELLO, check the reply, and keep it in `info`.
@@ -138,6 +215,14 @@ class Session(Requests):
             body = self.ask(Kind.READ, READ_REQUEST.pack(_checked(address + 4 * first), size), 4 * size)
             words += struct.unpack(f"<{size}I", body)
         return words
+
+    def word(self, name: str) -> int:
+        """Return the word of a register, by its name in `REGISTERS`."""
+        return self.read(REGISTERS[name].address)[0]
+
+    def fields(self, name: str) -> dict[str, int]:
+        """Return the value of each field of a register, by its name in `REGISTERS`."""
+        return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
         """Write 1 to 64 words from a byte address, exactly once: all of them or none.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -16,7 +17,7 @@ from lippmann.base.progress import Progress
 from lippmann.base.toml import documented, key
 from lippmann.board.packets import BACK, FRONT, Kind, ReplyStatus
 from lippmann.board.panel_frames import check_shape, panel_values
-from lippmann.board.retries import MAX_ROUNDS, Window
+from lippmann.board.retries import MAX_ROUNDS, Window, refusal
 from lippmann.board.session import Session
 from lippmann.board.tiles import TILE, Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.errors import InputError
@@ -136,8 +137,7 @@ def _show(session: Session, frame: Pixels, sent: Sent, progress: Progress | None
             # Every tile has the right CRC but not the frame: two contents of a tile share a CRC.
             missing = np.arange(sent.tiles)
             in_front[:] = False
-        tiles = _TileWindow(session, frame, front.epoch, in_front, sent, window_bytes)
-        status = tiles.run(missing.tolist(), sent.tiles, progress, ends=ReplyStatus.STALE_EPOCH)
+        status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, sent, progress, window_bytes)
         if status == ReplyStatus.OK:
             status, sent.epoch = session.present(front.epoch, sent.crc)
         if status == ReplyStatus.OK:
@@ -148,52 +148,52 @@ def _show(session: Session, frame: Pixels, sent: Sent, progress: Progress | None
     )
 
 
-class _TileWindow(Window):
-    """Sends tiles of one frame in one epoch; tiles `in_front` are copied from the board's front buffer."""
+def _send_tiles(
+    session: Session,
+    frame: Pixels,
+    epoch: int,
+    tiles: Sequence[int],
+    in_front: npt.NDArray[np.bool_],
+    sent: Sent,
+    progress: Progress | None = None,
+    window_bytes: int = WINDOW_BYTES,
+) -> ReplyStatus:
+    """Send tiles of a frame in one epoch; those `in_front` are copied from the board's front buffer.
 
-    def __init__(
-        self,
-        session: Session,
-        frame: Pixels,
-        epoch: int,
-        in_front: npt.NDArray[np.bool_],
-        sent: Sent,
-        window_bytes: int = WINDOW_BYTES,
-    ) -> None:
-        super().__init__(session, Kind.TILE, window_bytes)
-        self._grid, self._frame, self._epoch = session.info.grid, frame, epoch
-        self._in_front, self._sent = in_front, sent
-        self._refused: set[int] = set()
+    Return OK, or STALE_EPOCH when the board's buffers were swapped meanwhile.
+    """
+    grid = session.info.grid
+    refused: set[int] = set()
 
-    def body(self, item: int) -> bytes:
-        """Return the request of a tile in its shortest coding."""
-        pixels = self._grid.cut(self._frame, item)
-        if item in self._refused:
+    def request(tile: int) -> bytes:
+        pixels = grid.cut(frame, tile)
+        if tile in refused:
             coded = raw_tile(pixels)
         else:
-            coded = Coded(Coding.COPY, b"") if self._in_front[item] else code_tile(pixels)
-        self._sent.sends += 1
-        self._sent.resends += item in self._sent.known
-        self._sent.known.add(item)
-        return TILE_REQUEST.pack(self._epoch, item, coded.coding) + coded.data
+            coded = Coded(Coding.COPY, b"") if in_front[tile] else code_tile(pixels)
+        sent.sends += 1
+        sent.resends += tile in sent.known
+        sent.known.add(tile)
+        return TILE_REQUEST.pack(epoch, tile, coded.coding) + coded.data
 
-    def judge(self, item: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
-        """Count a tile that has arrived; send one raw whose data the board refuses."""
+    def has_arrived(tile: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
         coding = Coding(body[TILE_REQUEST.size - 1])
-        if status == ReplyStatus.OK and reply == TILE_REPLY.pack(item):
-            if item not in self.arrived:
-                self._sent.arrived.add(item)
-                self._sent.payload_bytes += len(body) - TILE_REQUEST.size
+        if status == ReplyStatus.OK and reply == TILE_REPLY.pack(tile):
+            if tile not in window.arrived:
+                sent.arrived.add(tile)
+                sent.payload_bytes += len(body) - TILE_REQUEST.size
                 count = "copied" if coding == Coding.COPY else coding.name.lower()
-                setattr(self._sent, count, getattr(self._sent, count) + 1)
+                setattr(sent, count, getattr(sent, count) + 1)
             return True
         if status == ReplyStatus.BAD_TILE_DATA and coding != Coding.RAW:
             # Sent raw next: raw pixels need no decoder.
-            self._refused.add(item)
-            self.again(item)
+            refused.add(tile)
         elif status != ReplyStatus.STALE_EPOCH:
-            raise self.requests.refusal(Kind.TILE, status)
+            raise refusal(session.line.url, Kind.TILE, status)
         return False
+
+    window = Window(session, Kind.TILE, window_bytes, request, has_arrived)
+    return window.run(tiles, grid.count, progress, ends=ReplyStatus.STALE_EPOCH)
 
 
 class BoardSink:
@@ -232,9 +232,8 @@ class BoardSink:
         back = self._session.tiles(BACK)
         to_send = [tile for tile in complete if back.crcs[tile] != frame_crc(self._grid.cut(self._frame, tile))]
         in_front = np.zeros(self._grid.count, np.bool_)
-        tiles = _TileWindow(self._session, self._frame, back.epoch, in_front, self._sent)
         # Where the board's buffers were swapped meanwhile, `finish` begins again.
-        tiles.run(to_send, self._grid.count, ends=ReplyStatus.STALE_EPOCH)
+        _send_tiles(self._session, self._frame, back.epoch, to_send, in_front, self._sent)
         self._sent.wire_bytes += self._session.line.written - written
         self._sent.seconds += time.monotonic() - begun
 
@@ -261,42 +260,36 @@ class Sender:
     def __init__(self, session: Session) -> None:
         self.frames = self.tiles = self.wire_bytes = 0
         self._session = session
-        self._next: Pixels | None = None
+        self._newest: deque[Pixels] = deque(maxlen=1)
         self._error: Exception | None = None
-        self._over, self._busy = False, False
-        self._changed = threading.Condition()
+        self._over = False
+        self._calls = threading.Semaphore(0)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def send(self, pixels: Pixels) -> None:
         """Give the next picture (height, width, 3); raise what the board's last one met."""
-        with self._changed:
-            if self._error is not None:
-                raise self._error
-            self._next = pixels.copy()
-            self._changed.notify_all()
+        if self._error is not None:
+            raise self._error
+        self._newest.append(pixels.copy())
+        self._calls.release()
 
     def finish(self) -> None:
         """Wait until the newest picture is shown, and end the thread; raise as `send`."""
-        with self._changed:
-            self._over = True
-            self._changed.notify_all()
+        self._over = True
+        self._calls.release()
         self._thread.join()
         if self._error is not None:
             raise self._error
 
     def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._next is not None or self._over)
-                pixels, self._next = self._next, None
-            if pixels is None:
-                return
+        while self._calls.acquire() and (self._newest or not self._over):
+            if not self._newest:  # sent already, by an earlier call
+                continue
             try:
-                sent = send_frame(self._session, pixels)
+                sent = send_frame(self._session, self._newest.pop())
             except Exception as error:  # it is raised where pictures are made
-                with self._changed:
-                    self._error = error
+                self._error = error
                 return
             self.frames += 1
             self.tiles += len(sent.arrived)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -12,7 +11,7 @@ from lippmann.board.bitstreams import program, read_bitfile
 from lippmann.board.board import Board, check_rays
 from lippmann.board.drawn_scene import LAYER_WORDS, LAYERS_BASE, SceneBoard
 from lippmann.board.packets import SCENE_VERSION
-from lippmann.board.session import OPTICS_BASE, SCENE_BASE
+from lippmann.board.session import REGISTERS, SCENE_BASE
 from lippmann.cli.board_start import start_command, stop_command
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options_common import DISPLAY, Vector
@@ -20,22 +19,14 @@ from lippmann.cli.options_port import OPEN_BOARD, OpenBoard, check_board
 from lippmann.cli.output import emit
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
-from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_REGISTERS, Field, Register
+from lippmann.fixed.registers import BOARD_REGISTERS, Field, Register
 
 #: A register's 32 bits.
 WORD = Field(0, 32)
-#: Each block's registers and the address of its first one, by the prefix of their names.
-BLOCKS = {"": (BOARD_REGISTERS, 0), "optics.": (OPTICS_REGISTERS, OPTICS_BASE), "scene.": (SCENE_REGISTERS, SCENE_BASE)}
-#: Registers by name, with their addresses on the board.
-REGISTERS = {
-    prefix + name: replace(register, address=base + register.address)
-    for prefix, (registers, base) in BLOCKS.items()
-    for name, register in registers.items()
-}
 #: Bytes of the scene's addresses; addresses of the layers' looks, and the field with a layer's slot.
 SCENE_BYTES = 0x400
 LOOKS = {register.address for name, register in REGISTERS.items() if name.endswith("_look")}
-LOOK_SLOT = SCENE_REGISTERS["layer_0_look"].fields["slot"]
+LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
 
 
 @click.group("board")
@@ -221,7 +212,7 @@ def read_command(
     with open_board() as board:
         _check_scene(board, register, target.address, count)
         words = board.read(target.address, count)
-    fields = {} if count > 1 else {name: field.value(words[0]) for name, field in target.fields.items()}
+    fields = {} if count > 1 else target.values(words[0])
     result = {"address": target.address, "words": words, "fields": fields}
     emit(result, (line for k, word in enumerate(words) for line in _lines(target.address + 4 * k, word)))
 

@@ -14,7 +14,7 @@ from lippmann.base.variant import mitsuba, start_mitsuba
 from lippmann.board.bitstreams import LOADER
 from lippmann.board.board import baud_of_board
 from lippmann.board.fpga_boards import board_of_port, fpga_boards
-from lippmann.board.port import SCHEMES, adapter_ports, port_trouble, ports, serial_number
+from lippmann.board.port import SCHEMES, adapter_ports, port_info, port_trouble, ports
 from lippmann.capturing.povray_export import POVRAY
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
@@ -89,11 +89,11 @@ def command(
 
 def _board_text(url: str) -> str:
     """Return what is known of a port's board, and the number that `board program --serial` takes; else nothing."""
-    board = board_of_port(url)
-    if board is None:
+    board, info = board_of_port(url), port_info(url)
+    if board is None or info is None:
         return ""
-    number = serial_number(url)
-    return f"{board.title}, {board.baud} baud{f', serial number {number}' if number else ''}: "
+    number = f", serial number {info.serial_number}" if info.serial_number else ""
+    return f"{board.title}, {board.baud} baud{number}: "
 
 
 def _packages() -> Iterator[tuple[str, str]]:

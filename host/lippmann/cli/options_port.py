@@ -32,7 +32,7 @@ def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
 
     Raises DeviceError unless there is one.
     """
-    url = find_board(baud=baud, allowed=_confirmed).url if port is None else port
+    url = find_board(baud=baud, allowed=_confirmed) if port is None else port
     return url, baud or usual_baud(url)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from lippmann.base import toml
-from lippmann.base.toml import check_fields, documented, key, variant
+from lippmann.base.toml import Checked, documented, key, variant
 from lippmann.base.tones import MAX_PAIRS, Curve, curve_of
 from lippmann.display.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
 from lippmann.display.subpixels import Subpixel, layout_of
@@ -63,7 +63,7 @@ Glass = Annotated[str, key(f"glass that gives the index: {', '.join(SELLMEIER)}"
 
 @documented
 @dataclass(frozen=True)
-class Panel:
+class Panel(Checked):
     """The panel that emits the light."""
 
     width_px: Side
@@ -79,10 +79,6 @@ class Panel:
 
     white_cd_m2: Annotated[Luminance, key("luminance of white", default="unknown")] = None
     black_cd_m2: Annotated[Darkness, key("luminance of a black pixel", default="0")] = None
-
-    def __post_init__(self) -> None:
-        """Refuse what a file could not give."""
-        check_fields(self)
 
     @property
     def keys(self) -> dict[str, object]:
@@ -125,7 +121,7 @@ class Panel:
 
 @documented
 @dataclass(frozen=True)
-class Array:
+class Array(Checked):
     """The microlens array: identical plano-convex lenslets on a square or hexagonal lattice."""
 
     grid: Annotated[Grid, key("lattice of the lenslets; hexagonal rows run along x")]
@@ -146,10 +142,6 @@ class Array:
 
     shear: Shear = 0.0
     extent_mm: Extent = None
-
-    def __post_init__(self) -> None:
-        """Refuse what a file could not give."""
-        check_fields(self)
 
     @property
     def keys(self) -> dict[str, object]:
@@ -238,7 +230,7 @@ class Array:
 
 @documented
 @dataclass(frozen=True)
-class Display:
+class Display(Checked):
     """A panel, an array, and the gap between the panel's emitting plane and the array's near face (mm)."""
 
     name: Annotated[str, key("name of the display in pictures and reports", default="the file's name")]
@@ -250,10 +242,6 @@ class Display:
         0.0,
         0.0,
     )
-
-    def __post_init__(self) -> None:
-        """Refuse what a file could not give."""
-        check_fields(self)
 
     @property
     def convergence(self) -> float:

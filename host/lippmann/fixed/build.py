@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from numbers import Integral
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
-from lippmann.base.toml import documented, key
+from lippmann.base.toml import check_fields, documented, key
 from lippmann.display.description import Display, Grid
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, extra_bits
@@ -27,29 +26,22 @@ MOST_CELL_STEPS = 4
 class Build:
     """Parameters of the RTL module `ray_pipeline`."""
 
-    fraction_bits: Annotated[int, key("F, 14 to 23")]
+    fraction_bits: Annotated[int, key("F, 14 to 23", low=FRACTIONS[0], high=FRACTIONS[-1])]
     grid: Annotated[Grid, key("lattice")]
     model: Annotated[HardwareModel, key("lens model")] = "exact"
     viewer: Annotated[bool, key("the plano side faces the viewer")] = False
     aims: Annotated[bool, key("rays aim at aperture points; without, all rays are chief rays")] = False
     #: The RTL's parameter `Walk`.
-    max_cell_steps: Annotated[int, key("cells that a ray may step to when it meets a dome outside its cell")] = 0
+    max_cell_steps: Annotated[
+        int, key("cells that a ray may step to when it meets a dome outside its cell", low=0, high=MOST_CELL_STEPS)
+    ] = 0
     cross_cells: Annotated[bool, key("cross terms of products in multiplier cells, not logic; same results")] = False
     converge: Annotated[bool, key("elemental images may converge on a near eye")] = False
     shear: Annotated[bool, key("the lattice may be sheared")] = False
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
-        for name, kind in (("grid", Grid), ("model", HardwareModel)):
-            value = getattr(self, name)
-            if value not in get_args(kind):
-                raise InputError(f"{name} '{value}' cannot be built; choose from {', '.join(get_args(kind))}")
-        for name, values in (("fraction_bits", FRACTIONS), ("max_cell_steps", range(MOST_CELL_STEPS + 1))):
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or isinstance(value, bool):
-                raise InputError(f"{name} {value!r} is not a whole number; give {values[0]} to {values[-1]}")
-            if value not in values:
-                raise InputError(f"{name} = {value} cannot be built; choose {values[0]} to {values[-1]}")
+        check_fields(self)
         if self.max_cell_steps and (self.model != "exact" or not (self.aims or self.viewer or self.converge)):
             raise InputError("max_cell_steps must be 0 in a build whose rays cannot leave their cell")
         if self.viewer and self.model != "exact":

@@ -42,7 +42,7 @@ MAX_ASTRAY = 8
 _PITCHES = "(array.pitch_mm, panel.pixel_pitch_mm)"
 _RAISE_GAP = "raise gap_mm, or array.thickness_mm where the plano side faces the panel, or lower array.pitch_mm"
 _TOO_NEAR = f"the panel stands too near for the pitch: {_RAISE_GAP}"
-_TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
+TOO_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
 _PITCHES_ALIKE = "bring the numbers of array.pitch_mm nearer to each other, or lower array.shear"
 _TOO_THICK = "the substrate is too thick for the curvature: lower array.thickness_mm or raise array.radius_mm"
 _FARTHER = "the eye is too near: raise viewing_distance_mm, take a smaller panel, or bring viewing_axis_mm nearer to it"
@@ -138,12 +138,12 @@ def _formats(build: Build) -> dict[str, _Format]:
         (near + build.extra, f + build.extra, _TOO_NEAR, {
             "slope_x": True, "slope_y": True, "slope_aim_x": slope_aims, "slope_aim_y": slope_aims,
         }),
-        (near, f, _TOO_STEEP, {
+        (near, f, TOO_STEEP, {
             "point_x": lens, "point_y": lens, "point_aim_x": aims, "point_aim_y": aims,
             "cell_pitch_x": walks, "cell_pitch_y": walks,
             "shear_row": walks and build.shear, "shear_lean": strays and build.shear,
         }),
-        (near, f + 1, _TOO_STEEP, {"cell_half": strays, "cell_half_y": strays and square}),
+        (near, f + 1, TOO_STEEP, {"cell_half": strays, "cell_half_y": strays and square}),
         (far, f + 1, _PITCHES_ALIKE, {"cell_rise": strays and not square}),
         (far, f, _PITCHES_ALIKE, {"shear_x": build.shear}),
         (far, f, _TOO_THICK, {"depth": exact}),

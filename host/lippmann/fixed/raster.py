@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from lippmann.base.toml import documented, key
+from lippmann.base.toml import check_fields, documented, key
 from lippmann.display.description import Grid
 from lippmann.errors import InputError
 from lippmann.fixed.configuration import Configuration
@@ -36,40 +36,30 @@ POLYNOMIAL = 0x00400007
 class Raster:
     """A frame's window on a panel, and its jitter; raises InputError for values that its registers cannot hold."""
 
-    width: Annotated[int, key("columns of the panel")]
-    height: Annotated[int, key("rows of the panel")]
+    width: Annotated[int, key("columns of the panel", low=1, high=MAX_PANEL)]
+    height: Annotated[int, key("rows of the panel", low=1, high=MAX_PANEL)]
     columns: Annotated[tuple[int, int], key("first and last column of the window; 0 is the leftmost")]
     rows: Annotated[tuple[int, int], key("first and last row of the window; 0 is the topmost")]
-    samples: Annotated[int, key("rays for each pixel, 1 to 65536")] = 1
+    samples: Annotated[int, key("rays for each pixel, 1 to 65536", low=1, high=MAX_SAMPLES)] = 1
     jitter: Annotated[Jitter, key("source of the offsets from the centres of pixel and lenslet")] = "off"
-    table_first: Annotated[int, key("table entry of sample 0")] = 0
-    seed: Annotated[int, key("first random word, 32 bits; 0 counts as 1")] = 1
+    table_first: Annotated[int, key("table entry of sample 0", low=0, high=TABLE_ENTRIES - 1)] = 0
+    seed: Annotated[int, key("first random word, 32 bits; 0 counts as 1", low=0, high=(1 << 32) - 1)] = 1
 
     def __post_init__(self) -> None:
         """Refuse values out of range."""
+        check_fields(self)
         for name, size, (first, last) in (("columns", self.width, self.columns), ("rows", self.height, self.rows)):
-            _check_range(f"a panel of {size} {name}", size, 1, MAX_PANEL)
             if not 0 <= first <= last < size:
                 raise InputError(
                     f"raster: {name} {first} to {last} are not a window of a panel of {size}; "
                     f"choose 0 <= first <= last <= {size - 1}"
                 )
-        _check_range(f"{self.samples} samples", self.samples, 1, MAX_SAMPLES)
-        if self.jitter not in get_args(Jitter):
-            raise InputError(f"raster: unknown jitter '{self.jitter}'; choose from {', '.join(get_args(Jitter))}")
-        _check_range(f"table_first = {self.table_first}", self.table_first, 0, TABLE_ENTRIES - 1)
-        _check_range(f"seed {self.seed}", self.seed, 0, (1 << 32) - 1)
 
     @property
     def rays(self) -> int:
         """Number of rays of the frame."""
         pixels = (self.columns[1] - self.columns[0] + 1) * (self.rows[1] - self.rows[0] + 1)
         return pixels * self.samples
-
-
-def _check_range(what: str, value: int, low: int, high: int) -> None:
-    if not low <= value <= high:
-        raise InputError(f"raster: {what} is outside the range of its register, {low} to {high}")
 
 
 class RasterRays(NamedTuple):

@@ -76,6 +76,14 @@ class Register:
     description: str = ""
     fields: dict[str, Field] = dataclasses.field(default_factory=dict)
 
+    def values(self, word: int) -> dict[str, int]:
+        """Return the value of each field in the register's word."""
+        return {name: field.value(word) for name, field in self.fields.items()}
+
+    def word(self, **values: int) -> int:
+        """Return the word that holds a value for each field."""
+        return sum(field.bits(values[name]) for name, field in self.fields.items())
+
 
 @dataclass(frozen=True)
 class _File:
@@ -91,9 +99,8 @@ OPTICS_REGISTERS = _load("optics.json")
 BOARD_REGISTERS = _load("board.json")
 SCENE_REGISTERS = _load("scene.json")
 
-
-#: Bits of a register.
-WORD_BITS = 32
+#: Fields of the register `build`, and parameters of a build, that are on or off.
+_FLAGS = ("viewer", "aims", "cross_cells", "converge", "shear")
 
 
 class Write(NamedTuple):
@@ -108,29 +115,18 @@ def write(name: str, **values: int) -> Write:
 
     Raises InputError for an unknown register or field, and for a value that its field cannot hold.
     """
-    register = _register(name)
+    if name not in OPTICS_REGISTERS:
+        raise InputError(f"there is no register '{name}'; docs/reference/registers.md lists them")
+    register = OPTICS_REGISTERS[name]
     unknown = values.keys() - register.fields.keys()
     if unknown:
         raise InputError(f"register {name} has no field {', '.join(sorted(unknown))}")
-    word = 0
-    for key, field in register.fields.items():
-        value = values.get(key, field.reset or 0)
-        low, high = field.limits
+    values = {key: field.reset or 0 for key, field in register.fields.items()} | values
+    for key, value in values.items():
+        low, high = register.fields[key].limits
         if not low <= value <= high:
             raise InputError(f"register {name}, field {key}: {value} is outside its range [{low}, {high + 1})")
-        word |= field.bits(value)
-    return Write(register.address, word)
-
-
-def _register(name: str) -> Register:
-    if name not in OPTICS_REGISTERS:
-        raise InputError(f"there is no register '{name}'; docs/reference/registers.md lists them")
-    return OPTICS_REGISTERS[name]
-
-
-def read(name: str, word: int) -> dict[str, int]:
-    """Return the values of a register's fields from its word; raise InputError for an unknown register."""
-    return {key: field.value(word) for key, field in _register(name).fields.items()}
+    return Write(register.address, register.word(**values))
 
 
 def optics_writes(config: Configuration) -> list[Write]:
@@ -141,8 +137,8 @@ def optics_writes(config: Configuration) -> list[Write]:
         if name in OPTICS_REGISTERS:
             writes.append(write(name, value=value))
         else:  # a word that is too wide for one register
-            low = value & ((1 << WORD_BITS) - 1)
-            writes += [write(f"{name}_low", value=low), write(f"{name}_high", value=value >> WORD_BITS)]
+            high, low = divmod(value, 1 << 32)
+            writes += [write(f"{name}_low", value=low), write(f"{name}_high", value=high)]
     return writes
 
 
@@ -177,29 +173,28 @@ def build_of(words: Mapping[str, int]) -> Build:
     identity = OPTICS_REGISTERS["identity"].fields["letters"].reset
     if words["identity"] != identity:
         raise InputError(f"no optics block answers: its identity is 0x{words['identity']:08X}, not 0x{identity:08X}")
-    version = read("version", words["version"])["major"]
+    version = OPTICS_REGISTERS["version"].values(words["version"])["major"]
     version_here = OPTICS_REGISTERS["version"].fields["major"].reset
     if version != version_here:
         raise InputError(
             f"the optics block has registers of version {version}, this host knows {version_here}; update one"
         )
-    fields = read("build", words["build"])
+    fields = OPTICS_REGISTERS["build"].values(words["build"])
     models, model = get_args(HardwareModel), fields["model"]
     if model >= len(models):
         known_models = f"this host, which knows 0 to {len(models) - 1}"
         raise InputError(f"register build, field model: {model} is unknown to {known_models}; update the host")
-    flags = {name: bool(fields[name]) for name in ("viewer", "aims", "cross_cells", "converge", "shear")}
+    flags = {name: bool(fields[name]) for name in _FLAGS}
     grid = get_args(Grid)[fields["grid"]]
     return Build(fields["fraction_bits"], grid, models[model], max_cell_steps=fields["walk"], **flags)
 
 
 def build_word(build: Build) -> int:
     """Return what the register `build` of an optics block holds; also the RTL's parameter `Build`."""
-    values = {
-        "fraction_bits": build.fraction_bits,
-        "grid": get_args(Grid).index(build.grid),
-        "model": get_args(HardwareModel).index(build.model),
-        "walk": build.max_cell_steps,
-        **{name: int(getattr(build, name)) for name in ("viewer", "aims", "cross_cells", "converge", "shear")},
-    }
-    return sum(field.bits(values[name]) for name, field in OPTICS_REGISTERS["build"].fields.items())
+    return OPTICS_REGISTERS["build"].word(
+        fraction_bits=build.fraction_bits,
+        grid=get_args(Grid).index(build.grid),
+        model=get_args(HardwareModel).index(build.model),
+        walk=build.max_cell_steps,
+        **{name: int(getattr(build, name)) for name in _FLAGS},
+    )

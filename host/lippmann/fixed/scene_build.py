@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from lippmann.base.toml import documented, key
+from lippmann.base.toml import check_fields, documented, key
 from lippmann.errors import InputError
+from lippmann.fixed.registers import SCENE_REGISTERS
 
 #: Most layers and slots; slot 15 is the panel's curve.
 MAX_LAYERS, MAX_SLOTS = 8, 15
@@ -17,8 +18,6 @@ BLOCK_BYTES = 1024
 PALETTE_BYTES = 256 * 4
 #: Most blocks of texels of a slot.
 MAX_TEXEL_BLOCKS = 255
-#: Bits and first bit of each field of the build's word, the lowest first.
-_FIELDS = (("layers", 4), ("slots", 4), ("width_bits", 4), ("height", 11), ("bilinear", 1), ("samples_bits", 2))
 
 
 @documented
@@ -26,22 +25,22 @@ _FIELDS = (("layers", 4), ("slots", 4), ("width_bits", 4), ("height", 11), ("bil
 class SceneBuild:
     """Parameters of the RTL module `scene`."""
 
-    layers: Annotated[int, key("layers, 1 to 8")] = 4
+    layers: Annotated[int, key("layers, 1 to 8", low=1, high=MAX_LAYERS)] = 4
     slots: Annotated[int | None, key("slots for textures, `layers` to 15; left out, one more than layers")] = None
     width: Annotated[int, key("columns of texels of a slot, a power of two from 32 to 1024")] = 256
-    height: Annotated[int, key("rows of texels of a slot, 2 to 1024; even with bilinear")] = 192
+    height: Annotated[int, key("rows of texels of a slot, 2 to 1024; even with bilinear", low=2, high=1024)] = 192
     bilinear: Annotated[bool, key("texels are interpolated; without, the nearest one is taken")] = False
     samples: Annotated[int, key("rays for each pixel: 1, 2 or 4")] = 1
 
     def __post_init__(self) -> None:
         """Refuse what the RTL's elaboration refuses."""
-        _check("layers", self.layers, range(1, MAX_LAYERS + 1))
+        check_fields(self)
         if self.slots is None:
             object.__setattr__(self, "slots", self.layers + 1)
-        _check("slots", self.slots_built, range(self.layers, MAX_SLOTS + 1))
+        if not self.layers <= self.slots_built <= MAX_SLOTS:
+            raise InputError(f"slots = {self.slots} cannot be built; choose {self.layers} to {MAX_SLOTS}")
         if self.width not in (32, 64, 128, 256, 512, 1024):
             raise InputError(f"width = {self.width} cannot be built; choose 32, 64, 128, 256, 512 or 1024 texels")
-        _check("height", self.height, range(2, 1025))
         size = f"{self.width} x {self.height} texels"
         if self.texels % BLOCK_BYTES or self.texels > MAX_TEXEL_BLOCKS * BLOCK_BYTES:
             raise InputError(
@@ -74,11 +73,6 @@ class SceneBuild:
         return self.slot_bytes // BLOCK_BYTES
 
     @property
-    def width_bits(self) -> int:
-        """Binary logarithm of the width."""
-        return self.width.bit_length() - 1
-
-    @property
     def samples_bits(self) -> int:
         """Binary logarithm of the samples."""
         return self.samples.bit_length() - 1
@@ -86,29 +80,21 @@ class SceneBuild:
     @property
     def word(self) -> int:
         """The word of `scene_build_t`, 26 bits: the RTL's parameter, and what its register `build` holds."""
-        values = {
-            "layers": self.layers, "slots": self.slots_built, "width_bits": self.width_bits, "height": self.height,
-            "bilinear": int(self.bilinear), "samples_bits": self.samples_bits,
-        }  # fmt: skip
-        word = at = 0
-        for name, bits in _FIELDS:
-            word, at = word | values[name] << at, at + bits
-        return word
+        return SCENE_REGISTERS["build"].word(
+            layers=self.layers,
+            slots=self.slots_built,
+            width_bits=self.width.bit_length() - 1,
+            height=self.height,
+            bilinear=int(self.bilinear),
+            samples_bits=self.samples_bits,
+        )
 
     @classmethod
     def of_word(cls, word: int) -> SceneBuild:
         """Return the build whose word a register holds; raises InputError for one that cannot be built."""
-        values = {}
-        for name, bits in _FIELDS:
-            values[name], word = word & ((1 << bits) - 1), word >> bits
-        if word:
-            raise InputError(f"the register of the scene's build has unknown bits {word:#x}")
-        return cls(
-            values["layers"], values["slots"], 1 << values["width_bits"], values["height"], bool(values["bilinear"]),
-            1 << values["samples_bits"],
-        )  # fmt: skip
-
-
-def _check(name: str, value: int, values: range) -> None:
-    if value not in values:
-        raise InputError(f"{name} = {value} cannot be built; choose {values[0]} to {values[-1]}")
+        register = SCENE_REGISTERS["build"]
+        values = register.values(word)
+        if unknown := word - register.word(**values):
+            raise InputError(f"the register of the scene's build has unknown bits {unknown:#x}")
+        width, samples = 1 << values["width_bits"], 1 << values["samples_bits"]
+        return cls(values["layers"], values["slots"], width, values["height"], bool(values["bilinear"]), samples)

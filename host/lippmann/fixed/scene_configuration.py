@@ -19,7 +19,7 @@ import numpy.typing as npt
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.fixed.configuration import nearest_word
+from lippmann.fixed.configuration import TOO_STEEP, nearest_word
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.fixed.scene_pipeline import (
     COEFFICIENT_FRACTION,
@@ -49,8 +49,6 @@ SKY_DEPTH = 512.0
 EXIT_RADII = 20.0
 #: Bits of a board's pixel.
 _BOARD_BITS = 8
-
-_STEEP = "the lenslet is too steep: raise array.radius_mm or lower array.pitch_mm"
 
 
 def scene_words(
@@ -87,7 +85,7 @@ def scene_words(
     lattice = Lattice.of(display.array)
     (xi, _), (xj, yj) = lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)
     steps = {
-        name: nearest_word(value / radius, 32, LATTICE_FRACTION, f"register {name}", _STEEP)
+        name: nearest_word(value / radius, 32, LATTICE_FRACTION, f"register {name}", TOO_STEEP)
         for name, value in (("lattice_xi", xi), ("lattice_xj", xj), ("lattice_yj", yj))
     }
     red, green, blue = (math.floor(light * WHITE + 0.5) for light in stack.background)

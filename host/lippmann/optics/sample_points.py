@@ -5,11 +5,9 @@ They depend on the pixel, the sample and their numbers, and on the seed, not on 
 
 from __future__ import annotations
 
-import math
-
 from lippmann.base.variant import mitsuba
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.lattice import HALF_SQRT3, Lattice
+from lippmann.optics.lattice import Lattice
 
 #: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts, "The unreasonable effectiveness
 #: of quasirandom sequences", 2018).
@@ -91,11 +89,7 @@ def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> tuple[Arr, A
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
     # A hexagon is three rhombi round its centre; each is spanned by two of its corner vectors.
-    radius, tall = px / (2.0 * HALF_SQRT3), py / px
-    corners = [
-        lattice.sheared(radius * math.cos(a), radius * math.sin(a) * tall)
-        for a in (math.pi / 6.0, 5.0 * math.pi / 6.0, 1.5 * math.pi)
-    ]
+    corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus
     x = y = 0.0 * s

@@ -186,7 +186,7 @@ class System:
     ) -> Arr:
         """Return statuses, blocked where lenslets (i, j) are missing: the mount is opaque there.
 
-        `left` are those that rays pass, `own` the pixels' own ones. A ray that met no dome stays missed.
+        `passed` are those that rays pass, `own` the pixels' own ones. A ray that met no dome stays missed.
         """
         if self.lattice.half_steps is None:
             return status

@@ -106,17 +106,17 @@ def pixels_from_rays(
 UNIT_ERROR = 1e-3
 
 
-def backend_of(engine: Engine, device: str = "auto") -> Backend:
-    """Return the array library of an engine, on a device where that is "fast".
+def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
+    """Return the array library of an engine, on a device where that is "fast"; numpy for no rays.
 
-    Raises InputError for an engine that has none and for an unknown device, and MissingLibraryError as
-    `available_device`.
+    Dr.Jit does not compute with empty arrays. Raises InputError for an engine that has none and for an unknown device,
+    and MissingLibraryError as `available_device`.
     """
     check_device(device)
     if engine == "golden":
         return NumpyBackend()
     if engine == "fast":
-        return DrJitBackend(available_device(device))
+        return DrJitBackend(available_device(device)) if rays else NumpyBackend()
     if engine in ENGINES:
         raise InputError(f"engine {engine} traces from the panel to the world only; choose from golden, fast")
     raise InputError(f"unknown engine '{engine}'; choose from {', '.join(ENGINES)}")
@@ -129,7 +129,7 @@ def check_model(model: str) -> None:
 
 
 def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:
-    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `most`."""
+    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `limit`."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError):
@@ -153,7 +153,7 @@ def trace_optics(
 ) -> Rays:
     """Trace rays from the panel through the lenslets by golden or fast (parameters and errors of `engines.trace`)."""
     display, pixel, points = checked_rays(display, pixels, aperture, model)
-    b = _backend_for(len(pixel), engine, device)
+    b = backend_of(engine, device, len(pixel))
     aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
     out = rays_from_pixels(b, System.of(display), b.double(pixel[:, 0]), b.double(pixel[:, 1]), aims, model)
     return rays_of(pixel, out)
@@ -195,16 +195,10 @@ def trace_to_panel(
     if (np.abs(np.linalg.norm(directions, axis=1) - 1.0) > UNIT_ERROR).any():
         raise InputError("direction holds vectors that are not of length 1; divide them by their lengths")
     n = len(origins)
-    b = _backend_for(n, engine, device)
+    b = backend_of(engine, device, n)
     origin, unit = (tuple(b.double(column) for column in array.T.copy()) for array in (origins, directions))
     hits = pixels_from_rays(b, System.of(display_at(display)), origin, unit, model)
     return hits_of(n, hits)
-
-
-def _backend_for(n: int, engine: Engine, device: str) -> Backend:
-    """Return the backend of an engine for n rays: numpy for none, since Dr.Jit does not compute with empty arrays."""
-    backend = backend_of(engine, device)
-    return backend if n else NumpyBackend()
 
 
 def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:

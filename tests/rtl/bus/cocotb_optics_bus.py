@@ -15,7 +15,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, read, write
+from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, write
 from streams import start_and_reset
 
 F = int(os.environ["BUS_F"])
@@ -77,7 +77,7 @@ async def driver(dut, registers):
         for _ in range(2000):
             word, error = await registers.read(OPTICS_REGISTERS["status"].address)
             assert not error
-            if all(read("status", word)[name] == value for name, value in wanted.items()):
+            if all(OPTICS_REGISTERS["status"].values(word)[name] == value for name, value in wanted.items()):
                 return
         raise AssertionError(f"status stays {word:#x}")
 

@@ -13,7 +13,7 @@ from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
 from lippmann.fixed.ray_pipeline import ray_pipeline
-from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, read, table_writes, write
+from lippmann.fixed.registers import OPTICS_REGISTERS, build_of, optics_writes, raster_writes, table_writes, write
 from pins import Pins
 from rtl_coverage import Coverage
 from streams import hold_reset
@@ -114,7 +114,7 @@ class Block:
         await self.write([write("control", **fields)])
 
     async def status(self):
-        return read("status", await self.read("status"))
+        return OPTICS_REGISTERS["status"].values(await self.read("status"))
 
     async def settle(self, **wanted):
         for _ in range(20000):

@@ -10,7 +10,7 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 from lippmann.fixed.raster import TABLE_ENTRIES, Raster, raster
-from lippmann.fixed.registers import OPTICS_REGISTERS, raster_writes, read
+from lippmann.fixed.registers import OPTICS_REGISTERS, raster_writes
 from rtl_coverage import Coverage
 
 F = int(os.environ["RASTER_F"])
@@ -225,7 +225,7 @@ async def registers_hold_the_configuration(dut):
     frame = random_frame("lfsr", 0xDEADBEEF)
     words = {write.address: write.word for write in raster_writes(frame)}
     back = {
-        name: read(name, words[register.address])
+        name: register.values(words[register.address])
         for name, register in OPTICS_REGISTERS.items()
         if name.startswith("raster_")
     }
