@@ -69,7 +69,7 @@ def test_a_render_is_sent_band_by_band():
     """The first tiles arrive before the second band is rendered; a render that fails leaves the panel as it was."""
     display = display_of("hex", "panel", width_px=96, height_px=72)
     light = generator(SEED, "render").random((72, 96, 3), np.float32)
-    plan = SimpleNamespace(display=display, bands=(range(40), range(40, 72)), rays=1)
+    plan = SimpleNamespace(display=display, bands=(range(40), range(40, 72)), rays=1, prepare_seconds=0.0)
     tiles = []
     with joined(identity=int(display.identity, 16)) as (model, board):
 

@@ -178,10 +178,7 @@ class Board(Session):
             warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
-        """Return the CRC-32 of a frame that was scanned out, from first to last pixel, after this call.
-
-        Raises DeviceError when the board scans out no frame.
-        """
+        """Return the CRC-32 of a frame that is scanned out whole after this call; DeviceError when there is none."""
         first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
         while (self.word("frames") - first) & 0xFFFFFFFF < FRAME_ENDS:
@@ -242,10 +239,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to each port; return the ports where a board answers, and the errors of the others.
-
-    Without `baud` at the rate of the port's known board (`fpga_boards.usual_baud`).
-    """
+    """Send HELLO to each port, without `baud` at its `usual_baud`; return those of boards, and the others' errors."""
     boards, errors = [], []
     for url in urls:
         try:

@@ -69,10 +69,7 @@ def _common_words(words: SceneWords) -> list[int]:
 
 
 class SceneBoard:
-    """The scene of an open board.
-
-    Raises DeviceError for a board that does not draw.
-    """
+    """The scene of an open board; raises DeviceError for a board that does not draw."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -219,10 +216,7 @@ class SceneBoard:
         return last + 1 - first
 
     def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write a display's optics and lattice, the background and all layers, while no scene is shown.
-
-        Raises as `set_stack`.
-        """
+        """Write optics, lattice, background and all layers, while no scene is shown; raises as `set_stack`."""
         words = self._words(display, stack, slots)
         self.board.write_optics(display)
         self.board.write(_COMMON, _common_words(words))

@@ -128,13 +128,9 @@ def _keys(path: Path) -> dict[str, Any]:
             is_table = isinstance(value, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | value if is_table else value
             if name == "constraints" and isinstance(value, list) and one != path:
-                keys[name] = [_from_beside(pin, one.parent.name) for pin in value]
+                beside = Path("..", one.parent.name)
+                keys[name] = [os.path.normpath(beside / pin) if isinstance(pin, str) else pin for pin in value]
     return keys
-
-
-def _from_beside(name: object, folder: str) -> object:
-    """Return the name of a file in a folder as one beside that folder has it; what is no name stays."""
-    return os.path.normpath(os.path.join("..", folder, name)) if isinstance(name, str) else name
 
 
 def fpga_boards() -> dict[str, FpgaBoard]:

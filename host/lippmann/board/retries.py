@@ -97,17 +97,17 @@ class RoundTrip:
     def __init__(self) -> None:
         self._smoothed: float | None = None
         self._deviation = 0.0
-        self.time_out_s = FIRST_S
+        self._estimate_s = self.time_out_s = FIRST_S
 
     def sample(self, seconds: float) -> None:
         """Add a measured time from a request to its reply, s."""
         if self._smoothed is None:
-            self._smoothed = seconds
-            self._deviation = seconds / 2.0
+            self._smoothed, self._deviation = seconds, seconds / 2.0
         else:
             self._deviation += (abs(self._smoothed - seconds) - self._deviation) / 4.0
             self._smoothed += (seconds - self._smoothed) / 8.0
-        self.time_out_s = self._estimate()
+        self._estimate_s = min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)
+        self.time_out_s = self._estimate_s
 
     def back_off(self) -> None:
         """Lengthen the time-out after a missing reply."""
@@ -115,17 +115,11 @@ class RoundTrip:
 
     def ease(self) -> None:
         """Shorten the time-out after the reply to a repeated request, which cannot be timed."""
-        self.time_out_s = max(self.time_out_s / GROWTH, self._estimate())
+        self.time_out_s = max(self.time_out_s / GROWTH, self._estimate_s)
 
     def give_up(self) -> None:
         """Forget the back-off after a request without a reply: the next one is repeated as often as the first was."""
-        self.time_out_s = self._estimate()
-
-    def _estimate(self) -> float:
-        """Return the time-out of the samples."""
-        if self._smoothed is None:
-            return FIRST_S
-        return min(max(self._smoothed + 4.0 * self._deviation, SHORTEST_S), LONGEST_S)
+        self.time_out_s = self._estimate_s
 
 
 class Flight(NamedTuple):

@@ -100,10 +100,6 @@ class _Format(NamedTuple):
     remedy: str
     is_read: bool
 
-    def word(self, name: str, value: float) -> int:
-        """Return the nearest word of a value; refuse a value for which the register is too narrow."""
-        return nearest_word(value, self.bits, self.fraction, f"register {name}", self.remedy)
-
 
 def nearest_word(
     value: float, bits: int, fraction: int, register: str, remedy: str, share: float = 1.0, unit: str = ""
@@ -194,8 +190,10 @@ def configuration(display: Display, build: Build, model: Model, reach_mm: float 
     _check_lens(display, build)
     _check_reach(display, build, slope, point, reach_mm)
     numbers = _lattice_numbers(display) | _lens_numbers(display, build, model, slope, point)
-    formats = _formats(build)
-    registers = {name: formats[name].word(name, value) for name, value in numbers.items()}
+    registers, formats = {}, _formats(build)
+    for name, value in numbers.items():
+        form = formats[name]
+        registers[name] = nearest_word(value, form.bits, form.fraction, f"register {name}", form.remedy)
     # So that cutting the lattice coordinates rounds them.
     half = 1 << (words.OFFSET_FRACTION - 1 - build.fraction_bits)
     registers["x_offset"] += half
@@ -292,7 +290,9 @@ def _refusal(register: str, value: str, limits: str, remedy: str) -> InputError:
 
 def _check_build(display: Display, build: Build, model: Model) -> None:
     if display.array.shear != 0.0 and not build.shear:
-        off, pixels = _shear_error(display)
+        frame = System.of(display).frame
+        off = abs(display.array.shear) * max(abs(y) for _, y in frame.corners)
+        pixels = math.hypot(off * frame.cos / frame.pitch_mm[0], off * frame.sin / frame.pitch_mm[1])
         raise InputError(
             f"this build is not for display '{display.name}': shear is False, and without array.shear = "
             f"{display.array.shear:g} the lenslets at the panel's corner are {off:.3g} mm ({pixels:.3g} pixels) off; "
@@ -308,13 +308,6 @@ def _check_build(display: Display, build: Build, model: Model) -> None:
             f"{', '.join(f'{name} is {has[name]}' for name in differ)}; "
             f"build with {', '.join(f'{name} = {needs[name]}' for name in differ)}"
         )
-
-
-def _shear_error(display: Display) -> tuple[float, float]:
-    """Return how far a sheared lattice moves the lenslets at the panel's farthest corner, mm and pixels."""
-    frame = System.of(display).frame
-    off = abs(display.array.shear) * max(abs(y) for _, y in frame.corners)
-    return off, math.hypot(off * frame.cos / frame.pitch_mm[0], off * frame.sin / frame.pitch_mm[1])
 
 
 def _check_panel(display: Display) -> None:

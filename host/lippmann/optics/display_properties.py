@@ -86,10 +86,7 @@ class EyeView:
 
 
 def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
-    """Return what eyes before a display see of it, each by itself.
-
-    Raises InputError for an eye that is not before the display.
-    """
+    """Return what eyes before a display see of it, each by itself; InputError for one that is not before it."""
     pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
