@@ -199,7 +199,7 @@ def test_contents_that_do_not_fit_are_refused(model, contents, says):
 def test_more_layers_than_the_board_draws(model):
     rng = generator(SEED, "more")
     stack = LayerStack(tuple(layer(rng) for _ in range(5)))
-    says = r"5 layers do not fit the board, which draws 4.*--count 4"
+    says = r"5 layers do not fit this build, which has 4; leave layers out"
     with Board.open(model.url, FAST_BAUD) as board, pytest.raises(InputError, match=says):
         SceneBoard(board).set_stack(DISPLAY, stack)
 

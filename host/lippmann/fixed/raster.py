@@ -12,8 +12,7 @@ from lippmann.display.description import Grid
 from lippmann.errors import InputError
 from lippmann.fixed.configuration import Configuration
 from lippmann.fixed.ray_start import lenslet_hex, lenslet_square, pixel_to_lattice
-from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BITS, Bools, Ints, fits, wrapped
-from lippmann.optics.rays import Floats
+from lippmann.fixed.words import MUL_BITS, PIXEL_BITS, PIXEL_FRACTION, SLOPE_BITS, Bools, Ints, wrapped
 
 #: Sources of jitter, in the order of their codes in the register.
 Jitter = Literal["off", "table", "lfsr"]
@@ -99,33 +98,6 @@ def raster(frame: Raster, table: Ints, f: int) -> RasterRays:
 def fields(entry: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     """Return du, dv (4 fraction bits, pixels) and ja, jb (10 fraction bits, pitches and rows) of table entries."""
     return wrapped(entry, 4), wrapped(entry >> 4, 4), wrapped(entry >> 8, AIM_BITS), wrapped(entry >> 20, AIM_BITS)
-
-
-def jitter_table(offset_px: Floats, aim: Floats) -> Ints:
-    """Return the table entries (N,) nearest to points on the pixel and aperture points.
-
-    `offset_px` (N, 2) is in pixels from the pixel's centre, to the right and upward, in [-1/2, 7/16], rounded to 1/16;
-    `aim` (N, 2) in pitches and rows from the lenslet's centre, in [-2, 2 - 1/1024], rounded to 1/1024. Raises
-    InputError for more than 64 entries, for arrays of other shapes, and for entries out of range.
-    """
-    if offset_px.ndim != 2 or offset_px.shape[1] != 2 or offset_px.shape != aim.shape:
-        raise InputError(
-            f"jitter table: offsets of shape {offset_px.shape} and aims of shape {aim.shape} do not go together; "
-            "give (N, 2) each"
-        )
-    if len(offset_px) > TABLE_ENTRIES:
-        raise InputError(f"jitter table: {len(offset_px)} entries are more than its {TABLE_ENTRIES}")
-    entries, low_bit = np.zeros(len(offset_px), np.int64), 0
-    formats = (("offset", offset_px, 4, PIXEL_FRACTION), ("aim", aim, AIM_BITS, AIM_FRACTION))
-    for name, values, bits, fraction in formats:
-        word = np.floor(np.ldexp(values, fraction) + 0.5)
-        if not fits(word, bits).all():
-            low, high = (np.ldexp(word, -fraction) for word in (-(1 << (bits - 1)), (1 << (bits - 1)) - 1))
-            raise InputError(f"jitter table: an {name}, rounded, is outside its range [{low:.10g}, {high:.10g}]")
-        for column in word.astype(np.int64).T:
-            entries |= (column & ((1 << bits) - 1)) << low_bit
-            low_bit += bits
-    return entries
 
 
 def lfsr(seed: int, count: int) -> Ints:
