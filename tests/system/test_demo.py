@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lippmann.board import virtual_loop
 from lippmann.board.film_player import Played
+from lippmann.board.virtual_loop import frames_differ
 from lippmann.cli import demo, run
 from lippmann.fixed.scene_build import SceneBuild
 from PIL import Image
@@ -84,7 +84,7 @@ def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monk
     monkeypatch.setattr(demo, "_views", lambda *_: ([], []))  # of the frame that was streamed, before
     monkeypatch.delitem(demo.FILMS, "chart")  # drawn after it
     if planted == "a drawn pixel":
-        draw, calls = virtual_loop.draw, []
+        draw, calls = demo.draw, []
 
         def other(*arguments):
             pixels = draw(*arguments).copy()
@@ -93,15 +93,15 @@ def test_a_board_that_draws_something_else_is_told(scenes, tmp_path, capfd, monk
                 pixels[HEIGHT // 2, 3, 1] ^= 1
             return pixels
 
-        monkeypatch.setattr(virtual_loop, "draw", other)
+        monkeypatch.setattr(demo, "draw", other)
         wanted = (1, 0)
     else:
-        play_film = virtual_loop.play_film
+        play_film = demo.play_film
 
         def late(*arguments, **options):
             return Played(**{**vars(play_film(*arguments, **options)), "underflows": 7})
 
-        monkeypatch.setattr(virtual_loop, "play_film", late)
+        monkeypatch.setattr(demo, "play_film", late)
         wanted = (0, 7)
     code, said, told = ran(scenes, tmp_path, capfd)
     assert code == 1
@@ -117,4 +117,4 @@ def test_frames_that_are_missing_or_too_many_count_whole(shown, differ):
     """Frames of 2 x 3 pixels; 0 is black, 1 is drawn, 2 is another in one pixel."""
     frames = [np.zeros((2, 3, 3), np.uint8), np.full((2, 3, 3), 9, np.uint8), np.full((2, 3, 3), 9, np.uint8)]
     frames[2][1, 1] = 8, 7, 9
-    assert virtual_loop.frames_differ([frames[k] for k in shown], frames[:2]) == differ
+    assert frames_differ([frames[k] for k in shown], frames[:2]) == differ

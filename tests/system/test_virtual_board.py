@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 from cobs import cobs
 from fault_line import NO_FAULTS, Faults, Proxy
-from lippmann.board.board import Board
+from lippmann.board.board import Board, check_rays
 from lippmann.board.packets import BACK, FRONT, Kind, PacketReader, ReplyStatus, packed
 from lippmann.board.panel_frames import load_frame
 from lippmann.board.port import token_of
 from lippmann.board.streaming import send_frame
-from lippmann.board.virtual_loop import run_on_virtual_board
+from lippmann.board.virtual_loop import capturing
 from lippmann.cli import run
 from lippmann.display.description import display_text, load_display
 from lippmann.errors import DeviceError, InputError
@@ -526,11 +526,13 @@ def test_bits_at_a_wrong_rate_harm_nothing(tmp_path, port, host_baud):
 
 def test_the_whole_loop():
     image = random_image(15)
-    loop = run_on_virtual_board(small(), image, (5, 60), (10, 20))
-    np.testing.assert_array_equal(loop.panel_frame, image)
-    assert loop.panel_crc == loop.sent.crc == zlib.crc32(image.tobytes())
-    assert (loop.check.rays, loop.check.equal) == (56 * 11, True)
-    assert loop.clocks > 0
+    with capturing(small()) as loop:
+        check = check_rays(loop.board, small(), (5, 60), (10, 20))
+        sent = send_frame(loop.board, image)
+        assert loop.board.panel_crc() == sent.crc == zlib.crc32(image.tobytes())
+    np.testing.assert_array_equal(loop.frames[-1], image)
+    assert (check.rays, check.equal) == (56 * 11, True)
+    assert loop.counts["clocks"] > 0
 
 
 # A UART is given bytes that are wrong in test_a_bad_line_never_shows_a_wrong_frame.

@@ -129,9 +129,8 @@ class Board(Session):
         scene stores the frame and goes on drawing, of which a LippmannWarning tells. Return the tiles, bytes and
         seconds that the transfer took.
 
-        The image's display must be the board's; with `force`, one of the same size in pixels is accepted. `progress`
-        counts tiles. Raises InputError for an image of another display, size, transfer curve or number of bits, and
-        DeviceError when the board does not answer, shows a test pattern, or refuses the frame.
+        `progress` counts tiles. Raises InputError as `image_frame`, and DeviceError when the board does not answer,
+        shows a test pattern, or refuses the frame.
         """
         self.check_panel()
         return send_frame(self, image_frame(image, self.info, force), progress)

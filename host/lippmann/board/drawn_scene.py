@@ -109,8 +109,8 @@ class SceneBoard:
         """Load slots; blocks that the board holds are not sent, so that a load that was cut goes on where it was.
 
         `contents` holds the bytes of each slot: texels row by row, then the palette (`slot_bytes`); for slot 15 the
-        table of the panel's curve. At most `window_bytes` are sent and not yet acknowledged. `progress` counts blocks.
-        `loaded` holds the counts of a load before; this call adds to them, also when it fails.
+        table of the panel's curve. `window_bytes` is that of `Window`; `progress` counts blocks. The counts are added
+        to `loaded`, also when a load fails.
 
         Raises InputError for contents that do not fit the board's slots, and DeviceError when a slot is shown, or the
         board does not answer.

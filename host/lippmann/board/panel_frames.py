@@ -137,11 +137,7 @@ def load_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> Pixels:
-    """Read an image file as a frame (height, width, 3) uint8 for a panel.
-
-    Arguments and errors are those of `check_frame`; raises InputError for a broken file, too. Values that are assumed
-    are logged.
-    """
+    """Read an image file as a frame (height, width, 3) uint8; as `check_frame`, whose assumptions are logged."""
     file = check_frame(path, target, transfer, panel, force)
     if file.assumption:
         logger.info(file.assumption)

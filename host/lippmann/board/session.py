@@ -93,8 +93,7 @@ class Session:
     def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
         """Open a port, a serial device, a pty, or socket://HOST:PORT, and send HELLO to the board there.
 
-        Raises InputError for an invalid URL or baud rate, and DeviceError when the port does not open, or no board with
-        this protocol answers.
+        Raises as `open_port`, and DeviceError when no board with this protocol answers.
         """
         line = Line(url, baud)
         try:

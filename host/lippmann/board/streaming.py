@@ -82,9 +82,8 @@ def send_frame(
     """Send a frame to the board and show it on the panel.
 
     The frame is (height, width, 3) uint8, of the panel's size. Tiles that the board holds are not sent: after a lost
-    connection, call again with the same frame. The call fails when no reply comes, or no tile arrives, for
-    `patience_s` of the session. At most `window_bytes` are sent and not yet acknowledged. `progress` counts tiles.
-    `sent` holds the counts of the same frame before a lost connection; this call adds to them, also when it fails.
+    connection, call again with the same frame, and with the counts `sent`, to which each call adds, also when it fails.
+    `window_bytes` is that of `Window`; `progress` counts tiles.
 
     Raises InputError when the frame does not have the panel's size; NoBoardError when the connection is lost, or the
     board does not answer; DeviceError when the board refuses tiles, or another board took its place.

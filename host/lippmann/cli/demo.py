@@ -17,10 +17,15 @@ from lippmann import api
 from lippmann.base.animation import write_animation, write_contact_sheet
 from lippmann.base.files import make_folder, replacing
 from lippmann.base.images import Radiance
-from lippmann.base.progress import report_each
+from lippmann.base.progress import Progress, report_each
 from lippmann.base.tones import decode, psnr_db
+from lippmann.board.board import check_rays
+from lippmann.board.drawn_scene import SceneBoard
+from lippmann.board.film_player import load_textures, play_film
 from lippmann.board.panel_frames import panel_values
-from lippmann.board.virtual_loop import draw_on_virtual_board, run_on_virtual_board
+from lippmann.board.streaming import send_frame
+from lippmann.board.tiles import Pixels
+from lippmann.board.virtual_loop import capturing, frames_differ
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options_common import DEVICE, SCENES, Point
 from lippmann.cli.output import emit, log
@@ -29,14 +34,15 @@ from lippmann.display.description import Display, Panel, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window
 from lippmann.eye.viewer_page import Direct, page_html
+from lippmann.fixed.drawn_frame import draw
 from lippmann.fixed.scene_build import SceneBuild
-from lippmann.motion.layer_film import load_layer_film
+from lippmann.motion.layer_film import LayerFilm, load_layer_film
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.scene import Scene
-from lippmann.simulation.virtual_board import compile_board
+from lippmann.simulation.virtual_board import board_build, compile_board
 
 SCENE = "fish/fish.xml"
 DISPLAY = "displays/paper-square.toml"
@@ -80,10 +86,14 @@ def command(
         image = _render(scene, display, out, device)
         frame = panel_values(image.radiance, panel.transfer, panel.bits)
         columns, rows = _middle(panel.width_px), _middle(panel.height_px)
-        with progress_bar("stream") as progress:
-            loop = run_on_virtual_board(display, frame, columns, rows, progress)
+        log("starting the virtual board (compiled once, half a minute) ...")
+        with progress_bar("stream") as progress, capturing(display) as captured:
+            check = check_rays(captured.board, display, columns, rows)
+            sent = send_frame(captured.board, frame, progress)
+            crc_equal = captured.board.panel_crc() == sent.crc
         # From here on only the frame that was scanned out counts.
-        scanned = replace(image, radiance=decode(loop.panel_frame / np.float32(255.0), panel.transfer))
+        shown = captured.frames[-1]
+        scanned = replace(image, radiance=decode(shown / np.float32(255.0), panel.transfer))
         scanned.save(out / "panel.png")
         directs, decibels = _views(scene, scanned, out, device)
         drawn = _draw_films(folder, out, device)
@@ -93,15 +103,15 @@ def command(
     result = {
         "display": display.name,
         "render_seconds": image.measured["seconds"],
-        "rays_compared": loop.check.rays,
-        "rays_equal": loop.check.equal,
-        "stream_seconds": loop.sent.seconds,
-        "bytes_per_second": loop.sent.rate,
-        "resends": loop.sent.resends,
+        "rays_compared": check.rays,
+        "rays_equal": check.equal,
+        "stream_seconds": sent.seconds,
+        "bytes_per_second": sent.rate,
+        "resends": sent.resends,
         "bytes": frame.size,
-        "bytes_differ": int((loop.panel_frame != frame).sum()),
-        "crc_equal": loop.panel_crc == loop.sent.crc,
-        "clocks": loop.clocks,
+        "bytes_differ": int((shown != frame).sum()),
+        "crc_equal": crc_equal,
+        "clocks": captured.counts["clocks"],
         "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
         "drawn": drawn,
     }
@@ -195,17 +205,15 @@ def _draw_films(scenes: Path, out: Path, device: str) -> dict[str, dict[str, Any
 
     `scenes` is the folder of the scenes that ship, `out` that of the results.
     """
-    display, build = load_display(scenes / DRAWN_DISPLAY), SceneBuild()
+    display = load_display(scenes / DRAWN_DISPLAY)
     window = whole_window(display, DRAWN_VIEW_WIDTH_PX)
     log("starting a virtual board that draws (compiled once, half a minute) ...")
     results = {}
     for name, path in FILMS.items():
         film = load_layer_film(scenes / path)
         with progress_bar(f"draw the {name}") as progress:
-            loop = draw_on_virtual_board(display, film, build, progress)
-        panels = [
-            IntegralImage(decode(frame / np.float32(255.0), display.panel.transfer), display) for frame in loop.frames
-        ]
+            frames, results[name] = _draw(display, film, progress)
+        panels = [IntegralImage(decode(frame / np.float32(255.0), display.panel.transfer), display) for frame in frames]
         count = len(panels) if film.frames > 1 else STILL_VIEWS
         # The eye goes from the left to the right and back.
         eyes = [(-REACH_MM * math.cos(2.0 * math.pi * k / count), 0.0, EYE_DISTANCE_MM) for k in range(count)]
@@ -215,13 +223,29 @@ def _draw_films(scenes: Path, out: Path, device: str) -> dict[str, dict[str, Any
                 for k, eye in enumerate(report_each(eyes, progress))
             ]
         write_animation(out / f"drawn-{name}.gif", views, there_and_back=False)
-        results[name] = {
-            "frames": loop.played.frames,
-            "pixels": len(panels) * display.panel.width_px * display.panel.height_px,
-            "pixels_differ": loop.pixels_differ,
-            "underflows": loop.played.underflows,
-            "load_bytes": loop.loaded.wire_bytes,
-            "bytes": loop.played.bytes,
-            "most_bytes": loop.played.most_bytes,
-        }
     return results
+
+
+def _draw(display: Display, film: LayerFilm, progress: Progress) -> tuple[list[Pixels], dict[str, Any]]:
+    """Have a virtual board draw a film until its panel has shown every frame; return the frames, and their figures."""
+    build = SceneBuild()
+    with capturing(display, build) as captured:
+        captured.board.panel_crc()  # a black frame has been scanned out
+        scene = SceneBoard(captured.board)
+        loaded, slots = load_textures(scene, display, film)
+        played = play_film(scene, display, film, slots, every_frame=True, progress=progress)
+        captured.board.panel_crc()  # and the last one
+    optics, frames = board_build(display, build), captured.frames[1:]
+    drawn = [draw(display, optics, film.at(frame)[0], build) for frame in range(film.frames)]
+    # A frame like the one before it is captured once.
+    expected = [np.zeros_like(drawn[0])]
+    expected += [one for one, before in zip(drawn, [*expected, *drawn], strict=False) if (one != before).any()]
+    return frames, {
+        "frames": played.frames,
+        "pixels": len(frames) * display.panel.width_px * display.panel.height_px,
+        "pixels_differ": frames_differ(captured.frames, expected),
+        "underflows": played.underflows,
+        "load_bytes": loaded.wire_bytes,
+        "bytes": played.bytes,
+        "most_bytes": played.most_bytes,
+    }

@@ -1,7 +1,6 @@
 """The register values (`optics_config_t` of rtl/optics/lipp_optics_pkg.sv) with which the RTL traces one display.
 
-Software writes them at run time; a build (`build.py`) decides what hardware reads them. A value that its register
-cannot hold is refused here, before any ray is traced, with the register's name and range.
+Software writes them at run time; a build (`build.py`) decides what hardware reads them.
 """
 
 from __future__ import annotations

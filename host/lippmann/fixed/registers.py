@@ -27,7 +27,7 @@ class Field:
     """Bits `low` to `low + width - 1` of a register; `reset` is None where the hardware drives the value.
 
     `fraction` is the number of fraction bits, or its formula in F, the build's fraction bits. Where only some values
-    have a meaning, `names` holds those with their names.
+    have a meaning, `names` holds those with their names. The files' other items are for the documentation.
     """
 
     low: int
@@ -35,8 +35,6 @@ class Field:
     reset: int | None = None
     signed: bool = False
     fraction: str = ""
-    unit: str = ""
-    description: str = ""
     names: tuple[tuple[int, str], ...] = ()
 
     @property
@@ -64,16 +62,12 @@ class Field:
 class Register:
     """A register of 32 bits at a byte address, or a memory of `entries` such words, which has no fields.
 
-    `access` is "read", "write" or "read, write". `group` is the part of the name that the registers of a group share,
-    or empty; `title` is the heading of the register's table in the documentation.
+    `access` is "read", "write" or "read, write".
     """
 
     address: int
     entries: int = 1
     access: str = "read, write"
-    group: str = ""
-    title: str = ""
-    description: str = ""
     fields: dict[str, Field] = dataclasses.field(default_factory=dict)
 
     def values(self, word: int) -> dict[str, int]:

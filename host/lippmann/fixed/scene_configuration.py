@@ -1,10 +1,7 @@
 """The register values and slots with which the RTL draws a stack of layers on one display.
 
-The words are those of `scene_config_t` (rtl/scene/lipp_scene_pkg.sv). Software writes them at run time; a build of the
-drawing (`scene_build.py`) decides what hardware reads them. A value that its register cannot hold is refused here, with
-the layer, the register, the value and the range.
-
-The array's rotation and offset go into each layer's words: the RTL's lines are in the array's frame.
+The words are those of `scene_config_t` (rtl/scene/lipp_scene_pkg.sv). The array's rotation and offset go into each
+layer's words: the RTL's lines are in the array's frame.
 """
 
 from __future__ import annotations
@@ -62,7 +59,7 @@ def scene_words(
 
     `slots` are the slots that hold the layers' textures; left out, layer k is in slot k. `names` are what errors call
     the layers; left out, their numbers. Raises InputError when the build has fewer layers or slots, and when a register
-    cannot hold a value.
+    cannot hold a value: layer, register, value and range.
     """
     if len(stack.layers) > build.layers:
         raise InputError(

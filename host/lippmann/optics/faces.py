@@ -51,7 +51,7 @@ def transported(ray: Ray, z: float) -> Ray:
 
 
 def mirrored(ray: Ray) -> Ray:
-    """Return the ray seen in the mirror z -> -z; so domes bulge to +z whichever side the array turns to the panel."""
+    """Return the ray seen in the mirror z -> -z."""
     return ray._replace(z=-ray.z, dz=-ray.dz)
 
 
