@@ -181,9 +181,8 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
         raise no_board_error(board.name, what, remedy)
     if len(boards) > 1:
         distinct = len({one.serial for one in boards}) == len(boards) and all(one.serial for one in boards)
-        what = (
-            f"{len(boards)} boards are on USB ({', '.join(one.serial or 'without a serial number' for one in boards)})"
-        )
+        numbers = ", ".join(one.serial or "without a serial number" for one in boards)
+        what = f"{len(boards)} boards are on USB ({numbers})"
         raise device_error(board.name, what, "name one with --serial" if distinct else "unplug all but one")
     if not boards[0].serial and len(adapters) > 1:
         what = f"it has no serial number, and other adapters of its kind are on USB ({there})"

@@ -297,7 +297,7 @@ class Display(Checked):
 
         Raises InputError when the result cannot be built, for example when the gap becomes negative.
         """
-        array, extent = self.array, self.array.extent_mm
+        array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
         moved = replace(
             array,
             rotation_deg=array.rotation_deg + rotation_deg,
@@ -307,9 +307,8 @@ class Display(Checked):
         )
         if pitch_scale > 1.0:
             # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
-            check_radius(moved, f"display '{self.name}', misaligned: array.radius_mm")
+            check_radius(moved, f"{where}array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
-        where = f"display '{self.name}', misaligned: "
         if self.gap_mm + gap_mm < 0.0:
             raise input_error(f"{where}gap_mm", f"{self.gap_mm + gap_mm:g} mm is negative", "make it 0 or more")
         display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
@@ -458,11 +457,8 @@ def _check(display: Display, where: str) -> None:
         in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
         # In focus, the eye would be outside: the gap is the mistake.
         if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
-            what, remedy = (
-                f"{gap:g} mm puts the eye at {eye:g} mm {inside}",
-                f"give {in_focus:.4g}, in focus, or {farther}",
-            )
-            raise input_error(f"{where}gap_mm", what, remedy)
+            what = f"{gap:g} mm puts the eye at {eye:g} mm {inside}"
+            raise input_error(f"{where}gap_mm", what, f"give {in_focus:.4g}, in focus, or {farther}")
         if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # nobody looks from some millimetres away
             farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")

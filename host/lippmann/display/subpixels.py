@@ -109,13 +109,12 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
     if subpixels == "none":
         return None
     table = LAYOUTS[subpixels] if isinstance(subpixels, str) else subpixels
+    titles = [f"the {colour} sub-pixel at [{x:g}, {y:g}]" for colour, x, y, _, _ in table]
     pixels = [_pixel_of(sub) for sub in table]
     for colour in COLOURS[:3]:
         if colour not in (sub[0] for sub in table):
             raise InputError(f"the layout has no {colour}; add a sub-pixel of that colour")
-    for sub, (column, row) in zip(table, pixels, strict=True):
-        colour, x, y, w, h = sub
-        subject = f"the {colour} sub-pixel at [{x:g}, {y:g}]"
+    for (colour, x, y, w, h), (column, row), subject in zip(table, pixels, titles, strict=True):
         if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
             place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
             raise InputError(f"{subject} {place}; give x and y in pixels from the first one's centre, y upwards")
@@ -124,9 +123,8 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
             raise InputError(f"{subject}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
         if [(other[0], pixel) for other, pixel in zip(table, pixels, strict=True)].count((colour, (column, row))) > 1:
             raise InputError(f"{subject} has another {colour} one in its pixel; leave one out, or describe two pixels")
-    for (one, *first), (other, *second) in combinations(table, 2):
+    for ((_, *first), one), ((_, *second), other) in combinations(zip(table, titles, strict=True), 2):
         gaps = (abs(first[k] - second[k]) - 0.5 * (first[k + 2] + second[k + 2]) for k in (0, 1))
         if max(gaps) < -ROUNDING:
-            places = [f"the {name} sub-pixel at [{x:g}, {y:g}]" for name, (x, y, *_) in ((one, first), (other, second))]
-            raise InputError(f"{places[0]} overlaps {places[1]}; make one smaller or move it")
+            raise InputError(f"{one} overlaps {other}; make one smaller or move it")
     return Layout(table, 1 + max(column for column, _ in pixels), 1 + max(row for _, row in pixels))
