@@ -229,8 +229,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
     for first in range(rows[0], rows[1] + 1, band):
         part = Raster(panel.width_px, panel.height_px, columns, (first, min(first + band - 1, rows[1])))
         words = raster(part, np.zeros(TABLE_ENTRIES, np.int64), build.fraction_bits)
-        zero = np.zeros_like(words.u)
-        traced = ray_pipeline(words.u, words.v, zero, zero, config, build)
+        traced = ray_pipeline(words.u, words.v, words.a, words.b, config, build)
         twin_crc = zlib.crc32(np.stack(traced, axis=1).astype("<i4").tobytes(), twin_crc)
     return Check(rays, board_crc, twin_crc)
 
