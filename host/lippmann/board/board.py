@@ -257,9 +257,8 @@ def find_board(
     """Return the port of the one board that answers.
 
     A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
-    known USB adapters (`lippmann.board.port.ADAPTER_VENDORS`) and this user's virtual boards on Unix sockets, and to
-    this machine's other ports only when no board answers there and `allowed`, called with them, returns True. Raises
-    DeviceError when no board or more than one answers.
+    known USB adapters and this user's virtual boards on Unix sockets, and to this machine's other ports only when no
+    board answers there and `allowed`, called with them, returns True. Raises DeviceError unless one board answers.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []

@@ -23,7 +23,7 @@ from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.layers_folder import check_for_display
 from lippmann.layers.stack import LayerStack
 
-#: Maximum of bytes of blocks that are sent and not yet acknowledged: one is on the line while the board stores another.
+#: Maximum of bytes on their way: a block is on the line while the board stores another.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
 
 BLOCK_REQUEST = struct.Struct("<BB")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
 
-#: Versions of the protocol that this host speaks, in the order in which it asks a board; a board speaks one of them.
+#: Versions of the protocol, in the order in which this host asks for them; a board speaks one.
 VERSIONS = (2, 3, 1)
 #: First version with ABORT and RESET; that of boards that draw scenes.
 RESET_VERSION, SCENE_VERSION = 2, 3

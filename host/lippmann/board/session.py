@@ -29,12 +29,14 @@ PRESENT_CLOCKS = 4
 MAX_WORDS, MAX_TILES = 64, 512
 #: Addresses of the first registers of the optics block and of the scene.
 OPTICS_BASE, SCENE_BASE = 0x200, 0x400
-#: Each block's registers and the address of its first one, by the prefix of their names.
-BLOCKS = {"": (BOARD_REGISTERS, 0), "optics.": (OPTICS_REGISTERS, OPTICS_BASE), "scene.": (SCENE_REGISTERS, SCENE_BASE)}
-#: Registers by name, with their addresses on the board.
+#: Registers by name, with their addresses on the board; those of a block behind its prefix.
 REGISTERS = {
     prefix + name: replace(register, address=base + register.address)
-    for prefix, (registers, base) in BLOCKS.items()
+    for prefix, base, registers in (
+        ("", 0, BOARD_REGISTERS),
+        ("optics.", OPTICS_BASE, OPTICS_REGISTERS),
+        ("scene.", SCENE_BASE, SCENE_REGISTERS),
+    )
     for name, register in registers.items()
 }
 

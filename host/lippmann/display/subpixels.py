@@ -114,6 +114,7 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
     for colour in COLOURS[:3]:
         if colour not in (sub[0] for sub in table):
             raise InputError(f"the layout has no {colour}; add a sub-pixel of that colour")
+    owned = [(sub[0], pixel) for sub, pixel in zip(table, pixels, strict=True)]
     for (colour, x, y, w, h), (column, row), subject in zip(table, pixels, titles, strict=True):
         if not (0 <= column < MAX_PERIOD and 0 <= row < MAX_PERIOD):
             place = f"is not in the {MAX_PERIOD} pixels right of and below the first"
@@ -121,7 +122,7 @@ def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
         room = 0.5 + ROUNDING
         if not (w > 0.0 and h > 0.0 and abs(x - column) + 0.5 * w <= room and abs(y + row) + 0.5 * h <= room):
             raise InputError(f"{subject}, {w:g} x {h:g} pixels, is not inside its pixel; make it smaller or move it")
-        if [(other[0], pixel) for other, pixel in zip(table, pixels, strict=True)].count((colour, (column, row))) > 1:
+        if owned.count((colour, (column, row))) > 1:
             raise InputError(f"{subject} has another {colour} one in its pixel; leave one out, or describe two pixels")
     for ((_, *first), one), ((_, *second), other) in combinations(zip(table, titles, strict=True), 2):
         gaps = (abs(first[k] - second[k]) - 0.5 * (first[k + 2] + second[k + 2]) for k in (0, 1))

@@ -131,7 +131,11 @@ def display_properties(display: Display) -> DisplayProperties:
     in_focus = abs(vergence) * distance < 1e-12
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
-        **{name: getattr(array, name) for name in ("radius_mm", "sag_mm", "flat_distance_mm", "thickness_mm", "index")},
+        radius_mm=array.radius_mm,
+        sag_mm=array.sag_mm,
+        flat_distance_mm=array.flat_distance_mm,
+        thickness_mm=array.thickness_mm,
+        index=array.index,
         focal_length_mm=array.focal_length_mm,
         f_number=array.focal_length_mm / pitch,
         aperture_distance_mm=distance,

@@ -2,7 +2,7 @@
 
 Coordinates across the panel are double; each ray is traced local to its lenslet, in the engine's own format. The
 renderer and the observer call `rays_from_pixels` and `pixels_from_rays`, which take a backend's arrays; the other
-functions take and give numpy arrays. `lippmann.engines.trace` chooses between golden, fast, the twin and the RTL.
+functions take and give numpy arrays.
 """
 
 from __future__ import annotations
