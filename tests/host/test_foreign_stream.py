@@ -623,7 +623,7 @@ def test_ctrl_c_keeps_the_verdicts(tracer):
         stderr=subprocess.PIPE,
         cwd=TOP,
     ) as process:
-        process.stdin.write(wrong[: wrong.index(b"# end")])
+        process.stdin.write(wrong[: wrong.index(b"# set random")])
         process.stdin.flush()
         assert b"1 of 48 rays wrong" in process.stdout.readline()
         process.send_signal(signal.SIGINT)
@@ -687,7 +687,7 @@ SPELLINGS = (repr, "{:.17g}".format, "{:.25e}".format, "{:+.17g}".format, lambda
 @pytest.mark.parametrize("count", [1, 200])
 @pytest.mark.parametrize("spelling", range(len(SPELLINGS)))
 def test_numbers_are_python_s_in_every_spelling(spelling, count):
-    """JSON's parser reads most of them, numpy's the rest; signs of zeros too."""
+    """With the signs of zeros."""
     random = np.random.default_rng([1126, spelling])
     columns = ASKED + ANSWERED
     values = np.frombuffer(random.bytes(8 * count * columns), np.float64)

@@ -29,12 +29,10 @@ import hashlib
 import math
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import BinaryIO, NoReturn, cast
 
-import msgspec
 import numpy as np
 
 from lippmann.conformance.hard_cases import hard_sets
@@ -65,8 +63,6 @@ MAX_RANDOM = 100_000
 ASKED, ANSWERED, LOST = 5, 9, 1
 #: Maximum length of a line in bytes, number of rays of a set, and number of notes of a set.
 MAX_LINE, MAX_RAYS, MAX_NOTES = 4096, 200_000, 1000
-#: Lines whose numbers are read together, so that they stay in a processor's cache.
-PART = 2048
 #: Greatest magnitude of a status or an index in an answer, so that it is an integer without rounding.
 MAX_INTEGER = 2.0**31
 #: The first line of a stream, and the notes that are parsed.
@@ -189,8 +185,6 @@ class _Set:
     fraction_bits: int | None = None
     notes: list[str] = field(default_factory=list)
     file: list[str] = field(default_factory=list)
-    expected: int = -1
-    digest: str = ""
     lines: list[bytes] = field(default_factory=list)
     #: Number of the first ray's line in the stream.
     first: int = 0
@@ -207,41 +201,39 @@ class StreamReader:
         self.number = 0
         #: The command that made the stream, and at its end the hash that names it.
         self.command, self.hash = "", ""
-        self._lines, self._hashes = lines, list[str]()
+        self._lines, self._hashes = self._counted(lines), list[str]()
+
+    def _counted(self, lines: Iterable[bytes]) -> Iterator[bytes]:
+        for self.number, raw in enumerate(lines, 1):
+            yield raw
 
     def sets(self) -> Iterator[tuple[str, ForeignRays]]:
         """Yield each set's name, and its rays."""
-        lines = iter(self._lines)
-        self._begin(lines)
+        self._begin()
         now: _Set | None = None
-        for raw in lines:
-            self.number += 1
-            if len(raw) > MAX_LINE:
-                self._refuse(f"has more than {MAX_LINE} bytes", AGAIN)
+        while True:
+            raw = self._read_line(now)
             if not raw.startswith(b"#"):
-                if now is None or len(now.lines) >= now.expected:
-                    self._refuse_stray_ray(now)
-                now.lines.append(raw)
-                continue
-            if now is not None and len(now.lines) < now.expected:
-                self._check_numbers(now)
-                self._refuse(f"comes after {len(now.lines)} of the {now.expected} rays of the set {now.name}", AGAIN)
+                if now is None:
+                    self._refuse("has a ray before the first set", AGAIN)
+                where = f"beyond its {len(now.lines)}" if now.lines else "before its number"
+                self._refuse(f"the set {now.name} has a ray {where}", AGAIN)
             kind, _, text = self._text(raw)[1:].strip().partition(" ")
             if kind in ("set", "end"):
-                if now is not None:
-                    yield now.name, self._read_set(now)
+                if now is not None and not now.lines:
+                    self._refuse(f"the set {now.name} has no rays", AGAIN)
                 if kind == "end":
-                    self._end(text, lines)
+                    self._end(text)
                     return
                 if not SET.fullmatch(text):
                     self._refuse("is no name of a set", AGAIN)
                 now = _Set(text)
+            elif kind == "rays" and now is not None:
+                yield now.name, self._read_set(now, " ".join(text.split()))
             elif now is not None:
                 self._read_note(now, kind, text)
             elif kind == "made":
                 self.command = text
-        where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
-        self._refuse(f"is cut{where}", "let the program answer until the line # end")
 
     def _place(self, number: int) -> str:
         return f"{WHERE}, line {number}" if number else WHERE
@@ -250,18 +242,15 @@ class StreamReader:
         """Refuse a line of the stream, by its number; the last one that was read by default."""
         raise input_error(self._place(self.number if number is None else number), what, remedy)
 
-    def _refuse_stray_ray(self, now: _Set | None) -> NoReturn:
-        """Refuse a ray that no set expects; when an earlier line was none, that line."""
-        if now is None:
-            self._refuse("has a ray before the first set", AGAIN)
-        self._check_numbers(now)
-        what = "before its number" if now.expected < 0 else f"beyond its {now.expected}"
-        self._refuse(f"the set {now.name} has a ray {what}", AGAIN)
-
-    def _check_numbers(self, now: _Set) -> None:
-        """Refuse the first line that is not the next ray's."""
-        for n in range(len(now.lines)):
-            self._columns(now, n)
+    def _read_line(self, now: _Set | None) -> bytes:
+        """Return the next line of a stream that has not ended."""
+        raw = next(self._lines, None)
+        if raw is None:
+            where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
+            self._refuse(f"is cut{where}", "let the program answer until the line # end")
+        if len(raw) > MAX_LINE:
+            self._refuse(f"has more than {MAX_LINE} bytes", AGAIN)
+        return raw
 
     def _text(self, raw: bytes) -> str:
         try:
@@ -269,10 +258,9 @@ class StreamReader:
         except UnicodeDecodeError:
             self._refuse("is not text", AGAIN)
 
-    def _begin(self, lines: Iterator[bytes]) -> None:
+    def _begin(self) -> None:
         """Read up to the first line of the stream; a simulator may greet before it, in any text."""
-        for raw in lines:
-            self.number += 1
+        for raw in self._lines:
             first = FIRST.fullmatch(raw[:MAX_LINE].decode("utf-8", "replace").strip())
             if first and int(first[1]) != VERSION:
                 self._refuse(f"has version {first[1]}, not {VERSION}", "use one version of lippmann for both commands")
@@ -282,11 +270,13 @@ class StreamReader:
         raise input_error(WHERE, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
+        """Read a note of a set, other than the last one before its rays."""
         words = " ".join(text.split())
         if kind in HASHED:
             now.notes.append(f"{kind} {words}")
-            if len(now.notes) > MAX_NOTES:
-                self._refuse(f"the set {now.name} has more than {MAX_NOTES} notes", AGAIN)
+            if now.lines or len(now.notes) > MAX_NOTES:
+                excess = "a note after its rays" if now.lines else f"more than {MAX_NOTES} notes"
+                self._refuse(f"the set {now.name} has {excess}", AGAIN)
         if kind == "display":
             now.file.append(text)
         elif kind == "numbers":
@@ -297,15 +287,8 @@ class StreamReader:
             if bits is not None and bits not in map(str, FRACTIONS):
                 self._refuse(f"has no word length {bits[:9]}", f"give F = {FRACTIONS[0]} to {FRACTIONS[-1]}")
             now.model, now.fraction_bits = cast(Model, numbers[1] or numbers[2]), None if bits is None else int(bits)
-        elif kind == "rays":
-            rays = RAYS.fullmatch(words)
-            if rays is None or not 0 < int(rays[1]) <= MAX_RAYS:
-                self._refuse("is no number of rays and hash", AGAIN)
-            if now.model is None:
-                self._refuse(f"the set {now.name} has no note of numbers", AGAIN)
-            now.expected, now.digest, now.first = int(rays[1]), rays[2], self.number + 1
 
-    def _end(self, text: str, lines: Iterator[bytes]) -> None:
+    def _end(self, text: str) -> None:
         """Check the last line; a simulator's last words may follow, another stream may not."""
         if not self._hashes:
             self._refuse("ends a stream without a set", AGAIN)
@@ -313,16 +296,27 @@ class StreamReader:
         if text.split() != [str(len(self._hashes)), self.hash]:
             self.hash = ""
             self._refuse("sets are missing, or are of another stream", AGAIN)
-        for raw in lines:
-            self.number += 1
+        for raw in self._lines:
             if raw.startswith(f"# {NAME} ".encode()):
                 self._refuse("begins another stream", "judge each stream by a command of its own")
 
-    # ---- a complete set ----
+    # ---- the rays of a set ----
 
-    def _read_set(self, now: _Set) -> ForeignRays:
-        if now.model is None or now.expected != len(now.lines):
-            self._refuse(f"the set {now.name} has {len(now.lines)} of its {max(0, now.expected)} rays", AGAIN)
+    def _read_set(self, now: _Set, numbers: str) -> ForeignRays:
+        """Read the rays of a set; `numbers` are how many they are, and the set's hash."""
+        rays = RAYS.fullmatch(numbers)
+        if rays is None or not 0 < int(rays[1]) <= MAX_RAYS or now.lines:
+            self._refuse("is no number of rays and hash", AGAIN)
+        if now.model is None:
+            self._refuse(f"the set {now.name} has no note of numbers", AGAIN)
+        now.first = self.number + 1
+        while len(now.lines) < int(rays[1]):
+            raw = self._read_line(now)
+            if raw.startswith(b"#"):
+                for n in range(len(now.lines)):  # an earlier line that is not the next ray's is the cause
+                    self._columns(now, n)
+                self._refuse(f"comes after {len(now.lines)} of the {rays[1]} rays of the set {now.name}", AGAIN)
+            now.lines.append(raw)
         display = parse_display("\n".join(now.file), f"{WHERE}, the set {now.name}")
         questions: Floats | list[str]
         if now.fraction_bits is None:
@@ -341,7 +335,7 @@ class StreamReader:
             questions = memory_lines([columns[name] for name in INPUTS], widths(INPUTS, now.fraction_bits))
             foreign = foreign_from_words(columns, display, now.model, now.fraction_bits)
         digest = digest_of_set(now.notes, questions)
-        if digest != now.digest:
+        if digest != rays[2]:
             self._refuse(f"questions or notes of the set {now.name} were changed", AGAIN)
         self._hashes.append(digest)
         return foreign
@@ -401,35 +395,17 @@ def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
     return iter(partial(file.readline, MAX_LINE + 1), b"")
 
 
-_NUMBERS = msgspec.json.Decoder(list[float])
-#: All characters but blanks and ends of lines; these as commas.
-_OTHERS = bytes(set(range(256)) - set(b" \n"))
-_COMMAS = bytes.maketrans(b" \n", b",,")
-
-
 def _complete_rows(lines: list[bytes]) -> Floats | None:
     """Return the numbers behind the rays' indices, a row a line; `None` unless all lines are complete and in order."""
-    table = np.empty((len(lines), ASKED + ANSWERED))
-    for first in range(0, len(lines), PART):
-        try:
-            table[first : first + PART] = _numbers(lines[first : first + PART])
-        except ValueError:
-            return None
+    if lines[0].isspace():  # of blank lines alone numpy warns
+        return None
+    try:
+        table = np.loadtxt(lines, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    if table.shape != (len(lines), ASKED + ANSWERED):
+        return None
     integers = table[:, ASKED : ASKED + 3]
     good = (table[:, 0] == np.arange(len(lines))).all() and np.isfinite(table).all()
     good &= (np.abs(integers) <= MAX_INTEGER).all() and (integers == np.round(integers)).all()
     return table[:, 1:] if good else None
-
-
-def _numbers(lines: list[bytes]) -> Floats:
-    """Return the numbers (N, 14) of N lines; raise ValueError unless each line has 14 numbers."""
-    columns, text = ASKED + ANSWERED, b"".join(lines)
-    listed = text.rstrip().translate(_COMMAS)
-    # Of lines with so many blanks none has more numbers, so each has as many when all together have.
-    single = text.translate(None, _OTHERS) == (b" " * (columns - 1) + b"\n") * len(lines) and b"\t" not in text
-    # JSON takes half of Python's time. It reads -0 as 0.
-    if single and b"-0," not in listed and not listed.endswith(b"-0"):
-        with suppress(msgspec.DecodeError, RecursionError):
-            return np.array(_NUMBERS.decode(b"[%b]" % listed)).reshape(len(lines), columns)
-    rows = [[float(word) for word in line.replace(b"_", b"?").split()] for line in lines]
-    return np.array(rows).reshape(len(lines), columns)
