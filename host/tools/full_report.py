@@ -24,7 +24,7 @@ from lippmann.cli.frame import make_command
 from lippmann.cli.report import ReportOptions, write_report
 from lippmann.conformance import display_report, engine_speeds
 from lippmann.conformance.display_report import Comparison, Section, display_sections, make_report
-from lippmann.conformance.engine_speeds import Pictures, Simulation, errors, in_turn, random_rays
+from lippmann.conformance.engine_speeds import Pictures, errors, in_turn, random_rays, rtl_rate, words_of_chief_rays
 from lippmann.conformance.figures import Figures, Measured, Stored, groups, read_csv, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
@@ -33,9 +33,11 @@ from lippmann.engines import trace_fixed
 from lippmann.errors import input_error
 from lippmann.fixed.build import Build
 from lippmann.rendering.sampling import Aperture
+from lippmann.simulation.harness import rtl_pipeline
 from lippmann.simulation.toolchain import repository
 
 from tools import renderer_speed, stage_errors
+from tools.hard_case_errors import count_different_words
 from tools.measured_page import SYNTHESIS
 from tools.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from tools.report_plots import TEMPLATES, draw_lines
@@ -143,11 +145,12 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
     chosen, (_, sizes) = configurations(plan), placed()
     logger.info("configurations of the RTL: simulation ...")
     runs = {
-        c.name: Simulation(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
+        c.name: words_of_chief_rays(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
         for c in chosen
         if plan.simulate and c.name in SIMULATED
     }
-    rates = in_turn({name: run.rtl_rate for name, run in runs.items()}, plan.rounds)
+    differ = {name: count_different_words(run.trace(rtl_pipeline), run.trace()) for name, run in runs.items()}
+    rates = in_turn({name: rtl_rate(run) for name, run in runs.items()}, plan.rounds)
 
     @cache
     def pictures(display: Display) -> Pictures:
@@ -175,7 +178,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
                 **dict(zip(KEYS, keys, strict=True)),
                 **{key: None if size is None else Measured(size[key]) for key in PLACED},
                 "simulated_rays_per_second": None if run is None else Measured.of(rates[named.name]),
-                "words_differ": None if run is None else Measured(run.count_different_words()),
+                "words_differ": None if run is None else Measured(differ[named.name]),
                 **{key: Measured(value) for key, value in found.items()},
                 "image_db": Measured.finite(own),
                 "exact_image_db": Measured.finite(whole),

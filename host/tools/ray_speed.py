@@ -17,7 +17,7 @@ from lippmann import load_layers
 from lippmann.board.board import QUERY_S
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.virtual_loop import capturing
-from lippmann.conformance.engine_speeds import Plan, Simulation, measure_rays
+from lippmann.conformance.engine_speeds import Plan, measure_rays, rtl_rate, timed, words_of_chief_rays
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
@@ -27,10 +27,11 @@ from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.rays import MODELS, Model
 from lippmann.rendering.sampling import Aperture
-from lippmann.simulation.harness import rtl_pipeline, rtl_scene
+from lippmann.simulation.harness import ray_harness, rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
 from tools.bench import MEASUREMENTS, rows_command
+from tools.hard_case_errors import count_different_words
 
 #: What `tools.bench trace` measures.
 TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
@@ -75,13 +76,14 @@ def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
         for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
-            run = Simulation(display, Build(bits, display.array.grid, cross_cells=cells), seed, RAYS)
+            case = words_of_chief_rays(display, Build(bits, display.array.grid, cross_cells=cells), seed, RAYS)
+            simulated = ray_harness(case.build).trace(*case.words, case.registers)
             yield {
                 "display": display.name,
                 "build": f"F {bits}, cross terms in {'cells' if cells else 'logic'}",
-                "rtl_rays_per_second": max(run.rtl_rate() for _ in range(RUNS)),
-                "twin_rays_per_second": run.twin_rate(),
-                "words_differ": run.count_different_words(),
+                "rtl_rays_per_second": max(rtl_rate(case)() for _ in range(RUNS)),
+                "twin_rays_per_second": timed(RAYS, case.trace)(),
+                "words_differ": count_different_words(simulated, case.trace()),
                 "rays": RAYS,
             }
     yield from measure_drawing(scenes)

@@ -21,7 +21,6 @@ from lippmann.cli.output import as_json, emit, log
 from lippmann.conformance.comparison import Bounds, load_bounds
 from lippmann.conformance.coverage_points import summary
 from lippmann.conformance.judge import Verdict, judge
-from lippmann.conformance.junit import write_junit
 from lippmann.conformance.ray_stream import StreamReader, bounded_lines
 from lippmann.conformance.ray_words import ForeignRays
 from lippmann.conformance.vector_files import read_foreign
@@ -119,6 +118,8 @@ class _Output:
         """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
         texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit is not None:
+            from lippmann.conformance.regress_page import write_junit
+
             write_junit(self.junit, verdicts, ended, texts)
         if self.report is not None and self.maps is not None:
             from lippmann.conformance.regress_page import errors_page

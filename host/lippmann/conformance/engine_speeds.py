@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,14 +21,13 @@ from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
 from lippmann.conformance.figures import Figures, Measured, Value
 from lippmann.conformance.ray_sets import PanelRays, random_aims
-from lippmann.conformance.ray_words import count_different_words
+from lippmann.conformance.ray_words import FixedCase
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import aims_of_words, words_of_aims, words_of_pixels
-from lippmann.fixed.ray_pipeline import ray_pipeline
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
@@ -141,6 +141,17 @@ def in_turn(works: Mapping[Name, Callable[[], float]], rounds: int) -> dict[Name
     return {name: [times[name] for times in results] for name in works}
 
 
+def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Callable[[], float]:
+    """Return a function that does a work of some rays, and returns the rays/s by a clock."""
+
+    def rate() -> float:
+        started = clock()
+        work()
+        return rays / (clock() - started)
+
+    return rate
+
+
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
     """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s.
 
@@ -155,8 +166,7 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
     panel = display.panel
     numbers = itertools.count()
 
-    def launch() -> float:
-        started = time.perf_counter()
+    def launch() -> None:
         index = dr.arange(mi.UInt32, rays) + dr.opaque(mi.UInt32, next(numbers))
         row = index // panel.width_px
         u = b.double(index - row * panel.width_px) + 0.5
@@ -169,38 +179,22 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
         dr.sync_thread()
-        return rays / (time.perf_counter() - started)
 
     launch()
-    return launch
+    return timed(rays, launch)
 
 
-class Simulation:
-    """Chief rays through random pixel centres, in the words of a build."""
+def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> FixedCase:
+    """Return chief rays through random pixel centres, in the words of a build."""
+    u, v = words_of_pixels(display, random_rays(display, "chief", rays, seed).pixels)
+    zero = np.zeros_like(u)
+    return FixedCase(build, (u, v, zero, zero), configuration(display, build, model), np.ones(rays, bool))
 
-    def __init__(self, display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> None:
-        """Draw the pixels, and compile the build unless it is compiled already."""
-        panel = display.panel
-        pixels = np.random.default_rng(seed).integers((0, 0), (panel.width_px, panel.height_px), (rays, 2))
-        u, v = words_of_pixels(display, pixels.astype(float) + 0.5)
-        self.build, self.rays, self.engine = build, rays, ray_harness(build)
-        self.inputs = (u, v, np.zeros_like(u), np.zeros_like(v), configuration(display, build, model))
 
-    def rtl_rate(self) -> float:
-        """Simulate the RTL; return the rays/s by the processor time of its one thread."""
-        started = time.thread_time()
-        self.engine.trace(*self.inputs)
-        return self.rays / (time.thread_time() - started)
-
-    def twin_rate(self) -> float:
-        """Trace with the twin; return the rays/s by wall-clock time."""
-        started = time.perf_counter()
-        ray_pipeline(*self.inputs, self.build)
-        return self.rays / (time.perf_counter() - started)
-
-    def count_different_words(self) -> int:
-        """Count the words in which RTL and twin differ."""
-        return count_different_words(self.engine.trace(*self.inputs), ray_pipeline(*self.inputs, self.build))
+def rtl_rate(case: FixedCase) -> Callable[[], float]:
+    """Return a function that simulates the RTL, and returns the rays/s by the processor time of its one thread."""
+    harness = ray_harness(case.build)  # compiled before this returns
+    return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
 
 
 def rates_of(
@@ -214,16 +208,8 @@ def rates_of(
             return fast_rate(display, model, aperture, plan.fast_rays)
         if engine == "rtl":
             build = replace(Build.of(display, model, WIDEST, aims=False), cross_cells=True)
-            return Simulation(display, build, seed, count, model).rtl_rate
-
-        rays = replace(sample, model=model)
-
-        def arrays() -> float:
-            started = time.perf_counter()
-            rays.trace(engine)
-            return count / (time.perf_counter() - started)
-
-        return arrays
+            return rtl_rate(words_of_chief_rays(display, build, seed, count, model))
+        return timed(count, partial(replace(sample, model=model).trace, engine))
 
     return in_turn({key: rate(*key) for key in itertools.product(models, engines)}, plan.rounds)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from operator import attrgetter
@@ -17,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lippmann.conformance.ray_sets import PanelRays
-from lippmann.display.description import Display, Grid
+from lippmann.display.description import Display
 from lippmann.errors import LippmannError
 from lippmann.optics import models
 from lippmann.optics.backend import NumpyBackend
@@ -42,6 +43,7 @@ TIE_RULE = "cells closed on their other side (tie rule)"
 GLASS = "another glass, of the same focal length: array.index"
 #: Errors of a fault that leaves no display, or no rays.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
+NOWHERE = np.zeros((0, 2))
 
 #: What a fault puts in place of a number of the display, or of a word such as the grid.
 Number = Any
@@ -87,11 +89,6 @@ def golden(inputs: PanelRays) -> Arrays:
     }
 
 
-def _with(stage: str, name: str, number: str, value: Number) -> Variant:
-    """Return the variant with another number of the display."""
-    return Variant(stage, name, partial(with_number, number, value))
-
-
 def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
     """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index.
 
@@ -124,13 +121,54 @@ def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
 
 def variants(display: Display) -> Iterator[Variant]:
     """Yield the variants that make a difference on a display, in the order of the ray."""
-    for yield_variants in (_panel_variants, _lattice_variants, _aim_variants, _dome_variants, _exit_variants):
-        yield from yield_variants(display)
+    every = (_panel_variants, _number_variants, _lattice_variants, _aim_variants, _exit_variants)
+    yield from (variant for variants_of in every for variant in variants_of(display))
+    yield from (Variant("first face", f"rays of the model {model}", partial(replace, model=model)) for model in MODELS)
+
+
+def _number_variants(display: Display) -> Iterator[Variant]:
+    """Yield wrong numbers of the display, save those that describe the same optics, or none."""
+    array, turn, eye_mm = display.array, display.array.rotation_deg, display.viewing_distance_mm or math.inf
+    (x, y), (px, py), (axis_x, axis_y) = array.offset_mm, array.pitches_mm, display.viewing_axis_mm
+    R, T, focal_mm = array.radius_mm, array.thickness_mm, array.focal_length_mm
+    grid = "hex" if array.grid == "square" else "square"
+    for stage, name, number, value in (
+        ("panel", "offset_mm left out", "array.offset_mm", (0.0, 0.0)),
+        ("panel", "sign of offset_mm", "array.offset_mm", (-x, -y)),
+        ("panel", "axes of offset_mm swapped", "array.offset_mm", (y, x)),
+        ("panel", "sense of rotation_deg", "array.rotation_deg", -turn),
+        ("panel", "rotation_deg left out", "array.rotation_deg", 0.0),
+        ("panel", "rotation_deg taken for radians", "array.rotation_deg", math.degrees(turn)),
+        ("panel", "rotation_deg made radians twice", "array.rotation_deg", math.radians(turn)),
+        ("lenslet", f"{grid} grid for {array.grid}", "array.grid", grid),
+        ("lenslet", "shear left out", "array.shear", 0.0),
+        ("lenslet", "sign of the shear", "array.shear", -array.shear),
+        ("lenslet", "axes of pitch_mm swapped", "array.pitch_mm", (py, px)),
+        ("lenslet", "pitch of a row for both of pitch_mm", "array.pitch_mm", px),
+        ("status", "extent_mm left out", "array.extent_mm", None),
+        ("lenslet", "viewing_distance_mm left out", "viewing_distance_mm", None),
+        ("lenslet", "viewing_distance_mm counted from the panel", "viewing_distance_mm",
+         eye_mm - display.aperture_distance_mm),
+        ("lenslet", "viewing_axis_mm left out", "viewing_axis_mm", (0.0, 0.0)),
+        ("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-axis_x, -axis_y)),
+        ("first face", "plano_side turned over", "array.plano_side",
+         "viewer" if array.plano_side == "panel" else "panel"),
+        ("first face", "gap_mm left out", "gap_mm", 0.0),
+        ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + T),
+        ("dome", "focal length taken for the radius", "array.radius_mm", focal_mm),
+        ("dome", "radius taken for the focal length", "array.radius_mm", R * (array.index - 1.0)),
+        ("dome", "diameter taken for the radius", "array.radius_mm", 0.5 * R),
+        ("dome", "radius taken for the diameter", "array.radius_mm", 2.0 * R),
+    ):  # fmt: skip
+        change = partial(with_number, number, value)
+        with suppress(*NO_RAYS):
+            if System.of(change(PanelRays("", display, NOWHERE, None)).display) != System.of(display):
+                yield Variant(stage, name, change)
 
 
 def _panel_variants(display: Display) -> Iterator[Variant]:
     """Yield wrong pixels and wrong maps from panel to array."""
-    array, w, h = display.array, display.panel.width_px, display.panel.height_px
+    w, h = display.panel.width_px, display.panel.height_px
     moves: dict[str, Callable[[Floats], Floats]] = {
         "rows counted from the bottom (y flipped)": lambda p: np.column_stack([p[:, 0], h - p[:, 1]]),
         "columns counted from the right (x flipped)": lambda p: np.column_stack([w - p[:, 0], p[:, 1]]),
@@ -146,17 +184,6 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
 
     for name, move in moves.items():
         yield Variant("panel", name, partial(_moved, move))
-    x, y = array.offset_mm
-    if (x, y) != (0.0, 0.0):
-        yield _with("panel", "offset_mm left out", "array.offset_mm", (0.0, 0.0))
-        yield _with("panel", "sign of offset_mm", "array.offset_mm", (-x, -y))
-        yield _with("panel", "axes of offset_mm swapped", "array.offset_mm", (y, x))
-    turn = array.rotation_deg
-    if turn:
-        yield _with("panel", "sense of rotation_deg", "array.rotation_deg", -turn)
-        yield _with("panel", "rotation_deg left out", "array.rotation_deg", 0.0)
-        yield _with("panel", "rotation_deg taken for radians", "array.rotation_deg", math.degrees(turn))
-        yield _with("panel", "rotation_deg made radians twice", "array.rotation_deg", math.radians(turn))
 
 
 def _moved(move: Callable[[Floats], Floats], inputs: PanelRays) -> PanelRays:
@@ -186,9 +213,6 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
     if array.grid == "square":
         name = "lenslet rounded down, not to the nearest"
         yield Variant("lenslet", name, trace=_rounded_down, silent=silent)
-    other: Grid = "hex" if array.grid == "square" else "square"
-    if array.radius_mm >= replace(array, grid=other).half_diagonal_mm:
-        yield _with("lenslet", f"{other} grid for {array.grid}", "array.grid", other)
     yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1], moved=True)
     yield relabelled("lenslet's axes swapped in its number", lambda ij: ij[:, ::-1])
     if array.grid == "hex":
@@ -202,35 +226,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         )
         along_y = partial(with_number, "array.rotation_deg", array.rotation_deg + 90.0)
         yield Variant("lenslet", "hexagonal rows along y for x", along_y, silent=("lenslet", "home"))
-    yield from _affine_variants(display)
-    yield from _eye_variants(display)
     yield Variant("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), silent=("panel_mm",))
-
-
-def _affine_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong numbers of a lattice that is not the regular one, or that ends."""
-    array, (px, py) = display.array, display.array.pitches_mm
-    if array.shear:
-        yield _with("lenslet", "shear left out", "array.shear", 0.0)
-        yield _with("lenslet", "sign of the shear", "array.shear", -array.shear)
-    if px != py:
-        yield _with("lenslet", "axes of pitch_mm swapped", "array.pitch_mm", (py, px))
-        yield _with("lenslet", "pitch of a row for both of pitch_mm", "array.pitch_mm", px)
-    if array.extent_mm is not None:
-        yield _with("status", "extent_mm left out", "array.extent_mm", None)
-
-
-def _eye_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong elemental images of a display that converges on an eye."""
-    eye_mm, (x, y) = display.viewing_distance_mm, display.viewing_axis_mm
-    if eye_mm is None:
-        return
-    yield _with("lenslet", "viewing_distance_mm left out", "viewing_distance_mm", None)
-    from_panel_mm = eye_mm - display.aperture_distance_mm
-    yield _with("lenslet", "viewing_distance_mm counted from the panel", "viewing_distance_mm", from_panel_mm)
-    if (x, y) != (0.0, 0.0):
-        yield _with("lenslet", "viewing_axis_mm left out", "viewing_axis_mm", (0.0, 0.0))
-        yield _with("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-x, -y))
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
@@ -306,26 +302,6 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
         if distance > 0.0 and abs(distance - D) > 1e-6 * D:
             yield aimed(name, partial(toward, D / distance))
     yield aimed("direction of the chief ray: sign", partial(toward, -1.0))
-
-
-def _dome_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong models and wrong numbers of the lens."""
-    array = display.array
-    n, R, T = array.index, array.radius_mm, array.thickness_mm
-    for model in MODELS:
-        yield Variant("first face", f"rays of the model {model}", partial(replace, model=model))
-    flipped = "viewer" if array.plano_side == "panel" else "panel"
-    yield _with("first face", "plano_side turned over", "array.plano_side", flipped)
-    yield _with("first face", "gap_mm left out", "gap_mm", 0.0)
-    yield _with("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + T)
-    for name, radius in (
-        ("focal length taken for the radius", array.focal_length_mm),
-        ("radius taken for the focal length", R * (n - 1.0)),
-        ("diameter taken for the radius", 0.5 * R),
-        ("radius taken for the diameter", 2.0 * R),
-    ):
-        if radius >= array.half_diagonal_mm:
-            yield _with("dome", name, "array.radius_mm", radius)
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:

@@ -168,8 +168,3 @@ def foreign_from_words(columns: dict[str, Ints], display: Display, model: Model,
     }
     case = FixedCase(build, (u, v, a, b), registers, np.ones(len(u), bool))
     return ForeignRays(PanelRays("foreign", display, pixels, aims, model), fields, (case, outputs))
-
-
-def count_different_words(one: FixedRays, other: FixedRays) -> int:
-    """Return how many words of two sets of rays differ."""
-    return int(sum((a != b).sum() for a, b in zip(one, other, strict=True)))
