@@ -9,7 +9,7 @@ ray is on an edge, and may be golden's on either side.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, get_args
@@ -123,8 +123,8 @@ class Comparison:
     """Foreign rays beside golden's: N rays and their inputs.
 
     `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off in each array;
-    `edge` (N,) marks rays whose status or lenslet changes within them; of `alone` (N,) the status alone is compared.
-    `wrong_on_edge` are the rays on an edge, by array, that are golden's on no side of it.
+    `edge` (N,) marks rays whose status or lenslet changes within them, and `excused` (N,) those of them that are
+    golden's on some side of the edge; of `alone` (N,) the status alone is compared.
     """
 
     inputs: PanelRays
@@ -132,14 +132,13 @@ class Comparison:
     golden: Arrays
     limits: Arrays
     edge: Bools
+    excused: Bools
     alone: Bools
-    wrong_on_edge: dict[str, Bools] = field(default_factory=dict)
 
     @cached_property
     def wrong_by(self) -> dict[str, Bools]:
         """The rays that are wrong, by array."""
-        wrong = {name: self.wrong_in(name, values) for name, values in self.fields.items()}
-        return wrong | {name: wrong[name] | on_edge for name, on_edge in self.wrong_on_edge.items()}
+        return {name: self.wrong_in(name, values) for name, values in self.fields.items()}
 
     @cached_property
     def wrong(self) -> Bools:
@@ -158,7 +157,7 @@ class Comparison:
     def wrong_in(self, name: str, values: Floats) -> Bools:
         """Tell which values of an array are wrong; on an edge only panel points and values that are not finite."""
         far = self.far(name, values, self.golden)
-        excused = self.edge & np.isfinite(far) & (name != "panel_mm")
+        excused = self.excused & np.isfinite(far) & (name != "panel_mm")
         return np.asarray((far > self.limits[name]) & ~excused)
 
     def select(self, rays: npt.NDArray[np.intp]) -> Comparison:
@@ -166,15 +165,14 @@ class Comparison:
         fields, golden, limits = (
             {name: array[rays] for name, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
         )
-        wrong_on_edge = {name: wrong[rays] for name, wrong in self.wrong_on_edge.items()}
-        inputs, edge, alone = self.inputs.select(rays), self.edge[rays], self.alone[rays]
-        return Comparison(inputs, fields, golden, limits, edge, alone, wrong_on_edge)
+        inputs, masks = self.inputs.select(rays), (self.edge[rays], self.excused[rays], self.alone[rays])
+        return Comparison(inputs, fields, golden, limits, *masks)
 
     def later(self, lag: int) -> Comparison:
         """Return the comparison of each ray with the values that stand `lag` rays after it."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
-        return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag], wrong_on_edge={})
+        return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag])
 
     def summary(self, name: str) -> FieldSummary:
         """Return the summary of one array."""
@@ -202,7 +200,7 @@ def compare(
     panel_mm, aim_mm = moves_mm or roundings(inputs)
     limits = dict.fromkeys(INTEGERS, np.zeros(n)) | bounds.limits(inputs, rays)
     alone = np.zeros(n, bool) if foreign.alone is None else foreign.alone
-    compared = Comparison(inputs, foreign.fields, rays, limits, np.zeros(n, bool), alone)
+    compared = Comparison(inputs, foreign.fields, rays, limits, np.zeros(n, bool), np.zeros(n, bool), alone)
     indices = np.arange(n) if every else np.flatnonzero(compared.wrong)
     if not len(indices):
         return compared
@@ -211,14 +209,11 @@ def compare(
         limits[name][indices] += extra
     edge = np.zeros(n, bool)
     edge[indices] = across
-    compared = replace(compared, edge=edge)
+    excused = np.zeros(n, bool)
     on_edge = np.flatnonzero(edge)
-    wrong = {name: np.zeros(n, bool) for name in foreign.fields}
-    for first in range(0, len(on_edge), AT_ONCE):
-        some = on_edge[first : first + AT_ONCE]
-        for name, on_no_side in _wrong_on_edge(compared.select(some), panel_mm[some], aim_mm[some]).items():
-            wrong[name][some] = on_no_side
-    return replace(compared, wrong_on_edge=wrong)
+    for some in np.split(on_edge, range(AT_ONCE, len(on_edge), AT_ONCE)):
+        excused[some] = _on_some_side(compared.select(some), panel_mm[some], aim_mm[some])
+    return replace(compared, edge=edge, excused=excused)
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
@@ -245,8 +240,8 @@ def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats
         yield replace(aimed, aperture=inputs.aims + step * aim_mm)
 
 
-def _wrong_on_edge(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> dict[str, Bools]:
-    """Return which of rays that are all on an edge are golden's on no side of it, (N,) by array.
+def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Bools:
+    """Return which of rays that are all on an edge are golden's on some side of it, (N,).
 
     Golden's are those of inputs displaced by `SHARES` of the roundings. A ray must have status and lenslet of some of
     them, and values within their range, or beyond it by no more than its width and the limits.
@@ -255,24 +250,18 @@ def _wrong_on_edge(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> di
     for share in SHARES:
         sides += map(golden, _displaced(compared.inputs, share * panel_mm, share * aim_mm, AROUND))
     fields, alone = compared.fields, compared.alone
-    integers = {
-        name: np.array([(fields[name] == side[name]).all(axis=1) | (alone & (name != "status")) for side in sides])
-        for name in INTEGERS
-        if name in fields
-    }
-    same = np.all([np.ones((len(sides), len(alone)), bool), *integers.values()], axis=0)
-    wrong = {name: np.asarray(~one.any(axis=0)) for name, one in integers.items()}
-    if integers:  # where each is golden's on some side, and not all on one, the last is wrong
-        wrong[list(integers)[-1]] |= ~same.any(axis=0)
-    for name in fields.keys() - integers.keys() - {"panel_mm"}:
+    same = np.ones((len(sides), len(alone)), bool)
+    for name in fields.keys() & INTEGERS:
+        same &= [(fields[name] == side[name]).all(axis=1) | (alone & (name != "status")) for side in sides]
+    right = np.asarray(same.any(axis=0))
+    for name in fields.keys() - {*INTEGERS, "panel_mm"}:
         values = np.array([side[name] for side in sides])
         low = np.where(same[..., None], values, np.inf).min(axis=0)
         high = np.where(same[..., None], values, -np.inf).max(axis=0)
         beyond = np.maximum(low - fields[name], fields[name] - high) - np.maximum(high - low, 0.0)
         far = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), np.inf)
-        outside = np.linalg.norm(far, axis=1) > compared.limits[name]
-        wrong[name] = np.asarray(same.any(axis=0) & outside & ~alone)
-    return wrong
+        right &= alone | np.asarray(np.linalg.norm(far, axis=1) <= compared.limits[name])
+    return right
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:

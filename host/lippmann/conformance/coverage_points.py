@@ -96,7 +96,7 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
         "wide-panel": panel.width_px == MAX_SIDE_PX,
         "converged-eye": display.viewing_distance_mm is not None,
         "eye-aside": _eye_aside(display),
-        "missing-lenslet": _beyond_end(display, rays) & has[Status.BLOCKED],
+        "missing-lenslet": ~Lattice.of(array).present(NumpyBackend(), *rays["home"].T) & has[Status.BLOCKED],
         "contact": display.gap_mm == 0.0,
         "gap-of-the-focal-length": abs(display.aperture_distance_mm - focal_mm) < 1e-5 * focal_mm,
         "steep-dome": array.radius_mm < STEEP * half_mm,
@@ -150,23 +150,14 @@ def tied(inputs: PanelRays) -> Bools:
 
 
 def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
-    """Tell which points, (N, 2) mm from a cell's centre, are on an edge of it within roundings, and on two."""
-    array = inputs.display.array
+    """Tell which points, (N, 2) mm from a cell's centre, are on an edge of a cell within roundings, and on two."""
+    array, panel = inputs.display.array, inputs.display.panel
     lattice = Lattice.of(array)
-    x, y = points.T
-    step = ULPS * np.spacing(np.abs(inputs.pixels).max() * max(inputs.display.panel.pitches_mm) + array.coarsest_mm)
-
-    def cells_at(some: npt.NDArray[np.intp], sides: Iterable[tuple[int, int]]) -> npt.NDArray[np.complex128]:
-        cells = [lattice.locate(NumpyBackend(), x[some] + dx * step, y[some] + dy * step)[:2] for dx, dy in sides]
-        return np.stack([i + 1j * j for i, j in cells])
-
-    # A cell that holds three points holds the triangle between them, too: these have the eight within.
-    outer = cells_at(np.arange(len(x)), ((-3, -2), (3, -2), (0, 4)))
-    near = np.flatnonzero((outer != outer[0]).any(axis=0))
-    cells = np.ones(len(x), int)
-    around = cells_at(near, ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 1), (0, -1), (1, 0), (-1, 0)))
-    cells[near] += (np.diff(np.sort(around, axis=0), axis=0) != 0).sum(axis=0)
-    return np.asarray(cells >= 2), np.asarray(cells >= 3)
+    roundings = ULPS * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)
+    _, _, x, y = lattice.locate(NumpyBackend(), *points.T)
+    across = np.abs(np.array(lattice.axes) @ np.stack([x, y]))
+    sides = (np.abs(across - lattice.half_mm) <= roundings).sum(axis=0)
+    return np.asarray(sides >= 1), np.asarray(sides >= 2)
 
 
 def _tiny(coordinates: Floats) -> Bools:
@@ -179,14 +170,6 @@ def _eye_aside(display: Display) -> bool:
     panel, (x, y) = display.panel, display.viewing_axis_mm
     aside = abs(x) > 0.5 * panel.width_mm or abs(y) > 0.5 * panel.height_mm
     return display.viewing_distance_mm is not None and aside
-
-
-def _beyond_end(display: Display, rays: Arrays) -> Bools:
-    """Tell which rays start behind a lenslet beyond the array's end."""
-    array = display.array
-    width, height = array.extent_mm or (math.inf, math.inf)
-    x, y = Lattice.of(array).centre(*rays["home"].T)
-    return np.asarray((np.abs(x - array.shear * y) > 0.5 * width) | (np.abs(y) > 0.5 * height))
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare, distance
+from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
 from lippmann.conformance.faults import (
@@ -21,7 +21,6 @@ from lippmann.conformance.faults import (
     NO_RAYS,
     STAGES,
     TIE_RULE,
-    Arrays,
     Variant,
     golden,
     turn_back,
@@ -178,12 +177,11 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
         if not compared.wrong_in("direction", unit).any():
             return Finding("exit", "direction not normalised: it is right but for its length", 1.0)
 
-    def equal(rays: slice, expected: slice) -> Bools:
-        far = {name: distance(name, compared.fields[name][rays], compared.golden[name][expected]) for name in bad}
-        far |= {name: np.where(compared.alone[rays], 0.0, far[name]) for name in bad if name != "status"}
-        return np.asarray(np.all([far[name] <= compared.limits[name][expected] for name in bad], axis=0))
+    def right(lag: int) -> Bools:
+        moved = compared.later(lag)
+        return np.asarray(np.all([~moved.wrong_in(name, moved.fields[name]) for name in bad], axis=0))
 
-    late = _late(equal)
+    late = _late(right)
     if late:
         return Finding("exit", late, 1.0)
     return (
@@ -264,16 +262,15 @@ def _stale(compared: Comparison) -> Finding | None:
     return best._replace(fault=f"stale register: rays {first} to {last} are of an earlier configuration ({best.fault})")
 
 
-def _late(equal: Callable[[slice, slice], Bools]) -> str | None:
+def _late(right: Callable[[int], Bools]) -> str | None:
     """Say by how many rays outputs came too late, or too early.
 
-    `equal(rays, expected)` tells which of the rays have the values that those of the other slice should have. Where
-    more have their own, as among rays that are nearly alike, none came late.
+    `right(lag)` tells which rays have the right values `lag` rays after them. Where more have them in their own place,
+    as among rays that are nearly alike, none came late.
     """
-    own = equal(slice(None), slice(None)).mean()
+    own = right(0).mean()
     for lag in LAGS:
-        rays, expected = (slice(lag, None), slice(None, -lag)) if lag > 0 else (slice(None, lag), slice(-lag, None))
-        same = equal(rays, expected)
+        same = right(lag)
         if len(same) >= MANY and same.mean() >= EXPLAINED and same.mean() > own:
             return f"outputs {_delay(lag)}: ray k has the values of ray k {-lag:+d}"
     return None
@@ -357,25 +354,30 @@ def _two(compared: Comparison) -> Finding | None:
     return None
 
 
-def _predict(variant: Variant, sample: Comparison) -> Arrays | None:
-    """Return the rays of a variant; None when it leaves no display."""
+def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
+    """Return each array that a variant predicts, with the distances (N,) of foreign rays from it and from golden.
+
+    Empty when the variant leaves no display.
+    """
     try:
-        return variant.predict(sample.inputs, sample.golden)
+        rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
-        return None
+        return []
+    predicted = [(name, values) for name, values in sample.fields.items() if name not in variant.silent]
+    return [(name, sample.far(name, some, rays), sample.far(name, some, sample.golden)) for name, some in predicted]
+
+
+def _middle(name: str, distances: Floats) -> float:
+    """Return the usual distance of an array's rays; of integers the share that differs."""
+    return float(distances.mean() if name in INTEGERS else np.median(distances))
 
 
 def _apart(sample: Comparison, variant: Variant) -> float:
     """Return how far a variant is from foreign rays, as the mean logarithm of its distances in units of golden's."""
-    rays, ratios = _predict(variant, sample), []
-    if rays is None:
-        return np.inf
-    for name, values in sample.fields.items():
-        middle = np.mean if name in INTEGERS else np.median
-        far, own = middle(sample.far(name, values, rays)), middle(sample.far(name, values, sample.golden))
-        if own > 0.0 and name not in variant.silent:
-            ratios.append(math.log(max(float(far / own), 1e-6)) if math.isfinite(far / own) else 0.0)
-    return float(np.mean(ratios)) if ratios else np.inf
+    middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
+    ratios = [far / own for far, own in middles if own > 0.0]
+    logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]
+    return float(np.mean(logarithms)) if logarithms else np.inf
 
 
 def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
@@ -384,23 +386,17 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
     The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
     as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
     """
-    rays, bad = _predict(variant, sample), sample.wrong
-    if rays is None:
-        return 0.0, np.inf
-    right, ratios = np.ones(len(bad), bool), []
-    for name, values in sample.fields.items():
-        if name in variant.silent:
-            continue
-        far, own = sample.far(name, values, rays), sample.far(name, values, sample.golden)
+    bad, ratios = sample.wrong, []
+    right = np.ones(len(bad), bool)
+    for name, far, own in _distances(variant, sample):
         right &= far <= sample.limits[name]
-        middle = np.mean if name in INTEGERS else np.median
         wrong = sample.wrong_by[name]
         if wrong.any():
-            golden_far = float(middle(own[wrong]))
+            golden_far = _middle(name, own[wrong])
             if not golden_far:  # as of rays on an edge: no ratio tells how near the variant is
                 return 0.0, np.inf
-            ratios.append(float(middle(far[wrong])) / golden_far)
-        if middle(far[bad]) > middle(own[bad]) + SAME:
+            ratios.append(_middle(name, far[wrong]) / golden_far)
+        if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:
             return 0.0, np.inf
     if not ratios or not max(ratios) <= NEARER:
         return 0.0, np.inf
@@ -465,11 +461,12 @@ def _diagnose_words(
 def _slip(words: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
     """Return stage and name of a fault that turns the twin's words into these, to the bit: a delay, a sign, a swap."""
 
-    def equal(rays: slice, expected: slice, right: FixedRays = twin) -> Bools:
-        return np.asarray(np.all([a[rays] == b[expected] for a, b in zip(words, right, strict=True)], axis=0))
+    def equal(lag: int, right: FixedRays = twin) -> Bools:
+        rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
+        return np.asarray(np.all([a[rays + lag] == b[rays] for a, b in zip(words, right, strict=True)], axis=0))
 
     def gives(**changed: Ints) -> bool:
-        same = equal(slice(None), slice(None), twin._replace(**changed))
+        same = equal(0, twin._replace(**changed))
         return len(same) >= MANY and bool(same.mean() >= EXPLAINED)
 
     late = _late(equal)

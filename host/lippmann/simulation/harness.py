@@ -85,15 +85,11 @@ class SceneHarness:
             self._library.lippmann_scene_delete(self._model)
 
     def load(self, slot: int, content: Bytes) -> None:
-        """Write a slot, or the panel's curve (slot 15), one byte a clock."""
+        """Write a slot, or the panel's curve (slot 15), one byte a clock, unless it is what was written there last."""
         content = np.ascontiguousarray(content, np.uint8)
-        self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
-        self._loaded[slot] = content.tobytes()
-
-    def hold(self, slot: int, content: Bytes) -> None:
-        """Write a slot, or the panel's curve, unless it is what was written there last."""
         if self._loaded.get(slot) != content.tobytes():
-            self.load(slot, content)
+            self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
+            self._loaded[slot] = content.tobytes()
 
     def draw(
         self, rays: FixedRays, words: SceneWords, seed: int = 0, idle: float = 0.0, stall: float = 0.0,
@@ -150,7 +146,7 @@ def rtl_scene(
     except IndexError:  # all are at work
         model = SceneHarness(build, f)
     for slot, content in {**slots, CURVE_SLOT: table}.items():
-        model.hold(slot, content)
+        model.load(slot, content)
     pixels = model.draw(rays, words)
     models.append(model)  # not after an error
     return pixels

@@ -245,14 +245,9 @@ def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
         first, last = options.get("trace_clocks", (0, 1_000_000))
         words |= {"trace": trace, "trace-from": first, "trace-to": last}
     port = options.get("port") or ("unix" if tcp_port is None else "tcp")
-    return _launch(program, port, options.get("ready"), words)
-
-
-def _launch(program: Path, port: Port, ready: Path | None, options: dict[str, object]) -> RunningBoard:
-    """Start a board's program on a kind of line, and wait until its port is open; `ready` as in `start`."""
     with scratch_folder() as work:
-        ready_path = ready or work / "ready.json"
-        ready_path.unlink(missing_ok=True)
+        ready = options.get("ready") or work / "ready.json"
+        ready.unlink(missing_ok=True)
         place = private_folder()
         _remove_lines_of_the_dead(place)
         if port == "unix":
@@ -260,11 +255,11 @@ def _launch(program: Path, port: Port, ready: Path | None, options: dict[str, ob
             if len(os.fsencode(place)) > MOST_SOCKET_BYTES:
                 what = "its name is too long for a Unix socket"
                 raise input_error(str(place.parent), what, "set TMPDIR to a shorter folder")
-        options |= {"line": port, "place": place, "ready": ready_path}
-        command = [str(program), *(word for name, value in options.items() for word in (f"--{name}", str(value)))]
+        words |= {"line": port, "place": place, "ready": ready}
+        command = [str(program), *(word for name, value in words.items() for word in (f"--{name}", str(value)))]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
         try:
-            return RunningBoard(_wait(process, ready_path), process)
+            return RunningBoard(_wait(process, ready), process)
         except BaseException:
             process.kill()
             process.wait()
