@@ -20,6 +20,8 @@ from lippmann.fixed.words import WIDEST, Ints
 from lippmann.optics.rays import Engine, Floats, Model, Rays
 from lippmann.optics.trace import checked_rays, trace_optics
 
+#: Words of pixels u, v and of aperture points a, b, (N,) each.
+Words = tuple[Ints, Ints, Ints, Ints]
 #: A run of a build: words of pixels and aperture points to words of rays.
 Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
@@ -85,11 +87,21 @@ def trace_fixed(
     display, pixels or aperture points that the formats cannot hold.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
+    words, registers = words_of_rays(display, build, model, pixels, aperture)
+    rays = pipeline(*words, registers, build)
+    return rays_of_words(display, pixels_of_words(display, *words[:2]), rays, fraction_bits)
+
+
+def words_of_rays(
+    display: Display, build: Build, model: Model, pixels: Floats, aperture: Floats | None = None
+) -> tuple[Words, Configuration]:
+    """Return what a pipeline of a build takes for rays: their words u, v, a, b, and the registers.
+
+    Raises InputError as `trace_fixed` does.
+    """
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
     registers = configuration(display, build, model, reach)
     u, v = words_of_pixels(display, pixels)
-    a = b = np.zeros_like(u)
-    if aperture is not None and build.aims:
-        a, b = words_of_aims(display, aperture, fraction_bits)
-    rays = pipeline(u, v, a, b, registers, build)
-    return rays_of_words(display, pixels_of_words(display, u, v), rays, fraction_bits)
+    if aperture is None or not build.aims:
+        return (u, v, np.zeros_like(u), np.zeros_like(u)), registers
+    return (u, v, *words_of_aims(display, aperture, build.fraction_bits)), registers

@@ -12,6 +12,7 @@ from lippmann.base.provenance import provenance
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.options_common import DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import as_json, emit
+from lippmann.conformance.hard_cases import hard_sets
 from lippmann.conformance.ray_stream import Stream
 from lippmann.conformance.vector_files import write_vectors
 from lippmann.display.description import load_display
@@ -57,8 +58,10 @@ def command(
         raise input_error("--words" if words else "--random", "is of a stream", "add --stream")
     if output is None:
         raise InputError("no output; give a folder with -o, or --stream")
-    origin = provenance(line, ("numpy", "mpmath"))
-    entries = write_vectors(Path(output), display, case, model, fraction_bits, seed, count, origin)
+    options = {"model": model, "fraction_bits": fraction_bits, "seed": seed}
+    sets = hard_sets(display, case, seed, count)
+    about = provenance(line, ("numpy", "mpmath")) | options
+    entries = write_vectors(Path(output), sets, model, fraction_bits, about)
     result = {
         "output": output,
         "sets": len(entries),

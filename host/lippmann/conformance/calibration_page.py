@@ -17,11 +17,10 @@ from lippmann.display.description import Display, parse_display
 from lippmann.eye.observer import Eye, observe, whole_window
 
 #: Columns of the field of residuals (`calibration.result.Calibration.field`).
-POSITION, X, Y, RIGHT, DOWN, KEPT = 0, 3, 4, 5, 6, 7
+FIELD = ("position", "i", "j", "x_mm", "y_mm", "right_px", "down_px", "kept")
+POSITION, _, _, X, Y, RIGHT, DOWN, KEPT = range(len(FIELD))
 #: Most arrows in a plot of a position.
 MOST_ARROWS = 600
-#: Side of the cells of the averaged field, as shares of the panel's width.
-CELLS = 16
 #: Samples of a view's pixel.
 SAMPLES = 64
 Floats = npt.NDArray[np.float64]
@@ -48,10 +47,9 @@ def draw_histogram(field: Floats) -> Plot:
     """Draw how the residuals of the panel points are distributed."""
     picture, axes = make_axes(1, 2)
     used = field[field[:, KEPT] > 0]
-    for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("right", "down"), strict=True):
+    for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("residual to the right", "residual down"), strict=True):
         axis.hist(used[:, column], bins=60, color=COLOURS[0])
-        axis.set(xlabel=f"residual to the {label}, panel pixels" if label == "right" else "residual down, panel pixels")
-        axis.set_ylabel("lenslets")
+        axis.set(xlabel=f"{label}, panel pixels", ylabel="lenslets")
     return Plot("calibration-histogram", finish_picture(picture))
 
 
@@ -62,11 +60,11 @@ def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
     """
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
-    lights = {}
-    for name, described, through in (
-        ("before", nominal, display), ("after", display, display), ("ideal", nominal, nominal),
-    ):  # fmt: skip
-        lights[name] = observe(rings(described), through, eye, window, SAMPLES).radiance
+    seen = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}
+    lights = {
+        name: observe(rings(described), through, eye, window, SAMPLES).radiance
+        for name, (described, through) in seen.items()
+    }
     for axis, (name, light) in zip(axes[0], lights.items(), strict=True):
         axis.imshow(np.clip(light, 0.0, 1.0) ** (1.0 / 2.2))
         title = name if name == "ideal" else f"{name}: {psnr_db(light, lights['ideal']):.1f} dB"
@@ -102,15 +100,8 @@ def calibration_page(
     for one in summary["cameras"]:
         sides = zip(one["place_mm"], one["uncertainty_mm"], strict=True)
         cameras.append({**one, "place": ", ".join(f"{digits(x, half)} +- {digits(half, half)}" for x, half in sides)})
-    names = ("position", "i", "j", "x_mm", "y_mm", "right_px", "down_px", "kept")
-    table = [dict(zip(names, map(float, row), strict=True)) for row in field]
-    context = {
-        "rows": rows,
-        "cameras": cameras,
-        "summary": summary,
-        "display": display,
-        "nominal": nominal,
-        "eye": place,
-    }
+    table = [dict(zip(FIELD, map(float, row), strict=True)) for row in field]
+    described = {"summary": summary, "display": display, "nominal": nominal, "eye": place}
     plots = [views_plot, draw_residuals(field, summary["cameras"]), draw_histogram(field)]
+    context = {**described, "rows": rows, "cameras": cameras}
     return Page("calibration", origin, plots, {"calibration-residuals": table}, context)

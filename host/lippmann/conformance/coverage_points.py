@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.conformance.ray_sets import Bools, PanelRays, cell_steps
-from lippmann.display.description import MAX_SIDE_PX, Display
+from lippmann.display.description import MAX_SIDE_PX
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.model_choice import in_cells_mm
@@ -82,6 +82,7 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
     has = {status: rays["status"][:, 0] == int(status) for status in Status}
     steps = cell_steps(display, rays["lenslet"] - rays["home"])
     focal_mm, half_mm = array.focal_length_mm, array.half_diagonal_mm
+    (axis_x, axis_y), half_x, half_y = display.viewing_axis_mm, 0.5 * panel.width_mm, 0.5 * panel.height_mm
     met: dict[str, npt.ArrayLike] = {
         "pixel-on-an-edge": on_edge,
         "pixel-on-a-corner": on_corner,
@@ -95,7 +96,7 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
         "far-offset": math.hypot(*array.offset_mm) >= 100.0 * array.finest_mm,
         "wide-panel": panel.width_px == MAX_SIDE_PX,
         "converged-eye": display.viewing_distance_mm is not None,
-        "eye-aside": _eye_aside(display),
+        "eye-aside": display.viewing_distance_mm is not None and (abs(axis_x) > half_x or abs(axis_y) > half_y),
         "missing-lenslet": ~Lattice.of(array).present(NumpyBackend(), *rays["home"].T) & has[Status.BLOCKED],
         "contact": display.gap_mm == 0.0,
         "gap-of-the-focal-length": abs(display.aperture_distance_mm - focal_mm) < 1e-5 * focal_mm,
@@ -163,13 +164,6 @@ def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
 def _tiny(coordinates: Floats) -> Bools:
     """Tell which points (N, 2) have a coordinate, not 0, whose square underflows."""
     return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < TINY)).any(axis=1))
-
-
-def _eye_aside(display: Display) -> bool:
-    """Tell whether the eye is in front of no point of the panel."""
-    panel, (x, y) = display.panel, display.viewing_axis_mm
-    aside = abs(x) > 0.5 * panel.width_mm or abs(y) > 0.5 * panel.height_mm
-    return display.viewing_distance_mm is not None and aside
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:

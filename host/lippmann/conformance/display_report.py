@@ -1,8 +1,6 @@
 """The report of speed against error (`lippmann report`): each engine and lens model on some displays.
 
-The figures of a run are compared with those of an earlier one. The noise of a figure is its spread over the repeats of
-one run. A figure has moved when its medians in the two runs are farther apart than the sum of both spreads: then no
-repeat of one run lies among the repeats of the other.
+The figures of a run are compared with those of an earlier one; docs/reference/report.md says when one has moved.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base.images import Radiance
 from lippmann.base.tones import psnr_db
@@ -23,11 +22,11 @@ from lippmann.conformance.figures import Figures, Measured, Value
 from lippmann.conformance.ray_sets import PanelRays, random_aims
 from lippmann.conformance.ray_words import FixedCase
 from lippmann.display.description import Display, load_display
+from lippmann.engines import words_of_rays
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.fixed.build import Build
-from lippmann.fixed.configuration import configuration
-from lippmann.fixed.conversion import aims_of_words, words_of_aims, words_of_pixels
+from lippmann.fixed.conversion import aims_of_words, words_of_aims
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.lattice import Lattice
@@ -98,14 +97,11 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
     if true_directions.dtype == object:
         points, directions = exact_array(points), exact_array(directions)
 
-    def lengths(vectors: npt.NDArray[np.generic]) -> Floats:
-        return size(vectors) if vectors.dtype == object else np.asarray(np.linalg.norm(vectors, axis=1))
-
     def apart(z_mm: float) -> Floats:
-        return lengths(crossing(true_points, true_directions, z_mm) - crossing(points, directions, z_mm))
+        return size(crossing(true_points, true_directions, z_mm) - crossing(points, directions, z_mm))
 
     distances = {
-        "urad": 1e6 * lengths(true_directions - directions),
+        "urad": 1e6 * size(true_directions - directions),
         "nm": 1e6 * apart(0.0),
         "mm": np.maximum(*(apart(z) for z in depths_mm)),
     }
@@ -186,9 +182,8 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
 
 def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> FixedCase:
     """Return chief rays through random pixel centres, in the words of a build."""
-    u, v = words_of_pixels(display, random_rays(display, "chief", rays, seed).pixels)
-    zero = np.zeros_like(u)
-    return FixedCase(build, (u, v, zero, zero), configuration(display, build, model), np.ones(rays, bool))
+    pixels = random_rays(display, "chief", rays, seed).pixels
+    return FixedCase(build, *words_of_rays(display, build, model, pixels), np.ones(rays, bool))
 
 
 def rtl_rate(case: FixedCase) -> Callable[[], float]:
@@ -292,16 +287,6 @@ class Pictures:
         settings = Settings(aperture=aperture, seed=self.seed)
         return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
 
-    def view(self, integral: Radiance) -> Radiance:
-        """Return the eye's view of an integral image, through exact lenslets."""
-        window = whole_window(self.display)
-        return observe(integral, self.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
-
-    def direct(self) -> Radiance:
-        """Return the eye's view of the scene itself."""
-        settings = Settings(samples=VIEW_SAMPLES, seed=self.seed)
-        return render_view(self.scene, EYE_MM, whole_window(self.display), settings).radiance
-
 
 # ---- all engines ----
 
@@ -336,6 +321,11 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], tuple[float, float]]:
     """Return the PSNR of each view against the view by golden and the exact model, and against the scene itself."""
-    views = {(m, e): pictures.view(pictures.integral(m, e)) for m in MODELS for e in engines}
-    true, direct = views["exact", "golden"], pictures.direct()
+    window, settings = whole_window(pictures.display), Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
+    views = {
+        (m, e): observe(pictures.integral(m, e), pictures.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
+        for m in MODELS
+        for e in engines
+    }
+    true, direct = views["exact", "golden"], render_view(pictures.scene, EYE_MM, window, settings).radiance
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}

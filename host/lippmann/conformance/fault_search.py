@@ -164,29 +164,22 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    candidates, near = [value + share * unit for share in LOOKED], _shares_near(inputs.display)
+    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
+    panel = inputs.display.panel
+    step = CORNER * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
+    near = step * np.arange(-int(NEAR / step), int(NEAR / step) + 1, dtype=np.float64)
+    candidates = [value + share * unit for share in LOOKED]
     if name == "array.rotation_deg":
         candidates += [float(turn) for turn in ROTATIONS]
         candidates += [value + math.degrees(turn) for turn in near]
-    elif name == "array.shear":
-        candidates += [value + turn for turn in near]
-    elif "pitch_mm" in name:
-        candidates += [value + share * unit for share in near]
+    elif name == "array.shear" or "pitch_mm" in name:
+        candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
     best, width = min(sorted(candidates), key=loss), 0.02 * abs(unit)
     for _ in range(REFINEMENTS):
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6
     if math.isfinite(loss(best)):
         yield _wrong_number(name, best, value)
-
-
-def _shares_near(display: Display) -> Floats:
-    """Return shares of a pitch, or turns in radians, that move the panel's corner by steps of `CORNER` pitches."""
-    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
-    panel = display.panel
-    step = CORNER * display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
-    last = int(NEAR / step)
-    return step * np.arange(-last, last + 1, dtype=np.float64)
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:

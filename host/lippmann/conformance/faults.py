@@ -183,12 +183,7 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
     }
 
     for name, move in moves.items():
-        yield Variant("panel", name, partial(_moved, move))
-
-
-def _moved(move: Callable[[Floats], Floats], inputs: PanelRays) -> PanelRays:
-    """Return rays from moved pixels."""
-    return replace(inputs, pixels=move(inputs.pixels))
+        yield Variant("panel", name, partial(lambda move, rays: replace(rays, pixels=move(rays.pixels)), move))
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:

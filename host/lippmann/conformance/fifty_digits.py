@@ -4,11 +4,9 @@ The optics are written once over arrays of any kind (`lippmann.optics.backend`);
 distance between golden and these rays is golden's rounding error. This module cannot show that the formulas are right:
 the tests compare the 50 digits with an independent tracer that shares no formula (tests/host/truth.py).
 
-**Condition.** A ray's unit is the distance that it moves, in direction or in exit point, when each of its inputs
-(pixel, aperture point, the display's numbers) moves by one unit of its last place: the sum over the inputs, plus one
-unit of the result itself (for an exit point: of the lenslet's pitch or thickness, which it is computed from). An engine
-that stays within k units has computed, up to k roundings, the exact ray of inputs that are at most k roundings away.
-No engine with the same number format can promise more.
+**Condition.** A ray's unit is the distance that it moves, in direction or in exit point, when each input moves by
+one unit of its last place: the sum over the inputs, plus one unit of the result itself (for an exit point: of the
+lenslet's pitch or thickness, which it is computed from). docs/reference/stability.md says what engines promise in it.
 """
 
 from __future__ import annotations
@@ -170,11 +168,11 @@ def truth(rays: PanelRays | WorldRays, **moved: Digits) -> Rays | Hits:
 
 
 def _length(vectors: Digits) -> Digits:
-    return _root((vectors * vectors).sum(axis=1))
+    return (_root if vectors.dtype == object else np.sqrt)((vectors * vectors).sum(axis=1))
 
 
 def size(vectors: Digits) -> Floats:
-    """Return the length of each row of an array of mpf, (N,) float64."""
+    """Return the length of each row of an array of mpf or float64, (N,) float64."""
     return np.asarray(_length(vectors), np.float64)
 
 

@@ -222,15 +222,6 @@ def table(columns: Mapping[str, Sequence[Value]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def plain_table(rows: Rows) -> str:
-    """Return rows as a terminal shows them: padded columns under their names."""
-    names = column_names(rows)
-    cells = [names, *([figure(row.get(name)) for name in names] for row in rows)]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(names))]
-    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
-    return "\n".join(line.rstrip() for line in lines)
-
-
 def column_names(rows: Rows) -> list[str]:
     """Return the names of all columns, in the order in which rows have them first."""
     return list(dict.fromkeys(name for row in rows for name in row))

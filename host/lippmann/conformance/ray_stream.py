@@ -1,26 +1,7 @@
 """Hard rays as lines of text, for a program that stands between `lippmann vectors` and `lippmann regress`.
 
 A program copies each line that begins with #, and appends its answer to each other line. The notes carry all that the
-judge needs, so that it needs no file:
-
-    # lippmann-stream 1                     the format's version; the first line
-    # made NOTE                             the command that made it
-    # set NAME                              begins a set
-    # numbers decimal MODEL                 or: numbers words MODEL FRACTION_BITS
-    # display LINE                          a line of the display file
-    # value NAME NUMBER                     what the display comes to, in mm, for programs that read no TOML
-    # register HEX NAME                     words only: a register, as in registers.mem
-    # rays COUNT HASH                       the questions follow: COUNT lines
-    # end SETS HASH                         the last line
-
-A question is `n u v a b`: the ray's number in its set, pixel coordinates and aperture point, mm along the array's axes
-from the centre of the pixel's lenslet. In words it is `n HEX`, a line of inputs.mem. HASH is the SHA-256 of a set's
-notes of the kinds `HASHED` and of its numbers, float64 in order, little-endian, or of its words' text; at the end that
-of the sets' hashes. The same command of the same version makes the same stream.
-
-An answer in numbers is `status i j x y z dx dy dz` behind its question: the status, the lenslet through which the ray
-left, the exit point and the unit direction in the panel's frame, mm. A ray that is lost (status 1 to 3) may have its
-status alone. An answer in words is the hexadecimal number of a line of expected.mem.
+judge needs, so that it needs no file. docs/reference/stream.md describes the lines.
 """
 
 from __future__ import annotations

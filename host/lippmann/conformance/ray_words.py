@@ -13,11 +13,11 @@ import numpy as np
 
 from lippmann.conformance.ray_sets import Bools, PanelRays
 from lippmann.display.description import Display
-from lippmann.engines import Pipeline
+from lippmann.engines import Pipeline, Words, words_of_rays
 from lippmann.errors import InputError, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration, configuration
-from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
+from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import INDEX_BITS, PIXEL_BITS, Ints
 from lippmann.optics.lattice import Lattice
@@ -92,7 +92,7 @@ class FixedCase:
     """A set in the words of a build: inputs (u, v, a, b) and registers; `mask` tells which rays of the set they are."""
 
     build: Build
-    words: tuple[Ints, Ints, Ints, Ints]
+    words: Words
     registers: Configuration
     mask: Bools
 
@@ -126,15 +126,12 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
     for mask in (near, near & inside):
         if not mask.any():
             continue
-        reach = float(np.hypot(*aims[mask].T).max())
         try:
-            registers = configuration(display, build, rays.model, reach)
-            u, v = words_of_pixels(display, rays.pixels[mask])
+            words, registers = words_of_rays(display, build, rays.model, rays.pixels[mask], aims[mask])
         except InputError as error:
             why = str(error)
             continue
-        a, b = words_of_aims(display, aims[mask], fraction_bits)
-        return FixedCase(build, (u, v, a, b), registers, mask), why
+        return FixedCase(build, words, registers, mask), why
     return None, why
 
 

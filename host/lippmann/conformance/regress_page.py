@@ -137,16 +137,16 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
         # Errors far below the largest are as good as none.
         low = max(low, SPAN * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None
-        for axis, cells, where in zip(row, (error_map.panel, error_map.lenslet), ("panel", "lenslet"), strict=True):
-            edge = 1.0 if where == "panel" else REACH
+        span = (-REACH, REACH, -REACH, REACH)
+        views = (
+            ("panel", error_map.panel, "upper", (0.0, 1.0, 1.0, 0.0), "width", "height"),
+            ("lenslet", error_map.lenslet, "lower", span, "pitch", "pitch"),
+        )
+        for axis, (place, cells, origin, extent, across, up) in zip(row, views, strict=True):
             # An exact cell has the lowest colour: a logarithm has no place for it.
             visible = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
-            extent = (0.0, edge, edge, 0.0) if where == "panel" else (-edge, edge, -edge, edge)
-            image = axis.imshow(
-                visible, norm=norm, cmap="viridis", extent=extent, origin="upper" if where == "panel" else "lower"
-            )
-            across, up = ("width", "height") if where == "panel" else ("pitch", "pitch")
-            axis.set(title=f"{name} over the {where}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
+            image = axis.imshow(visible, norm=norm, cmap="viridis", extent=extent, origin=origin)
+            axis.set(title=f"{name} over the {place}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
             picture.colorbar(image, ax=axis, label=f"largest error, {error_map.unit}")
     return Plot("errors-map", finish_picture(picture))
 

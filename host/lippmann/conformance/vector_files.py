@@ -11,7 +11,7 @@ import dataclasses
 import itertools
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from lippmann.base.files import moved, partial_folder, refused
 from lippmann.base.limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_limited
 from lippmann.conformance.faults import FIELDS
 from lippmann.conformance.fifty_digits import condition, true_hits, true_rays
-from lippmann.conformance.hard_cases import CASES, hard_sets
+from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.ray_sets import PanelRays, WorldRays
 from lippmann.conformance.ray_words import (
     INPUTS,
@@ -77,20 +77,13 @@ WORLD_ARRAYS = {
 
 
 def write_vectors(
-    folder: Path,
-    display: Display,
-    case: str,
-    model: Model,
-    fraction_bits: int,
-    seed: int,
-    count: int,
-    origin: dict[str, str],
+    folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write the sets of a case, or of "all", into a new or empty folder; returns what `vectors.json` lists.
+    """Write sets of rays into a new or empty folder; returns what `vectors.json` lists.
 
-    The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `origin` is the
-    provenance in `vectors.json`. The name of each set is logged. Raises InputError for an unknown case, and for a
-    folder with files.
+    The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `about` stands
+    first in `vectors.json`: provenance, and the options of the sets. The name of each set is logged. Raises InputError
+    for a folder with files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new folder")
@@ -99,11 +92,11 @@ def write_vectors(
     entries = []
     try:
         with partial_folder(folder) as partial:
-            for rays in hard_sets(display, case, seed, count):
+            for rays in sets:
                 if isinstance(rays, PanelRays) or model == "exact":
                     logger.info(rays.name)
                     entries.append(_write_set(partial, rays, model, fraction_bits))
-            _write_header(partial, entries, model, fraction_bits, seed, origin)
+            _write_header(partial, entries, fraction_bits, about)
             moved(partial, folder)
     except OSError as error:
         raise refused(folder, error) from None
@@ -154,23 +147,15 @@ def _save(place: Path, **arrays: Any) -> None:
     np.savez(place / "rays.npz", **arrays)
 
 
-def _write_header(
-    top: Path, entries: list[Entry], model: str, fraction_bits: int, seed: int, origin: dict[str, str]
-) -> None:
-    described = {
-        word: {"word": word, "bits": bits, "fraction_bits": behind}
-        for word, (bits, behind) in formats(fraction_bits).items()
-    }
+def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Mapping[str, object]) -> None:
+    words = {name: {"word": name, "bits": n, "fraction_bits": f} for name, (n, f) in formats(fraction_bits).items()}
     header = {
-        **origin,
-        "model": model,
-        "fraction_bits": fraction_bits,
-        "seed": seed,
+        **about,
         "arrays": ARRAYS,
         "arrays_of_rays_from_the_world": WORLD_ARRAYS,
         "words": {
-            "inputs.mem": [described[word] for word in INPUTS],
-            "expected.mem": [described[word] for word in OUTPUTS],
+            "inputs.mem": [words[name] for name in INPUTS],
+            "expected.mem": [words[name] for name in OUTPUTS],
             "registers.mem": f"a register of optics_config_t a line, {REGISTER_BITS} bits, sign extended",
         },
         "cases": {name: " ".join((case.__doc__ or "").split()) for name, case in CASES.items()},
@@ -178,12 +163,9 @@ def _write_header(
     }
     (top / "vectors.json").write_text(json.dumps(header, indent=1) + "\n")
     page = Path(__file__).with_name("vectors.md").read_text()
+    bits = {"F": fraction_bits, "pixel_bits": PIXEL_BITS, "bits": sum(widths(OUTPUTS, fraction_bits))}
     rows = "".join(f"| `{name}` | {what} |\n" for name, what in ARRAYS.items())
-    text = page.format(
-        F=fraction_bits, pixel_bits=PIXEL_BITS, outputs=", ".join(OUTPUTS), bits=sum(widths(OUTPUTS, fraction_bits)),
-        arrays=rows,
-    )  # fmt: skip
-    (top / "README.md").write_text(text)
+    (top / "README.md").write_text(page.format(**bits, outputs=", ".join(OUTPUTS), arrays=rows))
 
 
 # ---- reading ----
@@ -210,8 +192,7 @@ def read_foreign(
     if suffix == ".npz":
         return _of_arrays(path, display, model)
     if suffix == ".csv":
-        columns = _csv_columns(path)
-        _check_widths(path, columns, fraction_bits)
+        columns = _csv_columns(path, fraction_bits)
     elif suffix in (".mem", ".hex"):
         inputs_path = inputs or path.with_name("inputs.mem")
         if not inputs_path.is_file():
@@ -227,8 +208,8 @@ def read_foreign(
     return foreign_from_words(columns, display, model, fraction_bits)
 
 
-def _csv_columns(path: Path) -> dict[str, Ints]:
-    """Return the columns of a table of words, N each; without aperture points they are 0."""
+def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
+    """Return the columns of a table of words, N each, which do not exceed their bits; without aperture points 0."""
     lines = (line for line in lines_of(text_of(path)) if not line.startswith("#"))
     heading = [name.strip(' "') for name in next(lines, "").split(",")]
     names = (*INPUTS, *OUTPUTS)
@@ -244,20 +225,16 @@ def _csv_columns(path: Path) -> dict[str, Ints]:
             raise ValueError
     except ValueError:
         raise input_error(str(path), "contains a non-integer, or rows of different lengths", "give integers") from None
-    zero = np.zeros(len(table), np.int64)
-    return {name: table[:, heading.index(name)] if name in heading else zero for name in names}
-
-
-def _check_widths(path: Path, columns: dict[str, Ints], fraction_bits: int) -> None:
-    """Refuse words that exceed their bits."""
-    for (name, column), bits in zip(columns.items(), widths(tuple(columns), fraction_bits), strict=True):
+    columns = dict.fromkeys(names, np.zeros(len(table), np.int64)) | dict(zip(heading, table.T, strict=True))
+    for name, bits in zip(names, widths(names, fraction_bits), strict=True):
         low = 0 if bits == STATUS_BITS else -(1 << (bits - 1))
         high = low + (1 << bits) - 1
-        out = (column < low) | (column > high)
+        out = (columns[name] < low) | (columns[name] > high)
         if out.any():
             ray = int(np.argmax(out))
-            what = f"{name} of ray {ray} is {column[ray]}, beyond its {bits} bits"
+            what = f"{name} of ray {ray} is {columns[name][ray]}, beyond its {bits} bits"
             raise input_error(str(path), what, f"give {low} to {high}, or the word length with --fraction-bits")
+    return columns
 
 
 def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
