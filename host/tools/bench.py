@@ -17,7 +17,7 @@ from lippmann.cli import run
 from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options_common import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit, log
-from lippmann.conformance.figures import Rows, column_names, figure, write_csv
+from lippmann.conformance.figures import figure, plain_table, write_csv
 from lippmann.conformance.pages import Page
 
 from tools.measured_page import measured_name, measured_page
@@ -136,15 +136,7 @@ def rows_command(name: str, what: str, function: RowFunction, packages: tuple[st
 
 def _plain(origin: Mapping[str, str], found: Mapping[str, Any]) -> str:
     lines = (f"{key}: {value}" for key, value in origin.items())
-    return "\n".join([*lines, *(_padded(rows) for rows in found.values())])
-
-
-def _padded(rows: Rows) -> str:
-    """Return padded columns under their names."""
-    names = column_names(rows)
-    columns = [[name, *(figure(row.get(name)) for row in rows)] for name in names]
-    padded = [[cell.ljust(max(map(len, cells))) for cell in cells] for cells in columns]
-    return "\n".join("  ".join(line).rstrip() for line in zip(*padded, strict=True))
+    return "\n".join([*lines, *(plain_table(rows) for rows in found.values())])
 
 
 class _Measurements(click.Group):

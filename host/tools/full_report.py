@@ -37,7 +37,6 @@ from lippmann.simulation.harness import rtl_pipeline
 from lippmann.simulation.toolchain import repository
 
 from tools import renderer_speed, stage_errors
-from tools.hard_case_errors import count_different_words
 from tools.measured_page import SYNTHESIS
 from tools.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from tools.report_plots import TEMPLATES, draw_lines
@@ -149,7 +148,6 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
         for c in chosen
         if plan.simulate and c.name in SIMULATED
     }
-    differ = {name: count_different_words(run.trace(rtl_pipeline), run.trace()) for name, run in runs.items()}
     rates = in_turn({name: rtl_rate(run) for name, run in runs.items()}, plan.rounds)
 
     @cache
@@ -178,7 +176,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
                 **dict(zip(KEYS, keys, strict=True)),
                 **{key: None if size is None else Measured(size[key]) for key in PLACED},
                 "simulated_rays_per_second": None if run is None else Measured.of(rates[named.name]),
-                "words_differ": None if run is None else Measured(differ[named.name]),
+                "words_differ": None if run is None else Measured(run.count_differences(rtl_pipeline)),
                 **{key: Measured(value) for key, value in found.items()},
                 "image_db": Measured.finite(own),
                 "exact_image_db": Measured.finite(whole),

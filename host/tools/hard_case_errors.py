@@ -23,7 +23,6 @@ from lippmann.conformance.ray_words import fixed_words
 from lippmann.display.description import load_display
 from lippmann.engines import Pipeline, trace
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words
-from lippmann.fixed.ray_pipeline import FixedRays
 from lippmann.fixed.words import COMPACT, WIDEST
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.faces import Dome, Ray, meet, refract_flat
@@ -177,13 +176,8 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
         "worst_urad": float(turn[same].max(initial=0.0) * 1e6),
         "worst_nm": float(shift[same].max(initial=0.0) * 1e6),
         "overflowed": int(overflowed.sum()),
-        "words_differ": None if rtl is None else count_different_words(case.trace(rtl), out),
+        "words_differ": None if rtl is None else case.count_differences(rtl),
     }
-
-
-def count_different_words(one: FixedRays, other: FixedRays) -> int:
-    """Return how many words of two sets of rays differ."""
-    return int(sum((a != b).sum() for a, b in zip(one, other, strict=True)))
 
 
 def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:

@@ -31,7 +31,6 @@ from lippmann.simulation.harness import ray_harness, rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
 from tools.bench import MEASUREMENTS, rows_command
-from tools.hard_case_errors import count_different_words
 
 #: What `tools.bench trace` measures.
 TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
@@ -77,13 +76,12 @@ def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         display = load_display(scenes / f"displays/{name}.toml")
         for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
             case = words_of_chief_rays(display, Build(bits, display.array.grid, cross_cells=cells), seed, RAYS)
-            simulated = ray_harness(case.build).trace(*case.words, case.registers)
             yield {
                 "display": display.name,
                 "build": f"F {bits}, cross terms in {'cells' if cells else 'logic'}",
                 "rtl_rays_per_second": max(rtl_rate(case)() for _ in range(RUNS)),
                 "twin_rays_per_second": timed(RAYS, case.trace)(),
-                "words_differ": count_different_words(simulated, case.trace()),
+                "words_differ": case.count_differences(lambda *inputs: ray_harness(inputs[5]).trace(*inputs[:5])),
                 "rays": RAYS,
             }
     yield from measure_drawing(scenes)

@@ -1,9 +1,7 @@
 """Foreign rays beside golden's: how far each value may be off, and which are.
 
-The bounds are for all rays, for steps of the ray and for hard cases; a file of bounds is kept beside the design that it
-is for (`regress --bounds`). A ray may be off by its bound plus the effect of rounding its inputs to float32, so that a
-rounding never counts as a fault, however ill-conditioned a ray is. Where such a rounding changes lenslet or status, the
-ray is on an edge, and may be golden's on either side.
+A ray may be off by its bound plus the effect of rounding its inputs to float32, so that a rounding never counts as a
+fault, however ill-conditioned a ray is. Where such a rounding changes lenslet or status, the ray is on an edge.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "orig
 
 #: Arrays of integers.
 INTEGERS = ("home", "lenslet", "status")
-#: Ways in which rays are displaced, to see whether they are on an edge; to see all sides of it, and by which shares.
+#: Ways in which rays are displaced, to find edges; to see all sides of an edge, and by which shares.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
@@ -106,7 +104,7 @@ def load_bounds(path: Path) -> Bounds:
 class FieldSummary:
     """One array of the file: the step that computes it, rays compared and wrong, the largest difference and its unit.
 
-    `limits` are the smallest and the largest difference that any ray was allowed.
+    `limits` are the smallest and the largest difference allowed.
     """
 
     field: str
@@ -122,9 +120,8 @@ class FieldSummary:
 class Comparison:
     """Foreign rays beside golden's: N rays and their inputs.
 
-    `fields` are the arrays of the file and `golden` golden's; `limits` (N,) say how far a ray may be off in each array;
-    `edge` (N,) marks rays whose status or lenslet changes within them, and `excused` (N,) those of them that are
-    golden's on some side of the edge; of `alone` (N,) the status alone is compared.
+    `limits` (N,) say how far a ray may be off in each array; `edge` (N,) marks rays whose status or lenslet changes
+    within them, `excused` (N,) those of them that are golden's on some side; of `alone` (N,) the status is compared.
     """
 
     inputs: PanelRays
@@ -155,7 +152,7 @@ class Comparison:
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
 
     def wrong_in(self, name: str, values: Floats) -> Bools:
-        """Tell which values of an array are wrong; on an edge only panel points and values that are not finite."""
+        """Tell which values of an array are wrong."""
         far = self.far(name, values, self.golden)
         excused = self.excused & np.isfinite(far) & (name != "panel_mm")
         return np.asarray((far > self.limits[name]) & ~excused)
@@ -192,8 +189,7 @@ def compare(
     """Compare arrays with golden's, within bounds.
 
     Panel points and aims displaced either way by `moves_mm`, (N, 2) each, tell how much more each ray may be off; left
-    out, the `roundings` of the rays. Not `every`: these are traced only for rays beyond the bounds. The others are
-    right whatever they tell, so the same rays are wrong.
+    out, by the `roundings`. Not `every`: only rays beyond the bounds are displaced, because the others are right.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -217,7 +213,7 @@ def compare(
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
-    """Return how far displacements move each array's rays, and which rays change status or lenslet, (N,) each."""
+    """Return how far displacements move each array's rays, and which change status or lenslet, (N,) each."""
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)

@@ -125,7 +125,7 @@ def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
     """Return the rays of several sets that meet each point, and a line that names the points that none meets.
 
-    Of rays in `words` without the points beyond them.
+    Rays in `words` need not meet the points beyond words.
     """
     totals = Counter[str]()
     for one in sets:
@@ -137,7 +137,7 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners, left and lower one."""
+    """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners: left, lower."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
     left_side = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])

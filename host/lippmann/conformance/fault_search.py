@@ -1,7 +1,6 @@
 """Faults that no single variant of `lippmann.conformance.faults` explains: wrong numbers, found by fits, and pairs.
 
-Variants change the inputs of a trace or its results, so that two of them combine. A number of the display is fitted
-beside the variants that alone come nearest.
+A number of the display is fitted beside the variants that alone come nearest.
 """
 
 from __future__ import annotations
@@ -69,10 +68,7 @@ NEAREST = 12
 
 
 def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
-    """Yield variants with a number that is fitted to foreign rays: a constant, a word length, a number of the display.
-
-    For each number of the display, the value that explains the directions best.
-    """
+    """Yield variants with a number fitted to foreign rays: a constant, a word length, a number of the display."""
     rays = golden(inputs)
     for name, what, unit, arrays in (
         ("direction", "direction", "", ("direction",)),
@@ -91,10 +87,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield two numbers of the display that are fitted to foreign directions at once, near the display's own.
-
-    One of which the other leaves nothing to explain is left out.
-    """
+    """Yield two numbers of the display fitted at once, without one that the other leaves nothing to explain."""
     from scipy.optimize import least_squares  # at its first use: right rays need no fit
 
     for names in combinations(FITTED, 2):
@@ -183,10 +176,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the likeliest first; `apart` tells how far a variant alone is from the rays `fields`.
-
-    Numbers are fitted to `fields`, those of the rays `inputs`.
-    """
+    """Yield pairs of variants, the likeliest first; `apart` tells how far a variant alone is from the rays `fields`."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))

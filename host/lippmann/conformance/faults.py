@@ -1,8 +1,7 @@
 """Faulty variants of golden, each with the step of the ray that its fault is in.
 
 A variant predicts the rays of a design with this fault. When foreign rays equal a variant's and not golden's, the
-variant is the diagnosis. Discrete slips (a sign, an axis, degrees for radians) have a variant each, in the functions
-that `variants` calls; `lippmann.conformance.fault_search` finds wrong numbers of the display, and two faults at once.
+variant is the diagnosis. `lippmann.conformance.fault_search` finds wrong numbers of the display, and two faults.
 """
 
 from __future__ import annotations
@@ -252,14 +251,14 @@ def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
 
 
 def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet whose number is rounded down: of the four around the point the lower left."""
+    """Trace each ray through the lenslet whose number is rounded down, of the four around the point."""
     x, y = rays["start_mm"].T
     sides = np.stack([x - inputs.display.array.shear * y, y], axis=1)
     return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), inputs, rays)
 
 
 def _other_ties(inputs: PanelRays) -> Floats:
-    """Return pixels with the points on a cell's left or lower edge moved beyond it, by less than any tolerance."""
+    """Return pixels with the points on a cell's left or lower edge moved just beyond it."""
     array = inputs.display.array
     x, y = inputs.steps()["start_mm"].T
     sides = np.stack([x - array.shear * y, y], axis=1)

@@ -51,7 +51,7 @@ Rows = Sequence[Row]
 
 
 def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
-    """Return the rows in groups that have the same values of some keys, in the order of their first rows."""
+    """Return the rows in groups that have the same values of some keys."""
     rows_of: dict[tuple[Value, ...], list[Row]] = {}
     for row in rows:
         rows_of.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -220,6 +220,14 @@ def table(columns: Mapping[str, Sequence[Value]]) -> str:
     rows = [list(columns), ["---"] * len(columns)]
     rows += [[figure(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def plain_table(rows: Rows) -> str:
+    """Return rows as a terminal shows them: padded columns under their names."""
+    names = column_names(rows)
+    columns = [[name, *(figure(row.get(name)) for row in rows)] for name in names]
+    padded = [[cell.ljust(max(map(len, cells))) for cell in cells] for cells in columns]
+    return "\n".join("  ".join(line).rstrip() for line in zip(*padded, strict=True))
 
 
 def column_names(rows: Rows) -> list[str]:

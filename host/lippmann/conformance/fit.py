@@ -1,13 +1,8 @@
-"""`fit`: the cheapest model, number of samples and build of the RTL within a tolerance.
+"""`fit`: the cheapest model, number of samples and build of the RTL within a tolerance, for a display's chief rays.
 
-It serves the chief rays of a display over a range of depths. All errors are in pixels of the reconstructed view (see
-`lippmann.optics.model_choice`):
-
-* **model**: the largest distance between its rays and the exact ones;
-* **samples**: the largest distance between the light of a panel pixel and the nearest ray that samples it. Along each
-  axis the light spreads to w = |z| q / D at depth z, in reconstructed pixels w / max(p, w). The error is the `gap` of n
-  samples in a rectangle of these sides, largest at the farthest depth;
-* **build**: the largest distance between its rays, in words of F fraction bits, and the exact ones.
+All errors are in pixels of the reconstructed view (see `lippmann.optics.model_choice`); docs/models.md says which.
+Along each axis the light of a panel pixel spreads to w = |z| q / D at depth z, in reconstructed pixels w / max(p, w).
+The error of n samples is their `gap` in a rectangle of these sides, largest at the farthest depth.
 """
 
 from __future__ import annotations
@@ -49,8 +44,8 @@ MOST_SAMPLES = 1024
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: A build that passes the probe is tested on so many rays all over the panel too, and on as many in corners of cells:
-#: roundings differ from ray to ray. Those of untested rays may be larger by the margin, as a part of the rounding.
+#: A build that passes the probe is tested on so many rays all over the panel too, and on as many in corners of cells.
+#: Roundings of untested rays may be larger by the margin, as a part of the rounding.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
 #: Least distance of those rays in corners from the cell's centre, as a part of INSIDE.
 CORNERS = 0.9
@@ -94,9 +89,8 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 def gap(samples: int, sides: Pair) -> float:
     """Return the largest distance from a place in a rectangle to the nearest of the renderer's samples.
 
-    The places of a pixel's samples are mirrored, which changes no distance, and their axes may be exchanged. The
-    farthest place is a corner of the samples' Voronoi cells, clipped to the rectangle: reflecting the samples in its
-    four sides clips them.
+    A pixel's samples may be mirrored, and their axes exchanged. The farthest place is a corner of their Voronoi cells,
+    clipped to the rectangle by reflecting the samples in its sides.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)

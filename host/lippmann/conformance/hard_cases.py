@@ -1,8 +1,7 @@
 """Hard cases: named sets of rays that are numerically difficult, generated for any display from a seed.
 
-A case takes a display and gives sets of rays, each with its display: the given one, or one with a single property at an
-extreme. All engines are measured on the same sets, and `lippmann vectors` writes them to test other designs. The
-docstring of each function says what its case tests.
+The sets have displays of their own: the given one, or one with a single property at an extreme. The docstring of each
+function says what its case tests.
 """
 
 from __future__ import annotations

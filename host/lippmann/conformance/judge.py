@@ -66,11 +66,9 @@ class Finding(NamedTuple):
 class Verdict:
     """The judgement of foreign rays.
 
-    `rays` in the file; `on_edge` are beyond the bounds, but change status or lenslet within a rounding, so that they
-    may be golden's on either side;
-    `wrong` are wrong in some array. `stage` is the first step that is wrong (None: all is right), `fault` the
-    explanation (None: none was found), `explained` the share of the rays that it gives. `first_wrong` is the number of
-    a ray. `covered` are the rays that meet each point of `coverage_points.POINTS`.
+    `rays` in the file; `on_edge` are beyond the bounds, but change status or lenslet within a rounding; `wrong` are
+    wrong in some array, `first_wrong` is the first one's number. Stage, fault and share as in `Finding`. `covered` are
+    the rays that meet each point of `coverage_points.POINTS`.
     """
 
     rays: int
@@ -124,9 +122,8 @@ def judge(
 ) -> Verdict:
     """Judge foreign rays.
 
-    `bounds` are how far directions and points may be off, beside the effect of rounding the inputs. Words must be
-    equal. With `two_faults` a pair of faults is looked for when no single one explains the rays, which takes some ten
-    seconds.
+    `bounds` are for numbers; words must be equal. With `two_faults` a pair of faults is looked for when no single one
+    explains the rays, which takes some ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)
@@ -244,14 +241,14 @@ def _stuck(compared: Comparison) -> Finding | None:
 
 
 def _only_status(compared: Comparison) -> Finding | None:
-    """Explain rays that are wrong where their status is: the other values of a ray that should be lost say nothing."""
+    """Explain rays that are wrong only where their status is: a lost ray's other values say nothing."""
     if "status" not in compared.fields or (compared.wrong & ~compared.wrong_by["status"]).any():
         return None
     return _wrong_codes(compared)
 
 
 def _stale(compared: Comparison) -> Finding | None:
-    """Explain a stretch of wrong rays, with right ones before or after, by a register that took effect late."""
+    """Explain a stretch of wrong rays by a register that took effect late."""
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
@@ -304,7 +301,7 @@ def _wrapped(compared: Comparison) -> bool:
 
 
 def _best(compared: Comparison) -> Finding | None:
-    """Return stage, name and share of the variant that comes nearest to the rays, if it gives nearly all of them."""
+    """Return the variant that comes nearest to the rays, if it gives nearly all of them."""
     random = np.random.default_rng(0)
     # Of a ray on an edge a variant may give the other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)

@@ -100,6 +100,10 @@ class FixedCase:
         """Trace the rays with the twin, or with another pipeline."""
         return pipeline(*self.words, self.registers, self.build)
 
+    def count_differences(self, pipeline: Pipeline) -> int:
+        """Return how many words of the rays another pipeline computes otherwise than the twin."""
+        return int(sum((a != b).sum() for a, b in zip(self.trace(pipeline), self.trace(), strict=True)))
+
     @property
     def input_lines(self) -> list[str]:
         """The inputs as lines of `inputs.mem`."""

@@ -1,7 +1,6 @@
 """What `lippmann regress` writes: verdicts as JUnit XML, and the page that shows where errors are, and how large.
 
-Errors are shown over the panel, over the lenslet, and as histograms. Only maxima and counts are kept, so that a stream
-of any length fits.
+Only maxima and counts are kept, so that a stream of any length fits.
 """
 
 from __future__ import annotations
@@ -47,8 +46,7 @@ class ErrorMap:
 
     `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, in microradian or nm; -1 where there is no
     ray. Rows go down the panel, and up the lenslet. `counts` are the rays by their error in units of the last place:
-    exact ones, then those in each bin of `edges()`, then larger ones. `worst` is the largest error, and `worst_units`
-    the largest in units of the last place.
+    exact ones, then those in each bin of `edges()`, then larger ones. `worst` and `worst_units` are the largest errors.
     """
 
     unit: str
@@ -120,7 +118,7 @@ class ErrorMaps:
 
 
 def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
-    """Raise each cell of a map to the largest error of the places (N, 2) in it, 0 to 1; places outside are left out."""
+    """Raise each cell of a map to the largest error of the places (N, 2) in it, 0 to 1 within the map."""
     column, row = np.floor(places * CELLS).astype(np.int64).T
     inside = (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
     np.maximum.at(cells, (row[inside], column[inside]), errors[inside])
@@ -172,7 +170,7 @@ def errors_page(
     words: bool,
     ended: str | None = None,
 ) -> Page:
-    """Return the page of verdicts on sets of rays, and of the errors of all; `ended` says why there are no more."""
+    """Return the page of verdicts on sets, and of the errors of all; `ended` says why there are no more."""
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     arrays = [

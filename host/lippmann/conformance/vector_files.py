@@ -1,8 +1,6 @@
 """Files of rays: the test vectors that `lippmann vectors` writes, and the rays of another tracer that `regress` reads.
 
-Vectors are a folder for each set of rays: `display.toml`, `rays.npz`, and if the display fits the registers `words.csv`
-and the memory files `registers.mem`, `inputs.mem`, `expected.mem` for `$readmemh`. `vectors.json` lists them and
-describes their columns and bits.
+Vectors are a folder for each set of rays; vectors.md, which becomes their README.md, describes the files.
 """
 
 from __future__ import annotations
@@ -82,8 +80,7 @@ def write_vectors(
     """Write sets of rays into a new or empty folder; returns what `vectors.json` lists.
 
     The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `about` stands
-    first in `vectors.json`: provenance, and the options of the sets. The name of each set is logged. Raises InputError
-    for a folder with files.
+    first in `vectors.json`. Raises InputError for a folder with files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new folder")
@@ -209,7 +206,7 @@ def read_foreign(
 
 
 def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
-    """Return the columns of a table of words, N each, which do not exceed their bits; without aperture points 0."""
+    """Return the columns of a table of words, N each; aperture points are 0 where it has none."""
     lines = (line for line in lines_of(text_of(path)) if not line.startswith("#"))
     heading = [name.strip(' "') for name in next(lines, "").split(",")]
     names = (*INPUTS, *OUTPUTS)

@@ -1,8 +1,7 @@
 """Verilator builds: RTL to a program or a library, compiled once and shared by all processes.
 
-Verilator writes C++, which the compiler takes as one file: the headers of a model are far larger than most of its
-parts, and the whole model is in sight of the optimiser. Verilator's own runtime and headers depend on no model and are
-compiled once for each version of it.
+The compiler takes Verilator's C++ as one file: the headers of a model are far larger than most of its parts, and the
+whole model is in sight of the optimiser. Verilator's own runtime and headers are compiled once for each version of it.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ SHORT = ("-O1",)
 #: Verilator's options for a model that is fast and checks no assertion.
 UNCHECKED = ("--x-assign", "fast", "--x-initial", "fast", "--noassert")
 
-#: Verilator's options for hundred thousands of assignments of bits: functions that the compiler is through with soon.
+#: Verilator's options for hundred thousands of assignments of bits: short functions, which compile soon.
 NETLIST = ("--output-split-cfuncs", "1000")
 
 #: Environment variables: the folder for the lines that simulations cover (sim/coverage/); whether they count toggles.
@@ -52,10 +51,9 @@ class RtlError(LippmannError):
 def cached_file(path: Path, inputs: Iterable[Path | str], make: Callable[[Path], None], suffix: str = "") -> Path:
     """Return a file that is made from inputs, made first unless it is there.
 
-    Of several processes that ask at the same time one makes it and the others wait. It appears whole or not at all. A
-    hash of the inputs follows the name in `path`, then the suffix; `make` writes the file to the path it is given. The
-    inputs are all that decides the file: files, whose contents count, and texts. This processor and the version of
-    Verilator always count.
+    Of several processes one makes it and the others wait. It appears whole or not at all. A hash of the inputs follows
+    the name in `path`, then the suffix; `make` writes the file to the path it is given. The inputs are all that decides
+    the file beside this processor and the version of Verilator: files, whose contents count, and texts.
     """
     always = " ".join(sorted(features())) + verilator_version()
     key = hashlib.sha256(always.encode() + Path(__file__).read_bytes())
@@ -161,7 +159,7 @@ def _precompiled(flags: Sequence[str]) -> Path:
 
 
 def _include(path: Path) -> str:
-    """Return the text that includes a C++ file. One that Verilator marks as slow runs once and is not optimised."""
+    """Return the text that includes a C++ file; what Verilator marks as slow runs once and is not optimised."""
     line = f'#include "{path}"\n'
     if not path.stem.endswith("__Slow"):
         return line

@@ -85,7 +85,7 @@ class SceneHarness:
             self._library.lippmann_scene_delete(self._model)
 
     def load(self, slot: int, content: Bytes) -> None:
-        """Write a slot, or the panel's curve (slot 15), one byte a clock, unless it is what was written there last."""
+        """Write a slot, or the panel's curve (slot 15), one byte a clock, unless its content is there."""
         content = np.ascontiguousarray(content, np.uint8)
         if self._loaded.get(slot) != content.tobytes():
             self._library.lippmann_scene_load(self._model, slot, len(content), content.ctypes.data)
@@ -137,8 +137,7 @@ def rtl_scene(
 ) -> Bytes:
     """Draw through the RTL, in the place of `lippmann.fixed.scene_pipeline.scene`.
 
-    Threads may call it at once: each call has a model of its own, and the models are kept with what they hold, since a
-    load takes longer than some rows.
+    Threads may call it at once: each call has a model of its own. The models keep what they hold.
     """
     models = _models.setdefault((build, f), [])
     try:

@@ -116,7 +116,7 @@ class RunningBoard:
 
 
 def step_of(baud: int, clock_hz: int = CLOCK_HZ) -> int:
-    """Return the bits per clock of a bit line, in 1 / 65536; raise InputError for a rate that the clock cannot give."""
+    """Return a bit line's bits per clock, in 1 / 65536; raise InputError when the clock cannot give the rate."""
     step = round(baud / clock_hz * 65536)
     if not 1 <= step <= 65536 // CLOCKS_OF_A_BIT or abs(step * clock_hz / 65536 / baud - 1) > 0.01:
         fastest = min(18_000_000, clock_hz // CLOCKS_OF_A_BIT)
@@ -316,7 +316,7 @@ def remove_parts(folder: Path) -> None:
 
 
 def last_frame(folder: Path) -> int:
-    """Return the largest number of a frame (frame-NUMBER.png) that a folder holds from earlier boards; 0 without."""
+    """Return the largest number of a frame (frame-NUMBER.png) in a folder; 0 without."""
     names = [re.fullmatch(r"frame-(\d+)\.png", path.name) for path in folder.glob("frame-*.png") if path.is_file()]
     return max((int(one[1]) for one in names if one), default=0)
 
