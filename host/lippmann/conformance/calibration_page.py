@@ -60,10 +60,10 @@ def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
     """
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
-    seen = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}
+    views = {"before": (nominal, display), "after": (display, display), "ideal": (nominal, nominal)}
     lights = {
         name: observe(rings(described), through, eye, window, SAMPLES).radiance
-        for name, (described, through) in seen.items()
+        for name, (described, through) in views.items()
     }
     for axis, (name, light) in zip(axes[0], lights.items(), strict=True):
         axis.imshow(np.clip(light, 0.0, 1.0) ** (1.0 / 2.2))

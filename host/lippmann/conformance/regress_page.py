@@ -178,8 +178,8 @@ def errors_page(
          "unit": error_map.unit, "units": error_map.worst_units}
         for name, error_map in maps.items()
     ]  # fmt: skip
-    shown = ("rays", "wrong", "first_wrong", "stage", "fault")
-    sets = [{"set": name, **{key: getattr(one, key) for key in shown}} for name, one in verdicts]
+    columns = ("rays", "wrong", "first_wrong", "stage", "fault")
+    sets = [{"set": name, **{key: getattr(one, key) for key in columns}} for name, one in verdicts]
     met, coverage = summary((one.covered for _, one in verdicts), words)
     context: dict[str, object] = {
         "arrays": arrays,
