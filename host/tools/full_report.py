@@ -22,10 +22,9 @@ from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.cli.frame import make_command
 from lippmann.cli.report import ReportOptions, write_report
-from lippmann.conformance import display_report, engine_speeds
-from lippmann.conformance.display_report import Comparison, Section, display_sections, make_report
-from lippmann.conformance.engine_speeds import Pictures, errors, in_turn, random_rays, rtl_rate, words_of_chief_rays
-from lippmann.conformance.figures import Figures, Measured, Stored, groups, read_csv, where
+from lippmann.conformance import engine_speeds
+from lippmann.conformance.engine_speeds import Pictures, Section, errors, in_turn
+from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, groups, read_csv, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display
@@ -79,7 +78,7 @@ class Plan(engine_speeds.Plan):
 WHOLE = Plan()
 #: For tests, and for a first look.
 QUICK = Plan(
-    **dataclasses.asdict(display_report.QUICK),
+    **dataclasses.asdict(engine_speeds.QUICK),
     fraction_bits=(16, 23),
     named=False,
     noise_px=64,
@@ -100,7 +99,7 @@ def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
     measured = (scenes, plan, seed)
     builds = (draw_costs, draw_word_lengths)
     return [
-        *display_sections(*measured),
+        *engine_speeds.display_sections(*measured),
         Section("rtl", partial(measure_builds, *measured), builds),
         Section("noise", partial(renderer_speed.measure_noise, *measured), (renderer_speed.draw_renderer,)),
         Section("growth", partial(renderer_speed.measure_growth, *measured), (renderer_speed.draw_growth,)),
@@ -144,11 +143,13 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
     chosen, (_, sizes) = configurations(plan), placed()
     logger.info("configurations of the RTL: simulation ...")
     runs = {
-        c.name: words_of_chief_rays(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
+        c.name: engine_speeds.words_of_chief_rays(
+            c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays
+        )
         for c in chosen
         if plan.simulate and c.name in SIMULATED
     }
-    rates = in_turn({name: rtl_rate(run) for name, run in runs.items()}, plan.rounds)
+    rates = in_turn({name: engine_speeds.rtl_rate(run) for name, run in runs.items()}, plan.rounds)
 
     @cache
     def pictures(display: Display) -> Pictures:
@@ -163,7 +164,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
         logger.info("configurations of the RTL: %s ...", named.name)
         build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
         aperture: Aperture = "full" if build.aims else "chief"
-        sample = random_rays(display, aperture, plan.rays, seed)
+        sample = engine_speeds.random_rays(display, aperture, plan.rays, seed)
         words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
         found = errors(sample.trace(), twin, pictures(display).scene.depth_range_mm)
@@ -256,7 +257,7 @@ def main(options: ReportOptions = ReportOptions) -> None:  # type: ignore[assign
         placed()  # a missing file is told before anything is measured
         plan, words = QUICK if options.quick else WHOLE, f"python -m tools.full_report {options.words()}"
         sections = make_sections(scenes, plan, options.seed)
-        return make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)
+        return engine_speeds.make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)
 
     write_report(options, TABLES, measure)
 

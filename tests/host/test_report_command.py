@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 from lippmann.cli import run
-from lippmann.conformance.display_report import compare
-from lippmann.conformance.figures import read_stored
+from lippmann.conformance.figures import compare, read_stored
 from lippmann.simulation.toolchain import repository
 from PIL import Image
 from test_report_page import check_page

@@ -4,9 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.conformance.display_report import compare, has_moved
 from lippmann.conformance.engine_speeds import in_turn
-from lippmann.conformance.figures import Figures, Measured, read_figures, read_stored, write_csv
+from lippmann.conformance.figures import Figures, Measured, compare, has_moved, read_figures, read_stored, write_csv
 from lippmann.conformance.pages import TEMPLATES, Page
 from lippmann.errors import InputError
 from tools.full_report import pareto_front

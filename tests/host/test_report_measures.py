@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from lippmann.base.tones import decode
-from lippmann.conformance import display_report, engine_speeds
+from lippmann.conformance import engine_speeds
 from lippmann.conformance.engine_speeds import middle
 from lippmann.conformance.fifty_digits import true_rays
 from lippmann.conformance.figures import Figures, Measured
@@ -238,22 +238,22 @@ def test_the_front_counts_cells_clock_and_error():
 
 @pytest.mark.parametrize(("everybody", "others"), [(100.0, 70), (30.0, 0), (10.0, 0)])
 def test_load_tells_the_work_that_was_not_ours(monkeypatch, everybody, others):
-    start = display_report.Load(0.25, 1000.0, 50.0)
-    monkeypatch.setattr(display_report.Load, "now", lambda: display_report.Load(9.0, 1000.0 + everybody, 80.0))
-    assert display_report.load_since(start) == (
+    start = engine_speeds.Load(0.25, 1000.0, 50.0)
+    monkeypatch.setattr(engine_speeds.Load, "now", lambda: engine_speeds.Load(9.0, 1000.0 + everybody, 80.0))
+    assert engine_speeds.load_since(start) == (
         f"average 0.2 at the start; {others} of {everybody:.0f} s of processor time since then were other programs'"
     )
 
 
 def test_load_counts_our_own_work():
-    start = display_report.Load.now()
+    start = engine_speeds.Load.now()
     x = np.random.default_rng(0).random(1_000_000)
-    while display_report.Load.now().ours - start.ours < 0.3:
+    while engine_speeds.Load.now().ours - start.ours < 0.3:
         np.sort(x)
-    end = display_report.Load.now()
+    end = engine_speeds.Load.now()
     assert end.everybody is None or end.everybody - start.everybody >= 0.25
 
 
 def test_load_without_proc(monkeypatch):
-    monkeypatch.setattr(display_report.Load, "now", lambda: display_report.Load(1.0, None, 2.0))
-    assert display_report.load_since(display_report.Load(0.5, None, 0.0)) == "average 0.5 at the start"
+    monkeypatch.setattr(engine_speeds.Load, "now", lambda: engine_speeds.Load(1.0, None, 2.0))
+    assert engine_speeds.load_since(engine_speeds.Load(0.5, None, 0.0)) == "average 0.5 at the start"

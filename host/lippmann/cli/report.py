@@ -17,8 +17,7 @@ from lippmann.cli.output import emit
 from lippmann.errors import input_error
 
 if TYPE_CHECKING:
-    from lippmann.conformance.display_report import Comparison
-    from lippmann.conformance.figures import Stored
+    from lippmann.conformance.figures import Comparison, Stored
     from lippmann.conformance.pages import Page
 
 
@@ -54,8 +53,7 @@ def command(
 
     Example: lippmann report -o out/report
     """
-    from lippmann.conformance.display_report import QUICK, TABLES, display_sections, make_report
-    from lippmann.conformance.engine_speeds import Plan
+    from lippmann.conformance.engine_speeds import QUICK, TABLES, Plan, display_sections, make_report
 
     plan = dataclasses.replace(QUICK if options.quick else Plan(), display_files=display)
     plan.load_displays(shipped_scenes(options.scenes))  # a wrong file is refused before anything is measured
@@ -76,7 +74,7 @@ def write_report(
     `measure` gets the folder of the scenes and the run to compare with. Raises InputError before it is called when the
     folder of that run holds none or a broken one, or when the output cannot be written.
     """
-    from lippmann.conformance.display_report import PAGE
+    from lippmann.conformance.engine_speeds import PAGE
     from lippmann.conformance.figures import read_stored
 
     scenes, folder = shipped_scenes(options.scenes), Path(options.output)

