@@ -18,8 +18,7 @@ from lippmann.conformance.fifty_digits import FiftyDigits, exact_array, mp, trut
 from lippmann.conformance.figures import Rows, values, where
 from lippmann.conformance.hard_cases import CASES, changed, hard_sets
 from lippmann.conformance.pages import Page
-from lippmann.conformance.ray_sets import Bools, PanelRays, WorldRays
-from lippmann.conformance.ray_words import fixed_words
+from lippmann.conformance.ray_sets import Bools, PanelRays, WorldRays, fixed_words
 from lippmann.display.description import load_display
 from lippmann.engines import Pipeline, trace
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words, rays_of_words

@@ -10,8 +10,7 @@ import lippmann.fixed
 import numpy as np
 import pytest
 from lippmann.conformance.hard_cases import changed, hard_sets
-from lippmann.conformance.ray_sets import PanelRays
-from lippmann.conformance.ray_words import fixed_words
+from lippmann.conformance.ray_sets import PanelRays, fixed_words
 from lippmann.engines import trace
 from lippmann.errors import InputError
 from lippmann.fixed.build import Build

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lippmann.cli import run
 from lippmann.conformance.hard_cases import changed
-from lippmann.conformance.ray_words import OUTPUTS, memory_lines, widths
+from lippmann.conformance.ray_sets import OUTPUTS, memory_lines, widths
 from lippmann.conformance.vector_files import words_of_memory
 from lippmann.display.description import display_text, load_display
 from lippmann.engines import trace

@@ -12,8 +12,7 @@ from lippmann.cli import run
 from lippmann.conformance.fault_search import fitted_together
 from lippmann.conformance.hard_cases import changed, hard_sets
 from lippmann.conformance.judge import _rounding, judge
-from lippmann.conformance.ray_sets import PanelRays, random_aims, random_pixels
-from lippmann.conformance.ray_words import INPUTS, ForeignRays, fixed_words
+from lippmann.conformance.ray_sets import INPUTS, ForeignRays, PanelRays, fixed_words, random_aims, random_pixels
 from lippmann.display.description import display_text, load_display
 from lippmann.fixed import lenslet_faces
 from lippmann.fixed import ray_pipeline as twin

@@ -8,8 +8,7 @@ import pytest
 from lippmann.cli import run
 from lippmann.conformance.comparison import Bounds
 from lippmann.conformance.judge import judge
-from lippmann.conformance.ray_sets import PanelRays
-from lippmann.conformance.ray_words import ForeignRays, foreign_from_words
+from lippmann.conformance.ray_sets import ForeignRays, PanelRays, foreign_from_words
 from lippmann.conformance.regress_page import ErrorMaps, edges
 from lippmann.fixed.ray_pipeline import FixedRays
 from optics_cases import display_of

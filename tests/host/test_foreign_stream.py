@@ -20,9 +20,18 @@ from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS, covered, 
 from lippmann.conformance.faults import golden
 from lippmann.conformance.hard_cases import CASES
 from lippmann.conformance.judge import judge
-from lippmann.conformance.ray_sets import PanelRays, cell_steps, random_aims, random_pixels
+from lippmann.conformance.ray_sets import (
+    OUTPUTS,
+    PanelRays,
+    cell_steps,
+    fixed_words,
+    hex_digits,
+    memory_lines,
+    random_aims,
+    random_pixels,
+    widths,
+)
 from lippmann.conformance.ray_stream import ANSWERED, ASKED, Stream, StreamReader, _complete_rows
-from lippmann.conformance.ray_words import OUTPUTS, fixed_words, hex_digits, memory_lines, widths
 from lippmann.display.description import load_display, parse_display
 from lippmann.errors import InputError
 from lippmann.fixed.conversion import aims_of_words, pixels_of_words

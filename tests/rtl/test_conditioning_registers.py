@@ -10,8 +10,7 @@ import dataclasses
 import numpy as np
 import pytest
 from lippmann.conformance.hard_cases import changed, hard_sets
-from lippmann.conformance.ray_sets import PanelRays
-from lippmann.conformance.ray_words import fixed_words
+from lippmann.conformance.ray_sets import PanelRays, fixed_words
 from lippmann.display.description import load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import Configuration

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from lippmann import load_display
-from lippmann.conformance.ray_words import OUTPUTS, memory_lines, widths
+from lippmann.conformance.ray_sets import OUTPUTS, memory_lines, widths
 from lippmann.fixed.build import Build
 from lippmann.fixed.configuration import configuration
 from lippmann.fixed.conversion import words_of_pixels

@@ -21,8 +21,8 @@ from lippmann.cli.output import as_json, emit, log
 from lippmann.conformance.comparison import Bounds, load_bounds
 from lippmann.conformance.coverage_points import summary
 from lippmann.conformance.judge import Verdict, judge
+from lippmann.conformance.ray_sets import ForeignRays
 from lippmann.conformance.ray_stream import StreamReader, bounded_lines
-from lippmann.conformance.ray_words import ForeignRays
 from lippmann.conformance.vector_files import read_foreign
 from lippmann.display.description import load_display
 from lippmann.errors import InputError, input_error, printable

@@ -19,8 +19,7 @@ from lippmann.base import toml
 from lippmann.base.toml import documented, key
 from lippmann.conformance.coverage_points import POINTS, points_met
 from lippmann.conformance.faults import FIELDS, Arrays, golden
-from lippmann.conformance.ray_sets import Bools, PanelRays
-from lippmann.conformance.ray_words import ForeignRays
+from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays
 from lippmann.errors import did_you_mean, input_error
 from lippmann.optics.rays import Floats
 
@@ -263,8 +262,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
     """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
 
-    One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre: those of
-    the trace through the lenslet.
+    One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre.
     """
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 

@@ -23,8 +23,7 @@ from lippmann.conformance.fifty_digits import exact_array, size, true_rays
 from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, Value, compare
 from lippmann.conformance.pages import TEMPLATES, Page
 from lippmann.conformance.plots import Plot, draw_engines
-from lippmann.conformance.ray_sets import PanelRays, random_aims
-from lippmann.conformance.ray_words import FixedCase
+from lippmann.conformance.ray_sets import FixedCase, PanelRays, random_aims
 from lippmann.display.description import Display, load_display
 from lippmann.engines import words_of_rays
 from lippmann.errors import InputError, input_error
@@ -403,8 +402,7 @@ def make_report(
 
 # ---- other load of the machine ----
 
-#: Columns of /proc/stat in which the processors work: not idle (3) or waiting for a disk (4), and not the times of
-#: virtual machines (8, 9), which the first two columns contain.
+#: Columns of /proc/stat in which the processors work: not idle (3), waiting (4), or counted twice (8, 9).
 BUSY = (0, 1, 2, 5, 6, 7)
 
 

@@ -52,8 +52,7 @@ FITTED = {
 
 #: How far from the display's number a fit looks, as shares of it (of a pitch, for 0 or an offset).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
-#: Near the display's number, up to a share of `NEAR`, pitches and rotations are tried in steps that move the panel's
-#: corner by `CORNER` pitches.
+#: Up to a share of `NEAR`, pitches and rotations are tried in steps that move the panel's corner by `CORNER` pitches.
 NEAR, CORNER = 0.02, 0.25
 #: Rotations in degrees that are always tried.
 ROTATIONS = range(-180, 180)

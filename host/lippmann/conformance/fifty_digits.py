@@ -103,7 +103,7 @@ def _pitches(name: str, pitch: float | tuple[float, ...]) -> dict[str, float]:
 
 
 def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
-    """Return the system in mpf, with the numbers `n` of `exact_inputs`; docs/reference/optics.md has the formulas."""
+    """Return the system in mpf of numbers `n` (`exact_inputs`); docs/reference/optics.md has the formulas."""
     panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
     pitches, pixels = (
@@ -224,7 +224,7 @@ class Condition(NamedTuple):
 
 
 def condition(rays: PanelRays | WorldRays, true: Rays | Hits) -> Condition:
-    """Return the condition of rays of model `exact`, from differences in 50 digits. An input of 0 has no last place."""
+    """Return the condition of rays of model `exact`. An input of 0 has no last place."""
     array, pixel_mm = rays.display.array, rays.display.panel.coarsest_mm
     turn = np.full(len(true.status), float(np.spacing(1.0)))
     shift = np.full(len(turn), float(np.spacing(max(array.coarsest_mm, array.thickness_mm))))

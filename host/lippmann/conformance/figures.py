@@ -275,7 +275,7 @@ def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
 
 
 def figure(value: Value) -> str:
-    """Return a value as a table shows it: numbers in three digits, counts whole, the median of repeats, None as "-"."""
+    """Return a value as a table shows it: numbers in three digits, counts whole, medians, None as "-"."""
     if isinstance(value, Measured):
         value = value.median
     if value is None:

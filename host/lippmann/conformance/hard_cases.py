@@ -58,7 +58,7 @@ def _case(make: Generator) -> Generator:
 
 
 def _of_displays(displays: Displays) -> Generator:
-    """Add a case with a set for each display: rays from anywhere on the panel to anywhere in their cells."""
+    """Add a case with a set for each display: rays from anywhere to anywhere in their cells."""
 
     @wraps(displays)
     def make(display: Display, random: np.random.Generator, count: int) -> Sets:
@@ -113,7 +113,7 @@ def _nudged(points: Floats, random: np.random.Generator) -> Floats:
 
 
 def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> PanelRays:
-    """Return rays to aims (N, 2) and, in units of the last place of both coordinates, `ULPS` beside them."""
+    """Return rays to aims (N, 2) and to those `ULPS` beside them."""
     near = aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :]
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 

@@ -26,8 +26,7 @@ from lippmann.conformance.faults import (
     turn_back,
     variants,
 )
-from lippmann.conformance.ray_sets import Bools
-from lippmann.conformance.ray_words import FixedCase, ForeignRays, widths
+from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, widths
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import word_unit
 from lippmann.fixed.ray_pipeline import FixedRays
@@ -352,10 +351,7 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return each array that a variant predicts, with the distances (N,) of foreign rays from it and from golden.
-
-    Empty when the variant leaves no display.
-    """
+    """Return the arrays that a variant predicts, if it leaves a display, with distances (N,) from it and from golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
@@ -370,7 +366,7 @@ def _middle(name: str, distances: Floats) -> float:
 
 
 def _apart(sample: Comparison, variant: Variant) -> float:
-    """Return how far a variant is from foreign rays, as the mean logarithm of its distances in units of golden's."""
+    """Return how far a variant is from foreign rays: the mean logarithm of its distances in units of golden's."""
     middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
     ratios = [far / own for far, own in middles if own > 0.0]
     logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]

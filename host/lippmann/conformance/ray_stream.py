@@ -17,15 +17,18 @@ from typing import BinaryIO, NoReturn, cast
 import numpy as np
 
 from lippmann.conformance.hard_cases import hard_sets
-from lippmann.conformance.ray_sets import PanelRays, WorldRays, random_aims, random_pixels
-from lippmann.conformance.ray_words import (
+from lippmann.conformance.ray_sets import (
     INPUTS,
     OUTPUTS,
     ForeignRays,
+    PanelRays,
+    WorldRays,
     fixed_words,
     foreign_from_words,
     hex_digits,
     memory_lines,
+    random_aims,
+    random_pixels,
     widths,
     words_of_lines,
 )
@@ -59,7 +62,7 @@ AGAIN = "copy each line that begins with #, and append to each other line"
 
 @dataclass(frozen=True)
 class Stream:
-    """What a stream asks: the rays of a case or of all, with `random` more; in words of F = `fraction_bits`, or not."""
+    """What a stream asks: the rays of a case or of all, and `random` more; in numbers, or words of `fraction_bits`."""
 
     display: Display
     case: str
@@ -81,7 +84,7 @@ class Stream:
             yield PanelRays(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, command: str) -> Iterator[str]:
-        """Yield the lines; sets that do not fit the words are left out. `command` is the command that makes them.
+        """Yield the lines, made by `command`; sets that do not fit the words are left out.
 
         Raises InputError, before the first line, when no set is left.
         """
@@ -174,8 +177,7 @@ class _Set:
 class StreamReader:
     """Yields the sets of a stream of answers as they come.
 
-    InputError names the line of what cannot be judged: not a stream or of another version, a stream that is cut, a ray
-    out of turn, a question that was changed, an answer that is not one.
+    InputError names the line of what cannot be judged, such as a question that was changed or a stream that is cut.
     """
 
     def __init__(self, lines: Iterable[bytes]) -> None:
@@ -216,12 +218,9 @@ class StreamReader:
             elif kind == "made":
                 self.command = text
 
-    def _place(self, number: int) -> str:
-        return f"{WHERE}, line {number}" if number else WHERE
-
     def _refuse(self, what: str, remedy: str, number: int | None = None) -> NoReturn:
         """Refuse a line of the stream, by its number; the last one that was read by default."""
-        raise input_error(self._place(self.number if number is None else number), what, remedy)
+        raise input_error(f"{WHERE}, line {self.number if number is None else number}", what, remedy)
 
     def _read_line(self, now: _Set | None) -> bytes:
         """Return the next line of a stream that has not ended."""
@@ -366,7 +365,7 @@ class StreamReader:
                 if len(text) != digits or not HEXADECIMAL.fullmatch(text):
                     what = f"has '{text[:40]}' for {digits} hexadecimal digits"
                     self._refuse(what, "give leading zeros too", now.first + n)
-            words = words_of_lines(texts, bits, lambda n: self._place(now.first + n))
+            words = words_of_lines(texts, bits, lambda n: f"{WHERE}, line {now.first + n}")
             columns |= dict(zip(names, words, strict=True))
         return columns
 

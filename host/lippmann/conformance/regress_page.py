@@ -20,8 +20,7 @@ from lippmann.conformance.faults import FIELDS, Arrays
 from lippmann.conformance.judge import Verdict
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
-from lippmann.conformance.ray_sets import Bools, PanelRays
-from lippmann.conformance.ray_words import ForeignRays
+from lippmann.conformance.ray_sets import Bools, ForeignRays, PanelRays
 from lippmann.errors import printable
 from lippmann.fixed.conversion import rays_of_words, word_unit
 from lippmann.optics.rays import Floats

@@ -20,13 +20,14 @@ from lippmann.base.limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_li
 from lippmann.conformance.faults import FIELDS
 from lippmann.conformance.fifty_digits import condition, true_hits, true_rays
 from lippmann.conformance.hard_cases import CASES
-from lippmann.conformance.ray_sets import PanelRays, WorldRays
-from lippmann.conformance.ray_words import (
+from lippmann.conformance.ray_sets import (
     INPUTS,
     OUTPUTS,
     REGISTER_BITS,
     STATUS_BITS,
     ForeignRays,
+    PanelRays,
+    WorldRays,
     fixed_words,
     foreign_from_words,
     formats,

@@ -97,9 +97,8 @@ class SceneHarness:
     ) -> Bytes:  # fmt: skip
         """Draw a frame of exit rays; returns its pixels (N, 3).
 
-        `idle` and `stall` are the chances of a pause at the input and at the output in each clock. `meanwhile` is a
-        slot and what is loaded into it while the frame is drawn. Raises LippmannError when pixels stop coming out, or
-        the marks of the frame's first and last pixel are wrong.
+        Pauses as in `RayHarness.trace`. `meanwhile` is a slot and what is loaded into it while the frame is drawn.
+        Raises LippmannError when pixels stop coming out, or the marks of the frame's first and last pixel are wrong.
         """
         exits = np.stack([np.asarray(word, np.int64) for word in rays])
         out = np.empty((len(rays.i) // self.build.samples, 3), np.uint8)

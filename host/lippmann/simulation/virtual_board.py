@@ -217,8 +217,8 @@ class BoardOptions(TypedDict, total=False):
 def start(display: Display, **options: Unpack[BoardOptions]) -> RunningBoard:
     """Start a virtual board for a display, and wait until its port is open.
 
-    Raises DeviceError when the board ends at once, such as for a port that is in use; InputError for a panel that is
-    too large, and for a baud rate that does not fit the clock.
+    Raises DeviceError when the board ends at once; InputError for a panel that is too large, and for a baud rate that
+    does not fit the clock.
     """
     baud, scene, memory = options.get("baud"), options.get("scene"), options.get("memory", "block")
     trace, tcp_port = options.get("trace"), options.get("tcp_port")
@@ -324,8 +324,7 @@ def last_frame(folder: Path) -> int:
 def keep_as_png(folder: Path, display: Display, after: int = 0) -> list[Path]:
     """Convert the captured frames of a folder (frame-NUMBER.rgb) to PNG files, and return these.
 
-    `after` is added to their numbers, so that a folder's last frame is the latest, whichever board has shown it. Raises
-    CaptureError when a file cannot be written; its captured frame stays.
+    `after` is added to their numbers. Raises CaptureError when a file cannot be written; its captured frame stays.
     """
     panel = display.panel
     shape = panel.height_px, panel.width_px, 3
