@@ -351,7 +351,7 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return the arrays that a variant predicts, if it leaves a display, with distances (N,) from it and from golden."""
+    """Return the arrays that a variant predicts, if any, with the distances (N,) from it and from golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
