@@ -37,7 +37,6 @@ FIELDS = {
 #: Steps to neighbours, in columns and rows or in lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
-TIE_RULE = "cells closed on their other side (tie rule)"
 #: The glass as a number: its index, at the display's focal length.
 GLASS = "another glass, of the same focal length: array.index"
 #: Errors of a fault that leaves no display, or no rays.
@@ -220,7 +219,6 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         )
         along_y = partial(with_number, "array.rotation_deg", array.rotation_deg + 90.0)
         yield Variant("lenslet", "hexagonal rows along y for x", along_y, silent=("lenslet", "home"))
-    yield Variant("lenslet", TIE_RULE, lambda g: replace(g, pixels=_other_ties(g)), silent=("panel_mm",))
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
@@ -255,16 +253,6 @@ def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
     x, y = rays["start_mm"].T
     sides = np.stack([x - inputs.display.array.shear * y, y], axis=1)
     return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), inputs, rays)
-
-
-def _other_ties(inputs: PanelRays) -> Floats:
-    """Return pixels with the points on a cell's left or lower edge moved just beyond it."""
-    array = inputs.display.array
-    x, y = inputs.steps()["start_mm"].T
-    sides = np.stack([x - array.shear * y, y], axis=1)
-    tie = np.isclose(sides, -0.5 * np.array(array.pitches_mm), rtol=1e-12, atol=0.0)
-    nudge = 1e-9 * array.finest_mm / np.array(inputs.display.panel.pitches_mm) * (-1.0, 1.0)
-    return np.asarray(inputs.pixels + np.where(tie, nudge, 0.0))
 
 
 def _aim_variants(display: Display) -> Iterator[Variant]:

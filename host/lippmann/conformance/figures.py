@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lippmann.base.files import replacing
-from lippmann.errors import InputError, input_error
+from lippmann.errors import InputError, input_error, reason
 
 #: Suffix of the column that holds a measured value's spread.
 SPREAD = "_spread"
@@ -148,10 +148,8 @@ def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise _broken(path, f"cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise _broken(path, "is not text") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise _broken(path, f"cannot be read ({reason(error)})") from None
     origin = [line[1:].partition(":") for line in lines if line.startswith("#")]
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     if any(None in row or None in row.values() for row in rows):

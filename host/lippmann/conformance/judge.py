@@ -20,7 +20,6 @@ from lippmann.conformance.faults import (
     FIELDS,
     NO_RAYS,
     STAGES,
-    TIE_RULE,
     Variant,
     golden,
     turn_back,
@@ -49,8 +48,9 @@ WORD_UNITS = 64.0
 ROUNDING_WORDS = 8
 #: Delays of the outputs that are tried, in rays, and the fewest rays that show one, or two faults at once.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
-#: Sides of a cell of two owners, as `coverage_points.tied_sides`.
+#: Sides of a cell of two owners, as `coverage_points.tied_sides`, and the fault that gives one to the other owner.
 SIDES = ("left", "lower")
+TIE_RULE = "cells closed on their other side (tie rule)"
 
 
 class Finding(NamedTuple):

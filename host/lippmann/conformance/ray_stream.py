@@ -232,11 +232,11 @@ class StreamReader:
             self._refuse(f"has more than {MAX_LINE} bytes", AGAIN)
         return raw
 
-    def _text(self, raw: bytes) -> str:
+    def _text(self, raw: bytes, encoding: str = "utf-8", number: int | None = None) -> str:
         try:
-            return raw.decode("utf-8").rstrip("\r\n")
+            return raw.decode(encoding).rstrip("\r\n")
         except UnicodeDecodeError:
-            self._refuse("is not text", AGAIN)
+            self._refuse("is not text", AGAIN, number)
 
     def _begin(self) -> None:
         """Read up to the first line of the stream; a simulator may greet before it, in any text."""
@@ -341,10 +341,7 @@ class StreamReader:
 
     def _columns(self, now: _Set, n: int) -> list[str]:
         """Return the words of a line, the first of which is the ray's number."""
-        try:
-            words = now.lines[n].decode("ascii").split()
-        except UnicodeDecodeError:
-            self._refuse("is not text", AGAIN, now.first + n)
+        words = self._text(now.lines[n], "ascii", now.first + n).split()
         if not words or words[0] != str(n):
             what = f"has ray {words[0][:20] if words else 'none'} where {n} is next"
             self._refuse(what, AGAIN, now.first + n)
