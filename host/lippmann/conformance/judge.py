@@ -16,15 +16,7 @@ import numpy as np
 from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
-from lippmann.conformance.faults import (
-    FIELDS,
-    NO_RAYS,
-    STAGES,
-    Variant,
-    golden,
-    turn_back,
-    variants,
-)
+from lippmann.conformance.faults import FIELDS, NO_RAYS, STAGES, Variant, golden, turn_back, variants
 from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, widths
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import word_unit
