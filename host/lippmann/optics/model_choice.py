@@ -140,7 +140,10 @@ def on_panel(display: Display, pixels: Floats) -> Floats:
 
 def corners_mm(array: Array) -> Floats:
     """Return the corners of a lenslet's cell, counter-clockwise, (4, 2) or (6, 2) mm, from its centre."""
-    return np.array(Lattice.of(array).corners)
+    # Not `Lattice.corners`: the published sets of rays (docs/reference/stream.md) depend on the last bits of these.
+    angles = np.radians([45, 135, 225, 315] if array.grid == "square" else [30, 90, 150, 210, 270, 330])
+    x, y = (pitch / math.sqrt(2.0 if array.grid == "square" else 3.0) for pitch in array.pitches_mm)
+    return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
 
 
 def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:
