@@ -23,7 +23,7 @@ from lippmann.cli import run
 from lippmann.cli.frame import make_command
 from lippmann.cli.report import ReportOptions, write_report
 from lippmann.conformance import engine_speeds
-from lippmann.conformance.engine_speeds import Pictures, Section, errors, in_turn
+from lippmann.conformance.engine_speeds import Pictures, Section, errors, in_turn, words_of_chief_rays
 from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, groups, read_csv, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
@@ -143,9 +143,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
     chosen, (_, sizes) = configurations(plan), placed()
     logger.info("configurations of the RTL: simulation ...")
     runs = {
-        c.name: engine_speeds.words_of_chief_rays(
-            c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays
-        )
+        c.name: words_of_chief_rays(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
         for c in chosen
         if plan.simulate and c.name in SIMULATED
     }
