@@ -45,6 +45,7 @@ html_theme_options = {"sidebar_hide_name": False}
 
 #: Parts of the table of contents, and the folders or pages of each.
 PARTS = {
+    "Overview": "docs/how-it-works",
     "How to": "docs/how-to/",
     "Reference": "docs/reference/",
     "Python API": "docs/site/api",
