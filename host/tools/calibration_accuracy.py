@@ -6,6 +6,7 @@ calibration does not know, or from POV-Ray, whose tracer is not ours.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import shutil
 import time
@@ -13,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 import numpy as np
@@ -38,6 +39,7 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Floats, gets_through
 from lippmann.optics.system import PanelFrame, System
 from lippmann.optics.trace import trace_to_panel
+from lippmann.rendering.executors import local_workers
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.placement import Placement
@@ -45,10 +47,12 @@ from lippmann.scenes.scene import Scene, load_scene
 from scipy.spatial import KDTree
 
 from tools.bench import ON_DEVICE, MeasurementRun, measurement
-from tools.processes import processes
 from tools.report_plots import draw_bar_charts, draw_lines, make_page
 from tools.simulated_bench import Disturbances, framed
 from tools.simulated_povray import SolidsBench
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 #: Lenslets of the random displays, pixels.
 LENSLET_PX = (14.0, 24.0)
@@ -311,8 +315,17 @@ def measure(
     if jobs == 1:
         yield from map(one, seeds)
         return
-    with processes(jobs) as pool:
-        yield from pool.map(one, seeds)
+    with _workers(jobs) as client:
+        yield from (future.result() for future in client.map(one, seeds))
+
+
+@contextlib.contextmanager
+def _workers(count: int) -> Iterator[Client]:
+    """Yield what gives work to so many processes, which end with this one."""
+    from distributed import Client
+
+    with local_workers(count) as (address, security), Client(address, security=security) as client:
+        yield client
 
 
 def measure_one(
@@ -347,8 +360,8 @@ def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     photographs = case.shoot(folder / case.name, seed)
     camera = case.cameras[0]
     size = {"megapixels": camera.width_px * camera.height_px / 1e6, "photographs": _count(photographs)}
-    with processes(1) as pool:
-        yield {**pool.submit(_weighed, case, photographs).result(), **size}
+    with _workers(1) as client:
+        yield {**client.submit(_weighed, case, photographs).result(), **size}
     shutil.rmtree(folder / case.name)
 
 
@@ -363,9 +376,9 @@ def sweep(folder: Path, seeds: Sequence[int], jobs: int = 1) -> Iterator[dict[st
     points that an eye at the first camera sees are from those expected there. `jobs` processes share the solutions.
     """
     tried = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
-    with processes(jobs) as pool:
+    with _workers(jobs) as client:
         # What all three begin with is solved once.
-        found = {one: pool.submit(_swept, folder, *one) for one in dict.fromkeys(map(_settings, tried))}
+        found = {one: client.submit(_swept, folder, *one) for one in dict.fromkeys(map(_settings, tried))}
         for one in tried:
             display, over, value = f"case-{one[0]}", *one[1:]
             yield {"display": display, "over": over, "value": value, **found[_settings(one)].result()}

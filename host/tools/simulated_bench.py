@@ -15,9 +15,8 @@ from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 from scipy import ndimage
 
-#: Odd constants that spread lenslets' indices over 64 bits (Steele, Lea and Flood, "Fast splittable pseudorandom
-#: number generators", 2014: the finaliser of SplitMix64).
-SPREAD = (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+#: Lenslets across and down after which the pattern of hidden ones repeats.
+DUST_PERIOD = 1024
 #: Number and size (share of the picture's width) of the patches that a reflection is made of.
 PATCHES, PATCH = 6, 0.2
 #: Radius of the bright spot, as a share of the picture's width.
@@ -113,13 +112,9 @@ def bow_height(display: Display, bow_mm: float, place_mm: Floats) -> Floats:
 
 def hidden(lenslet: Indices, share: float, seed: int) -> npt.NDArray[np.bool_]:
     """Tell which lenslets (N, 2) are hidden: this share of them, the same for the same seed."""
-    with np.errstate(over="ignore"):
-        i, j = lenslet.T.astype(np.uint64)
-        word = (i * np.uint64(SPREAD[0])) ^ (j * np.uint64(SPREAD[1])) ^ np.uint64(seed * SPREAD[2] % 2**64)
-        for shift, factor in zip((30, 27), SPREAD[1:], strict=True):
-            word = (word ^ (word >> np.uint64(shift))) * np.uint64(factor)
-        word ^= word >> np.uint64(31)
-    return np.asarray(word.astype(np.float64) < share * 2.0**64)
+    i, j = lenslet.T % DUST_PERIOD
+    dust = np.random.default_rng((seed, 0xD057)).random((DUST_PERIOD, DUST_PERIOD)) < share
+    return np.asarray(dust[i, j])
 
 
 def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, seed: int) -> Light:

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-import OpenImageIO as oiio
 from lippmann.base import interrupts
 from lippmann.calibration.simulated_camera import Camera
 from lippmann.calibration.simulated_photographs import Bench, Projection, collect_projection
@@ -170,17 +170,14 @@ def _steps(count: int) -> int:
 
 def write_picture(path: Path, values: Words) -> None:
     """Write 16-bit values (height, width, 3) as a PNG file without a colour space."""
-    out = oiio.ImageOutput.create(str(path))
-    assert out is not None
-    out.open(str(path), oiio.ImageSpec(values.shape[1], values.shape[0], 3, oiio.UINT16))
-    out.write_image(values)
-    out.close()
+    cv2.imwrite(str(path), values[..., ::-1])
 
 
 def read_picture(path: Path) -> Words:
     """Return the 16-bit values (height, width, 3) of a PNG file."""
-    picture = oiio.ImageBuf(str(path))
-    return np.asarray(picture.get_pixels(oiio.UINT16), np.uint16)[..., :3]
+    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    return np.asarray(picture[..., 2::-1], np.uint16)
 
 
 def _spread(samples: int, rng: np.random.Generator) -> Iterator[Rays]:
