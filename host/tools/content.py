@@ -239,9 +239,7 @@ def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], lis
         image = render_picture(
             Job(_placed(path, display), display, RenderOptions(model="pinhole", settings=Settings(4, seed=seed))).plan()
         )
-        # One pixel for each lenslet, magnified.
-        seen = observe(image.radiance, display, Eye((10.0, 5.0, EYE_MM)), window, 16).radiance
-        found.append(np.kron(seen, np.ones((2, 2, 1), np.float32)))
+        found.append(observe(image.radiance, display, Eye((10.0, 5.0, EYE_MM)), window, 16).radiance)
         captions.append(path.name + "/" * path.is_dir())
     return found, captions
 
@@ -265,4 +263,4 @@ def content_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radian
         "rows": rows, "display": DISPLAY, "gallery": GALLERY,
         "samples": SAMPLES, "eye_mm": round(EYE_MM),
     }  # fmt: skip
-    return make_page("content", origin, contact_sheet("content", views, 4), {"content": rows}, context)
+    return make_page("content", origin, contact_sheet("content", views, 4, 2), {"content": rows}, context)

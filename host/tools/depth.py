@@ -158,11 +158,10 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
         setup = load_setup(folder / f"setups/{name}.toml")
         scene = load_scene(path, placement_beside(path).then(setup.subject.placement))
         picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).radiance
-        # One pixel for each lenslet, magnified.
-        window = whole_window(setup.display)
+        window = whole_window(setup.display)  # one pixel for each lenslet
         for x in VIEW_EYES_MM:
             seen = observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance
-            views.append(np.kron(seen, np.ones((3, 3, 1), np.float32)))
+            views.append(seen)
             note = "" if rotated else ", not rotated"
             captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{note}")
     return views, captions

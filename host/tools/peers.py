@@ -13,11 +13,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -42,8 +42,8 @@ from PIL import Image as PngImage
 from scipy import ndimage
 
 from tools.bench import MeasurementRun, measurement
-from tools.povray_runs import Run, render_folder, render_folder_once
-from tools.report_plots import make_page, row_of
+from tools.povray_runs import render_folder, render_folder_once
+from tools.report_plots import make_page
 from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
 from tools.shading_speed import every_strip, rows_of_strips
 
@@ -70,30 +70,6 @@ WHOLE_ROUNDS = 3
 WORK = Path("out/peers")
 
 Mask = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class PictureDifference:
-    """Differences between two pictures, in 8-bit sRGB levels, of a pixel the largest of its three colours."""
-
-    #: Grid of the set-up, and number of pixels.
-    grid: str
-    pixels: int
-    #: Of the absolute difference.
-    median: float
-    mean: float
-    largest: float
-    #: Share of the pixels that differ by more than THRESHOLD. The next four are shares of these.
-    differing: float
-    #: A shift by one pixel explains them: each value lies within the other picture's values around it.
-    displaced: float
-    #: Their ray passes an outline: POV-Ray's value lies within ours 0.1 px around, or 0.5 px.
-    outlines: float
-    near_outlines: float
-    #: They lie within a pixel of a lenslet's edge, or their ray is lost in Lippmann's picture.
-    seams: float
-    #: Share of all pixels that differ for another reason.
-    unexplained: float
 
 
 def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
@@ -123,8 +99,15 @@ def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTL
 
 def compare(
     theirs: Radiance, ours: Radiance, beside: npt.NDArray[np.float32], setup: Setup
-) -> tuple[PictureDifference, npt.NDArray[np.float32]]:
-    """Return the differences between POV-Ray's picture and ours, and their map; `beside` comes from `around`."""
+) -> tuple[dict[str, Any], npt.NDArray[np.float32]]:
+    """Return the row of differences between POV-Ray's picture and ours, and their map; `beside` comes from `around`.
+
+    They are in 8-bit sRGB levels, of a pixel the largest of its three colours. `differing` is the share of the pixels
+    that differ by more than THRESHOLD. Shares of these: `displaced`, where a shift by one pixel explains them, for each
+    value lies within the other picture's values around it; `outlines`, whose ray passes an outline, for POV-Ray's value
+    lies within ours 0.1 px around, and `near_outlines`, 0.5 px; `seams`, which lie within a pixel of a lenslet's edge,
+    or whose ray is lost in Lippmann's picture. `unexplained` is the share of all pixels that differ for another reason.
+    """
     a, b = (255.0 * encode(picture, "srgb") for picture in (theirs, ours))
     difference = np.abs(a - b).max(axis=-1)
     differs = difference > THRESHOLD
@@ -137,20 +120,18 @@ def compare(
     nearest, near = outlines(1), outlines(len(beside))
     seams = differs & near_seams(setup)
     count = max(1, int(differs.sum()))
-    found = PictureDifference(
-        grid=setup.array.grid,
-        pixels=difference.size,
-        median=float(np.median(difference)),
-        mean=float(difference.mean()),
-        largest=float(difference.max()),
-        differing=float(differs.mean()),
-        displaced=float(displaced.sum()) / count,
-        outlines=float(nearest.sum()) / count,
-        near_outlines=float(near.sum()) / count,
-        seams=float(seams.sum()) / count,
-        unexplained=float((differs & ~displaced & ~near & ~seams).mean()),
-    )
-    return found, difference
+    kinds = {"displaced": displaced, "outlines": nearest, "near_outlines": near, "seams": seams}
+    row = {
+        "grid": setup.array.grid,
+        "pixels": difference.size,
+        "median": float(np.median(difference)),
+        "mean": float(difference.mean()),
+        "largest": float(difference.max()),
+        "differing": float(differs.mean()),
+        **{name: float(mask.sum()) / count for name, mask in kinds.items()},
+        "unexplained": float((differs & ~displaced & ~near & ~seams).mean()),
+    }
+    return row, difference
 
 
 def _among_neighbours(a: Radiance, b: Radiance) -> Mask:
@@ -178,32 +159,10 @@ def near_seams(setup: Setup) -> Mask:
     return np.asarray((to_edge <= panel.coarsest_mm) | lost).reshape(panel.height_px, panel.width_px)
 
 
-@dataclass(frozen=True)
-class TimeAtNoise:
-    """Times at the same noise."""
+class Pair(NamedTuple):
+    """POV-Ray's picture and ours, the row of their differences, and the map of these: (height, width), of 255."""
 
-    povray: Run
-    #: Lippmann's wall-clock time, CPU time of all threads, and samples a pixel.
-    seconds: float
-    cpu_seconds: float
-    samples: int
-    #: Noise of POV-Ray and of Lippmann, of 255.
-    povray_noise: float
-    noise: float
-    #: Wall-clock times of whole processes in turn, medians: of POV-Ray, and of `capture` by its ways to shade.
-    whole: Mapping[str, float]
-
-    @property
-    def ratio(self) -> float:
-        """POV-Ray's CPU seconds over ours."""
-        return self.povray.cpu_seconds / self.cpu_seconds
-
-
-@dataclass(frozen=True)
-class Pair:
-    """POV-Ray's picture and ours, their differences, and the map of these: (height, width), of 255."""
-
-    difference: PictureDifference
+    row: Mapping[str, Any]
     theirs: Radiance
     ours: Radiance
     where: Radiance
@@ -219,8 +178,8 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
         theirs, _ = render_folder_once(write_folder(scene, setup_view(setup), work / f"picture-{grid}"))
         source = capture_source(setup)
         ours = render_rays(scene, source, Settings(shading="each")).radiance
-        difference, where = compare(theirs, ours, around(scene, source), setup)
-        found.append(Pair(difference, theirs, ours, where))
+        row, where = compare(theirs, ours, around(scene, source), setup)
+        found.append(Pair(row, theirs, ours, where))
     return found
 
 
@@ -245,8 +204,13 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
     return samples, allowed, noise
 
 
-def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
-    """Time the scene of five lights at the same noise, 2400 x 2400 pixels through lenslets of 1 mm."""
+def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
+    """Time the scene of five lights at the same noise, 2400 x 2400 pixels through lenslets of 1 mm.
+
+    `povray` is its run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` a pixel are Lippmann's;
+    both noises are of 255. `whole` are wall-clock times of whole processes in turn, medians: of POV-Ray, and of
+    `capture` by its ways to shade. `ratio` is POV-Ray's CPU seconds over ours.
+    """
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)
     scene = load_for(scenes / "seed/full.xml", setup)
@@ -255,8 +219,16 @@ def compare_times(scenes: Path, work: Path) -> TimeAtNoise:
     samples, allowed, noise = samples_for(scene, setup, theirs)
     ours = fastest(scene, capture_source(setup), samples)
     times = in_turn(_processes(scenes, exported, samples), WHOLE_ROUNDS)
-    whole = {name: float(np.median(seconds)) for name, seconds in times.items()}
-    return TimeAtNoise(run, ours.seconds, ours.cpu_seconds, samples, allowed, noise, whole)
+    return {
+        "povray": asdict(run),
+        "seconds": ours.seconds,
+        "cpu_seconds": ours.cpu_seconds,
+        "samples": samples,
+        "povray_noise": allowed,
+        "noise": noise,
+        "whole": {name: float(np.median(seconds)) for name, seconds in times.items()},
+        "ratio": run.cpu_seconds / ours.cpu_seconds,
+    }
 
 
 def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Callable[[], float]]:
@@ -284,15 +256,15 @@ def shown(pair: Pair) -> Plot:
     middle = (slice((height - side) // 2, (height + side) // 2), slice((width - side) // 2, (width + side) // 2))
     shade = np.repeat(np.minimum(pair.where[middle] / MAP_WHITE, 1.0)[..., None], 3, axis=2)
     white = np.ones((side, 6, 3))
-    row = [encode(pair.theirs[middle], "srgb"), white, encode(pair.ours[middle], "srgb"), white, shade]
+    parts = [encode(pair.theirs[middle], "srgb"), white, encode(pair.ours[middle], "srgb"), white, shade]
     out = io.BytesIO()
-    PngImage.fromarray(np.rint(255.0 * np.concatenate(row, axis=1)).astype(np.uint8)).save(out, "png")
-    return Plot(f"peers-{pair.difference.grid}", out.getvalue())
+    PngImage.fromarray(np.rint(255.0 * np.concatenate(parts, axis=1)).astype(np.uint8)).save(out, "png")
+    return Plot(f"peers-{pair.row['grid']}", out.getvalue())
 
 
-def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: TimeAtNoise) -> Page:
+def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: Mapping[str, Any]) -> Page:
     """Return the page."""
-    rows = [row_of(pair.difference) for pair in pairs]
+    rows = [pair.row for pair in pairs]
     context = {"rows": rows, "times": times, "constants": sys.modules[__name__]}
     return make_page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context)
 
@@ -306,5 +278,5 @@ def peers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
     POVRAY.path()
     WORK.mkdir(parents=True, exist_ok=True)
     pairs, times = compare_pictures(bench.scenes, WORK), compare_times(bench.scenes, WORK)
-    json = {"pictures": [row_of(pair.difference) for pair in pairs], "times": row_of(times)}
+    json = {"pictures": [pair.row for pair in pairs], "times": times}
     return json, page(bench.origin, pairs, times)

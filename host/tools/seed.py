@@ -11,8 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -23,6 +22,7 @@ from lippmann.capturing.capture_setup import Setup, load_setup
 from lippmann.capturing.povray_export import POVRAY, write_folder
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli.frame import option
+from lippmann.conformance.figures import Rows, groups, values, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import MARKS, Plot, finish_picture, make_axes
 from lippmann.display.description import MM_PER_INCH, Display
@@ -35,7 +35,7 @@ from lippmann.scenes.scene import Scene, load_scene
 from tools.bench import MeasurementRun, measurement
 from tools.povray_runs import Run, export_view, render_folder
 from tools.renderer_speed import with_pitch
-from tools.report_plots import make_page, row_of
+from tools.report_plots import make_page
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
@@ -65,26 +65,6 @@ class Sweep(NamedTuple):
 QUICK = Sweep((48,), (1.0,), ("square",), povray_px=48, base_px=96)
 
 
-@dataclass(frozen=True)
-class Timed:
-    """One picture's time."""
-
-    #: "lippmann" or "POV-Ray".
-    tracer: str
-    #: Grid of the array ("none": no array), side of the square window, pitch (None without an array).
-    grid: str
-    window_px: int
-    pitch_mm: float | None
-    #: Lenslets in the window (paper, equation 5; rows of a hexagonal array are closer).
-    lenslets: int
-    #: Whether edges are anti-aliased.
-    antialias: bool
-    #: Wall-clock time; CPU time of all threads; CPU time over the tracer's own T (t_R).
-    seconds: float
-    cpu_seconds: float
-    relative: float
-
-
 def with_window(setup: Setup, width_px: int, pitch_mm: float) -> Setup:
     """Return a set-up whose camera has another number of the same pixels, behind lenslets scaled to a pitch."""
     panel = dataclasses.replace(setup.display.panel, width_px=width_px, height_px=width_px)
@@ -112,10 +92,12 @@ def fastest(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> R
     return min(renders, key=lambda rendered: rendered.cpu_seconds)
 
 
-def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
+def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[dict[str, Any]]:
     """Measure Lippmann's and POV-Ray's times, whose files go to `work`; the first two rows are the base scene's."""
-    ours, theirs = base_times(scenes, work, sweep.base_px)
-    yield from (ours, theirs)
+    base = base_times(scenes, work, sweep.base_px)
+    cpu_seconds = {tracer: run.cpu_seconds for tracer, run in base.items()}
+    for tracer, run in base.items():
+        yield _row(tracer, sweep.base_px, None, True, run, cpu_seconds)
     for window, grid, pitch in itertools.product(sweep.windows_px, sweep.grids, sweep.pitches_mm):
         setup = with_window(load_setup(scenes / f"setups/{SETUPS[grid]}.toml"), window, pitch)
         scene = load_for(scenes / "seed/full.xml", setup)
@@ -124,89 +106,86 @@ def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[Timed]:
         for antialias in looks if window <= sweep.antialiased_px else (False,):
             samples = SAMPLES if antialias else 1
             rendered = fastest(scene, capture_source(setup), samples, 1 if antialias else ROUNDS)
-            yield _row("lippmann", setup, antialias, rendered, ours)
+            yield _row("lippmann", window, setup.display, antialias, rendered, cpu_seconds)
         if window <= sweep.povray_px:
             exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
             for antialias in looks:
                 _, run = render_folder(exported, *(ANTIALIAS if antialias else ()))
-                yield _row("POV-Ray", setup, antialias, run, theirs)
+                yield _row("POV-Ray", window, setup.display, antialias, run, cpu_seconds)
 
 
-def base_times(scenes: Path, work: Path, base_px: int) -> tuple[Timed, Timed]:
-    """Return T: Lippmann's and POV-Ray's times for the base scene through the display's window."""
+def base_times(scenes: Path, work: Path, base_px: int) -> dict[str, Rendered | Run]:
+    """Return the times T: Lippmann's and POV-Ray's for the base scene through the display's window."""
     scene = load_scene(scenes / "seed/base.xml")
     side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
     window = Window(side, side, base_px, base_px)
     rendered = fastest(scene, eye_source(EYE_MM, window), SAMPLES)
-    ours = Timed("lippmann", "none", base_px, None, 0, True, rendered.seconds, rendered.cpu_seconds, 1.0)
     _, run = render_folder(export_view(scene, EYE_MM, window, work / "base"), *ANTIALIAS)
-    return ours, Timed("POV-Ray", "none", base_px, None, 0, True, run.seconds, run.cpu_seconds, 1.0)
+    return {"lippmann": rendered, "POV-Ray": run}
 
 
-def _row(tracer: str, setup: Setup, antialias: bool, run: Rendered | Run, base: Timed) -> Timed:
-    array, across = setup.display.array, setup.display.panel.width_px
-    count = lenslets_in(setup.display)
-    relative = run.cpu_seconds / base.cpu_seconds
-    return Timed(
-        tracer, array.grid, across, array.pitches_mm[0], count, antialias, run.seconds, run.cpu_seconds, relative
-    )
+def _row(
+    tracer: str,
+    window_px: int,
+    display: Display | None,
+    antialias: bool,
+    run: Rendered | Run,
+    base_seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """Return the row of one picture, of a square window; without a display that of the base scene.
+
+    `lenslets` are those in the window (paper, equation 5; rows of a hexagonal array are closer). `cpu_seconds` are
+    those of all threads, `relative` is t_R: these over the tracer's own T.
+    """
+    array = None if display is None else display.array
+    return {
+        "tracer": tracer,
+        "grid": "none" if array is None else array.grid,
+        "window_px": window_px,
+        "pitch_mm": None if array is None else array.pitches_mm[0],
+        "lenslets": 0 if display is None else lenslets_in(display),
+        "antialias": antialias,
+        "seconds": run.seconds,
+        "cpu_seconds": run.cpu_seconds,
+        "relative": run.cpu_seconds / base_seconds[tracer],
+    }
 
 
-@dataclass(frozen=True)
-class Findings:
-    """Ratios of CPU times over the sweep; None where nothing was measured."""
+def findings(rows: Rows) -> dict[str, Any]:
+    """Return ratios of CPU times over the sweep, for Lippmann and with the prefix `povray_` for POV-Ray.
 
-    #: By window (px): time of the slowest pitch over that of the fastest; square array, no anti-aliasing.
-    growth: dict[int, float]
-    povray_growth: dict[int, float]
-    #: Median of the time for a hexagonal array over that for a square one, less 1.
-    hex_share: float | None
-    povray_hex_share: float | None
-    #: Median of the time without anti-aliasing over that with it, less 1.
-    plain_share: float | None
-    povray_plain_share: float | None
-
-
-def findings(rows: Sequence[Timed]) -> Findings:
-    """Return the ratios of measured rows."""
-
-    def key(row: Timed) -> tuple[Any, ...]:
-        return row.tracer, row.grid, row.window_px, row.pitch_mm, row.antialias
-
-    times = {key(row): row.cpu_seconds for row in rows}
-
-    def growth(tracer: str) -> dict[int, float]:
-        found: dict[int, list[float]] = {}
-        for row in rows:
-            if (row.tracer, row.grid, row.antialias) == (tracer, "square", False):
-                found.setdefault(row.window_px, []).append(row.cpu_seconds)
-        return {window: max(some) / min(some) for window, some in found.items()}
+    `growth` is by window (px) the time of the slowest pitch over that of the fastest; square array, no anti-aliasing.
+    `hex_share` is the median of the time for a hexagonal array over that for a square one, less 1; `plain_share` that
+    without anti-aliasing over that with it. None where nothing was measured.
+    """
+    keys = ("tracer", "grid", "window_px", "pitch_mm", "antialias")
+    times = {tuple(row[key] for key in keys): row["cpu_seconds"] for row in rows}
 
     def share(tracer: str, **changed: Any) -> float | None:
         """Compare the rows with those that differ from them in one column, which has a given value there."""
-        pairs = [(key(row), key(dataclasses.replace(row, **changed))) for row in rows if row.tracer == tracer]
+        pairs = [[tuple(one[key] for key in keys) for one in (row, {**row, **changed})] for row in rows]
+        pairs = [pair for pair in pairs if pair[0][0] == tracer]
         shares = [times[one] / times[other] - 1.0 for one, other in pairs if one != other and other in times]
         return float(np.median(shares)) if shares else None
 
-    return Findings(
-        growth("lippmann"),
-        growth("POV-Ray"),
-        share("lippmann", grid="square"),
-        share("POV-Ray", grid="square"),
-        share("lippmann", antialias=True),
-        share("POV-Ray", antialias=True),
-    )
+    found: dict[str, Any] = {}
+    for prefix, tracer in (("", "lippmann"), ("povray_", "POV-Ray")):
+        plain = groups(where(rows, tracer=tracer, grid="square", antialias=False), "window_px")
+        seconds = {some[0]["window_px"]: values(some, "cpu_seconds") for some in plain}
+        found[f"{prefix}growth"] = {window: max(some) / min(some) for window, some in seconds.items()}
+        found[f"{prefix}hex_share"] = share(tracer, grid="square")
+        found[f"{prefix}plain_share"] = share(tracer, antialias=True)
+    return found
 
 
-def plot(rows: Sequence[Timed]) -> Plot:
+def plot(rows: Rows) -> Plot:
     """Draw t_R over the number of lenslets: a curve for each window and tracer; hexagonal arrays dashed."""
     picture, axes = make_axes(1, 2, (5.5, 4.5))
-    windows = sorted({r.window_px for r in rows if r.grid != "none"})
+    windows = sorted({row["window_px"] for row in rows if row["grid"] != "none"})
     for axis, antialias in zip(axes[0], (False, True), strict=True):
         for tracer, window, grid in itertools.product(("lippmann", "POV-Ray"), windows, SETUPS):
-            key = (tracer, window, grid, antialias)
-            some = [r for r in rows if (r.tracer, r.window_px, r.grid, r.antialias) == key]
-            curve = sorted((r.lenslets, r.relative) for r in some)
+            some = where(rows, tracer=tracer, window_px=window, grid=grid, antialias=antialias)
+            curve = sorted((row["lenslets"], row["relative"]) for row in some)
             if curve:
                 style = f"{MARKS[tracer != 'lippmann']}{'-' if grid == 'square' else '--'}"
                 colour = "black" if tracer == "POV-Ray" else f"C{windows.index(window)}"
@@ -218,18 +197,15 @@ def plot(rows: Sequence[Timed]) -> Plot:
     return Plot("seed", finish_picture(picture))
 
 
-def page(origin: Mapping[str, str], rows: Sequence[Timed], trial: bool = False) -> Page:
+def page(origin: Mapping[str, str], rows: Rows, trial: bool = False) -> Page:
     """Return the page; `trial` adds that its windows are too small to measure anything."""
     found = findings(rows)
-    ours, theirs = (row for row in rows if row.grid == "none")
-    growth = {
-        "window, px": sorted(found.growth),
-        "lippmann": [found.growth[window] for window in sorted(found.growth)],
-        "POV-Ray": [found.povray_growth.get(window) for window in sorted(found.growth)],
-    }
-    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial}
-    kept = {"seed": [row_of(row) for row in rows]}
-    return make_page("seed", origin, [plot(rows)], kept, {**context, "samples": SAMPLES})
+    ours, theirs = where(rows, grid="none")
+    windows = sorted(found["growth"])
+    growth = {"window, px": windows, "lippmann": [found["growth"][window] for window in windows]}
+    growth["POV-Ray"] = [found["povray_growth"].get(window) for window in windows]
+    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial, "samples": SAMPLES}
+    return make_page("seed", origin, [plot(rows)], {"seed": rows}, context)
 
 
 @measurement(page="seed")
@@ -242,10 +218,6 @@ def seed(
     Example: python -m tools.bench seed --quick
     """
     POVRAY.path()
-    rows: list[Timed] = []
     with TemporaryDirectory() as work:
-        for row in bench_seed(bench.scenes, Path(work), QUICK if quick else Sweep()):
-            bench.collect([row])
-            rows.append(row)
-    json = {"rows": [row_of(row) for row in rows], "findings": row_of(findings(rows))}
-    return json, page(bench.origin, rows, quick)
+        rows = bench.collect(bench_seed(bench.scenes, Path(work), QUICK if quick else Sweep()))
+    return {"rows": rows, "findings": findings(rows)}, page(bench.origin, rows, quick)

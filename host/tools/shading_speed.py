@@ -154,12 +154,7 @@ def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
     drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
     seen = [_seen(one.radiance, display) for one in drawn]
     difference = np.abs(seen[1] - seen[0]) * np.float32(MAP_GAIN)
-    # One pixel for each lenslet, magnified.
-    return [np.kron(one, np.ones((3, 3, 1), np.float32)) for one in (*seen, difference)], [
-        "each ray's own light",
-        "shared light",
-        f"difference, {MAP_GAIN:g} times",
-    ]
+    return [*seen, difference], ["each ray's own light", "shared light", f"difference, {MAP_GAIN:g} times"]
 
 
 def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]) -> tuple[list[Rendered], Display]:

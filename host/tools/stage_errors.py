@@ -61,17 +61,12 @@ Steps = Mapping[str, Callable[..., Any]]
 
 #: Fraction bits beyond F of the words, before those of `_EXTRA`. Other names are whole numbers.
 _FRACTIONS = {
-    **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y"), 0),
-    **dict.fromkeys(("point_x", "point_y", "point_aim_x", "point_aim_y"), 0),
-    **dict.fromkeys(("cx", "cy", "rx", "g", "lean"), 0),
-    **dict.fromkeys(("index", "index_square", "index_inverse_square", "depth"), 0),
-    **dict.fromkeys(("index_inverse", "exit_z", "half", "half_y", "rise"), 1),
-    "depth_rest": 3,
-    **{"share": 11, "offset_x": 2, "offset_y": 2},
-    **dict.fromkeys(("x", "y", "a", "b", "mx", "my", "hx", "hy"), 0),
-    **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "nx", "ny", "nz", "cos"), 1),
-    **dict.fromkeys(("out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
-    "s": 3,
+    **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "point_x", "point_y"), 0),
+    **dict.fromkeys(("point_aim_x", "point_aim_y", "cx", "cy", "rx", "g", "lean", "index", "index_square"), 0),
+    **dict.fromkeys(("index_inverse_square", "depth", "x", "y", "a", "b", "mx", "my", "hx", "hy"), 0),
+    **dict.fromkeys(("index_inverse", "exit_z", "half", "half_y", "rise", "nx", "ny", "nz", "cos"), 1),
+    **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
+    **{"depth_rest": 3, "s": 3, "share": 11, "offset_x": 2, "offset_y": 2},
 }
 #: Those with more bits in some builds, by `Build.extra` times so many.
 _EXTRA = {
@@ -379,17 +374,6 @@ def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
     return Figures("report-budget", ("configuration", "display", "step"), rows)
 
 
-def measure_all(names: tuple[str, ...], scenes: Path, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Measure named configurations (all when none is named) on their displays, and the budgets of the exact ones."""
-    errors, steps = [], []
-    for named in select_builds(names):
-        for display in named.displays(scenes):
-            sets = sets_of(named.build, display, seed)
-            errors += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]
-            steps += budget(named, display, seed) if named.build.model == "exact" else []
-    return errors, steps
-
-
 @measurement(page="fixed-point-error", packages=("numpy",))
 def fixed(
     bench: MeasurementRun,
@@ -401,7 +385,12 @@ def fixed(
 
     Example: python -m tools.bench fixed --configuration widest-square
     """
-    rows, shares = measure_all(configuration, bench.scenes, bench.seed)
+    rows, shares = [], []
+    for named in select_builds(configuration):
+        for display in named.displays(bench.scenes):
+            sets = sets_of(named.build, display, bench.seed)
+            rows += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]
+            shares += budget(named, display, bench.seed) if named.build.model == "exact" else []
     return {"rows": rows, "budget": shares}, fixed_page(bench.origin, rows, shares)
 
 

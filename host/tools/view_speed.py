@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import load_scene
 
-from tools.bench import MeasurementRun, measurement
 from tools.browser import browser_page
 
 if TYPE_CHECKING:
@@ -48,15 +47,6 @@ COUNTED = """
   requestAnimationFrame(count);
 }))
 """
-
-
-@measurement()
-def view(bench: MeasurementRun) -> tuple[Mapping[str, Any], None]:
-    """Measure viewer pages in Chromium without a GPU: time until the first view, frames a second.
-
-    Example: python -m tools.bench view
-    """
-    return {"rows": bench.collect(measure(bench.scenes, bench.seed))}, None
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:

@@ -23,10 +23,10 @@ from PIL import Image
 from scene_cases import write_scene
 from test_povray_scene import ball, card, diffuse, light
 from tools import bench
-from tools.peers import OUTLINE_PX, Pair, PictureDifference, TimeAtNoise, around, compare, near_seams
+from tools.peers import OUTLINE_PX, Pair, around, compare, near_seams
 from tools.peers import page as peers_page
 from tools.povray_runs import Run, render_folder
-from tools.seed import Timed, findings, lenslets_in, with_window
+from tools.seed import findings, lenslets_in, with_window
 from tools.shading_speed import every_strip
 
 SMALL_PX = 120
@@ -213,7 +213,8 @@ def test_lenslets_in_the_window(repository):
 
 
 def timed(tracer, grid, window, pitch, antialias, cpu):
-    return Timed(tracer, grid, window, pitch, 1, antialias, cpu, cpu, cpu)
+    return {"tracer": tracer, "grid": grid, "window_px": window, "pitch_mm": pitch, "antialias": antialias,
+            "cpu_seconds": cpu}  # fmt: skip
 
 
 def test_what_the_sweep_says():
@@ -227,11 +228,11 @@ def test_what_the_sweep_says():
         timed("POV-Ray", "square", 720, 9.0, False, 10.0),
     ]
     found = findings(rows)
-    assert found.growth == {720: pytest.approx(1.1)}
-    assert found.povray_growth == {720: pytest.approx(3.0)}
-    assert found.hex_share == pytest.approx(0.1)
-    assert found.plain_share == pytest.approx(-0.5)
-    assert found.povray_hex_share is None
+    assert found["growth"] == {720: pytest.approx(1.1)}
+    assert found["povray_growth"] == {720: pytest.approx(3.0)}
+    assert found["hex_share"] == pytest.approx(0.1)
+    assert found["plain_share"] == pytest.approx(-0.5)
+    assert found["povray_hex_share"] is None
 
 
 def test_differences_are_told_apart(repository):
@@ -247,29 +248,32 @@ def test_differences_are_told_apart(repository):
     # A band of two pixels for each lenslet and axis.
     assert seams.mean() == pytest.approx(1.0 - (1.0 - 2.0 / pitch) ** 2, abs=0.03)
     one, where = compare(shifted, step, step[None, None], setup)
-    assert one.differing == pytest.approx(1.0 / panel.width_px)
+    assert one["differing"] == pytest.approx(1.0 / panel.width_px)
     assert where[:, 61].min() == pytest.approx(255.0)
-    assert (one.displaced, one.unexplained) == (1.0, 0.0)
+    assert (one["displaced"], one["unexplained"]) == (1.0, 0.0)
     two, _ = compare(np.roll(shifted, 1, axis=1), step, step[None, None], setup)
-    assert two.displaced < 1.0
-    assert two.unexplained + two.seams * two.differing == pytest.approx((1.0 - two.displaced) * two.differing, abs=0.02)
+    assert two["displaced"] < 1.0
+    others = two["unexplained"] + two["seams"] * two["differing"]
+    assert others == pytest.approx((1.0 - two["displaced"]) * two["differing"], abs=0.02)
 
 
 def test_the_page_beside_povray(tmp_path):
     """Its figures, plots and files, from made-up pictures."""
     ours = np.full((8, 12, 3), 0.25, np.float32)
-    difference = PictureDifference("square", 96, 0.1, 0.2, 40.0, 0.02, 0.5, 0.75, 0.8, 0.1, 0.001)
-    other = dataclasses.replace(difference, grid="hex")
+    names = ("grid", "pixels", "median", "mean", "largest", "differing", "displaced", "outlines")
+    names += ("near_outlines", "seams", "unexplained")
+    difference = dict(zip(names, ("square", 96, 0.1, 0.2, 40.0, 0.02, 0.5, 0.75, 0.8, 0.1, 0.001), strict=True))
+    other = {**difference, "grid": "hex"}
     pairs = [Pair(one, ours, ours, np.full((8, 12), 16.0, np.float32)) for one in (difference, other)]
-    times = TimeAtNoise(
-        Run("povray full.ini +A0.3", 100.0, 90.0), 3.0, 5.0, 7, 5.0, 4.5, {"POV-Ray": 90.0, "each": 9.0, "auto": 6.0}
-    )
+    run = dataclasses.asdict(Run("povray full.ini +A0.3", 100.0, 90.0))
+    times = {"povray": run, "seconds": 3.0, "cpu_seconds": 5.0, "samples": 7, "povray_noise": 5.0, "noise": 4.5,
+             "whole": {"POV-Ray": 90.0, "each": 9.0, "auto": 6.0}, "ratio": 18.0}  # fmt: skip
     made = peers_page({"machine": "one"}, pairs, times)
     assert {path.name for path in made.write(tmp_path)} == {
         "peers.md", "peers.csv", "peers-square.png", "peers-hex.png",
     }  # fmt: skip
     text = (tmp_path / "peers.md").read_text()
-    assert f"POV-Ray takes **{times.povray.cpu_seconds / 5.0:.0f} times** Lippmann's CPU seconds" in text
+    assert f"POV-Ray takes **{90.0 / 5.0:.0f} times** Lippmann's CPU seconds" in text
     assert "POV-Ray takes **10 times** as long as `capture` with every ray shaded, and **15 times** as long" in text
     assert "| hex | 96 | 0.1 | 0.2 | 40 | 0.02 | 0.5 | 0.75 | 0.8 | 0.1 | 0.001 |" in text
     with Image.open(tmp_path / "peers-hex.png") as picture:
