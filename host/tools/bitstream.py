@@ -5,11 +5,8 @@ yosys, nextpnr and ecppack are PyPI's. Seeds are tried until every clock is met;
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import re
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +20,7 @@ from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
 from lippmann.board.bitstreams import comment, sealed
 from lippmann.board.fpga_boards import FILE, FpgaBoard, fpga_board
-from lippmann.cli import run
+from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
 from lippmann.display.description import Display, load_display
@@ -38,9 +35,11 @@ from tools import flow
 from tools.anchors import TRIALS, anchor
 from tools.flow import Source, run_tool
 from tools.pll import SHIFT_CLOCKS, TOLERANCE, Pll, panel_pixel_mhz, solve
+from tools.program import program
 from tools.report_plots import draw_bar_charts, make_page
 
-#: Seeds that are tried unless others are asked for.
+#: The display, and the seeds that are tried, unless others are asked for.
+VGA = "scenes/displays/vga-square.toml"
 SEEDS = "1,2,3,4,5,6,7,8"
 #: Minutes after which a seed is given up unless told otherwise: several times what PyPI's nextpnr takes on two cores.
 PATIENCE_MIN = 240
@@ -240,47 +239,26 @@ def place(
     """
     folder = _work_folder(made)
     netlist, counted = folder / "netlist.json", folder / "written.json"
-    written = _kept(counted)
+    written = flow.read_kept(counted)
     if written is None or not netlist.exists():
         log(f"{made.name}: synthesis")
-        written = flow.synthesise(made.source, netlist, folder / "yosys.log")
-        _keep(counted, written)
+        written = flow.keep(counted, flow.synthesise(made.source, netlist, folder / "yosys.log"))
     rows = []
     for seed in seeds:
-        kept = folder / f"seed-{seed}.json"
-        run = _kept(kept)
+        result = folder / f"seed-{seed}.json"
+        run = flow.read_kept(result)
         if run is None or run.get("stopped_min", patience_min) < patience_min:
             log(f"{made.name}: place and route, seed {seed}")
-            run = _route(made, netlist, written, seed, patience_min)
-            _keep(kept, run)
+            run = flow.keep(result, _route(made, netlist, written, seed, patience_min))
         rows.append(_row(made, folder, seed, run))
         if not rows[-1]["missed"] and not every:
             break
     return rows
 
 
-def _kept(path: Path) -> Any:
-    """Return the result of an earlier run; None when its file is missing or half-written."""
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError):
-        return None
-
-
-def _keep(path: Path, result: Any) -> None:
-    with replacing(path) as partial:
-        partial.write_text(json.dumps(result, indent=1))
-
-
 def _work_folder(made: Plan) -> Path:
-    top = repository()
-    depends = (made.parameters, made.board, flow.versions(), flow.SYNTHESIS, TRIALS, *_router(made))
-    what = hashlib.sha256(repr(depends).encode())
-    for path in (*made.source.files, *made.constraints):
-        what.update(path.read_bytes())
-    folder = top / "build" / "bitstream" / "work" / f"{made.name}-{what.hexdigest()[:16]}"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    depends = (made.parameters, made.board, TRIALS, *_router(made))
+    return flow.work_folder("bitstream/work", made.name, depends, (*made.source.files, *made.constraints))
 
 
 def _route(made: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
@@ -332,7 +310,7 @@ def _row(made: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[st
         mhz = met.get(role)
         row |= {f"{role}_asked_mhz": round(asked, 2), f"{role}_mhz": mhz}
         row[f"{role}_ratio"] = None if mhz is None else round(mhz / asked, 3)
-    report = _kept(folder / f"seed-{seed}.report.json")
+    report = flow.read_kept(folder / f"seed-{seed}.report.json")
     row |= {} if report is None else flow.resources(report)
     return row | {"seconds": run["seconds"], "missed": "; ".join(missed)}
 
@@ -426,36 +404,23 @@ def _seeds(text: str) -> list[int]:
     return seeds
 
 
-@click.command()
-@click.option("--board", "boards", multiple=True, default=["ulx3s"], show_default=True, help="A folder of rtl/board/.")
-@click.option(
-    "--display", "displays", multiple=True, default=["scenes/displays/vga-square.toml"], show_default=True,
-    help="Display file.",
-)  # fmt: skip
-@click.option(
-    "--seeds",
-    multiple=True,
-    default=[SEEDS],
-    show_default=True,
-    help="nextpnr's seeds, in the order of the trials; once, or for each board and display.",
-)
-@click.option(
-    "--patience",
-    type=click.IntRange(1, 1440),
-    default=PATIENCE_MIN,
-    show_default=True,
-    help="Minutes after which a seed is given up.",
-)
-@click.option(
-    "--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers that it draws; 0: none."
-)
-@click.option("--bilinear", is_flag=True, help="Interpolate texels.")
-@click.option("--every", is_flag=True, help="Try every seed, also after one met all clocks.")
-@click.option("--report", default=None, help="Folder of a page with the figures of every seed.")
+#: How the options are declared that may be given more than once.
+REPEATED: Any = {"kind": str, "multiple": True, "show_default": True}
+
+
+@program
 def main(
-    boards: tuple[str, ...], displays: tuple[str, ...], seeds: tuple[str, ...], patience: int, layers: int,
-    bilinear: bool, every: bool, report: str | None,
-) -> None:  # fmt: skip
+    boards: tuple[str, ...] = option("A folder of rtl/board/.", ("ulx3s",), flag="--board", **REPEATED),
+    displays: tuple[str, ...] = option("Display file.", (VGA,), flag="--display", **REPEATED),
+    seeds: tuple[str, ...] = option(
+        "nextpnr's seeds, in the order of the trials; once, or for each board and display.", (SEEDS,), **REPEATED
+    ),
+    patience: int = option("Minutes after which a seed is given up.", PATIENCE_MIN, click.IntRange(1, 1440)),
+    layers: int = option("Layers that it draws; 0: none.", 4, click.IntRange(0, 8)),
+    bilinear: bool = option("Interpolate texels.", False),
+    every: bool = option("Try every seed, also after one met all clocks.", False),
+    report: str | None = option("Folder of a page with the figures of every seed.", None),
+) -> None:
     """Make the bitstream of an FPGA board for a display, into build/bitstream/.
 
     The environment variable NEXTPNR names another nextpnr-ecp5 than PyPI's.
@@ -498,7 +463,3 @@ def main(
         raise TimingError(
             f"{', '.join(unmet)}: no seed of {' or '.join(seeds)} meets every clock; try others with --seeds"
         )
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -24,12 +24,14 @@ from lippmann.base import toml
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
 from lippmann.base.toml import documented, key
-from lippmann.cli import run
+from lippmann.cli.frame import option
 from lippmann.conformance.pages import Page
+from lippmann.conformance.plots import Plot
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.simulation.compilation import COVERAGE, TOGGLES
 from lippmann.simulation.toolchain import build_folder, repository
 
+from tools.program import REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
@@ -160,9 +162,8 @@ def page(
     origin: Mapping[str, str], rtl: list[dict[str, Any]], host: list[dict[str, Any]], why: Mapping[str, str]
 ) -> Page:
     """Return the page; `why` has the reasons by file."""
-    least = sorted([*rtl, *host], key=lambda row: row["met"] - row["lines"])[:SHOWN]
-    charts = {"lines that no quick test executes": [float(row["lines"] - row["met"]) for row in least]}
-    plot = draw_bar_charts("code-coverage", [row["file"].removeprefix("host/") for row in least], charts)
+    missed = {row["file"].removeprefix("host/"): row["lines"] - row["met"] for row in (*rtl, *host)}
+    plot = _draw_most("code-coverage", "lines that no quick test executes", missed)
     context = {
         "rtl": rtl,
         "host": host,
@@ -179,13 +180,17 @@ def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapp
     """Return the page of bits that toggle; `why` has the reasons by file."""
     rows = [{**row, "still": row["toggles"] - row["toggled"], "why": why.get(row["file"], "")} for row in rtl]
     least = sorted((row for row in rows if row["still"]), key=lambda row: -row["still"])
-    shown = least[:SHOWN]
-    charts = {"toggles that no bench sees": [float(row["still"]) for row in shown]}
-    plot = draw_bar_charts("toggles", [row["file"] for row in shown], charts)
+    plot = _draw_most("toggles", "toggles that no bench sees", {row["file"]: row["still"] for row in least})
     context = {"least": least, "share": share(rtl, "toggled", "toggles"), "toggles": sum(row["toggles"] for row in rtl)}
     columns = ("file", "toggles", "toggled", "still")
     table = [{name: row[name] for name in columns} for row in rows]
     return make_page("toggles", origin, [plot], {"toggles": table}, context)
+
+
+def _draw_most(name: str, heading: str, counts: Mapping[str, int]) -> Plot:
+    """Draw a bar for each of the files with the largest counts."""
+    files = sorted(counts, key=lambda file: -counts[file])[:SHOWN]
+    return draw_bar_charts(name, files, {heading: [float(counts[file]) for file in files]})
 
 
 def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, str]:
@@ -225,12 +230,13 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
         raise LippmannError("tests fail: what they execute says little; mend them first")
 
 
-@click.command()
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Processes of the tests.")
-@click.option("--toggles", is_flag=True, help="Count the toggles of the RTL's bits instead: an hour, and tens of GB.")
-@click.option("--keep", is_flag=True, help="Read what the last run counted; run no test.")
-@click.option("--report", default="docs/reports", show_default=True, help="Folder of the page.")
-def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
+@program
+def main(
+    jobs: int = option("Processes of the tests.", 2, click.IntRange(1)),
+    toggles: bool = option("Count the toggles of the RTL's bits instead: an hour, and tens of GB.", False),
+    keep: bool = option("Read what the last run counted; run no test.", False),
+    report: str = REPORT,
+) -> None:
     """Measure which lines the quick tests execute, or which bits they toggle, and write the page.
 
     Example: python -m tools.code_coverage --keep --report out
@@ -254,7 +260,3 @@ def main(jobs: int, toggles: bool, keep: bool, report: str) -> None:
     click.echo(f"RTL: {share(rtl):.1f} % of lines")
     click.echo(f"host: {share(host):.1f} % of lines")
     check_reasons([row["file"] for row in rtl if row["missing"]], why, "hole")
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -6,20 +6,22 @@ system's. A netlist serves any number of seeds.
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import json
 import os
 import re
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lippmann.base.files import replacing
 from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, MissingLibraryError, input_error
-from lippmann.simulation.toolchain import RTL_TOOLS, needed, repository, rtl_folders, rtl_sources
+from lippmann.simulation.toolchain import RTL_TOOLS, build_folder, needed, repository, rtl_folders, rtl_sources
 
 #: Multipliers are instances of the ECP5 cell already; the ones that yosys would infer are short.
 SYNTHESIS = "synth_ecp5 -nodsp -abc9"
@@ -52,6 +54,31 @@ def ecp5_files(top_module: str, *folders: Path) -> list[Path]:
     own = [path for folder in folders for path in sorted(folder.glob("*.sv"))]
     files = {path.stem: path for path in [*rtl_sources(top), *rtl_folders(top, devices=True)["ecp5"], *own]}
     return [*needed(top_module, files), top / "rtl" / "ecp5" / "black_boxes.v"]
+
+
+def work_folder(kind: str, name: str, depends: object, files: Iterable[Path]) -> Path:
+    """Return the folder of a design's results below build/: `kind`, its name, and a hash of all that they depend on."""
+    content = hashlib.sha256(repr((depends, versions(), SYNTHESIS)).encode())
+    for path in files:
+        content.update(path.read_bytes())
+    folder = build_folder() / kind / f"{name}-{content.hexdigest()[:16]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def read_kept(path: Path) -> Any:
+    """Return the result of an earlier run; None when its file is missing or half-written."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def keep(path: Path, result: Any) -> Any:
+    """Write a result for `read_kept`, and return it."""
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(result, indent=1))
+    return result
 
 
 class TooSlowError(LippmannError):
@@ -114,11 +141,6 @@ def versions() -> dict[str, str]:
 
 def _tool(name: str) -> Path:
     return next(tool for tool in RTL_TOOLS if tool.name == name).path()
-
-
-def elaborate(source: Source) -> str:
-    """Read a design with yosys, up to processes; returns what yosys said."""
-    return run_tool([SYNTHESISER, "-p", f"{source.commands}; proc; check -assert"])
 
 
 def synthesise(source: Source, netlist: Path, record: Path) -> int:

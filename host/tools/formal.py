@@ -12,10 +12,12 @@ import sys
 from pathlib import Path
 
 import click
-from lippmann.cli import run
+from lippmann.cli.frame import argument
 from lippmann.cli.output import log
 from lippmann.errors import InputError
 from lippmann.simulation.toolchain import PROOF_TOOLS, repository
+
+from tools.program import program
 
 
 def tasks(folder: Path) -> dict[str, list[str]]:
@@ -42,10 +44,8 @@ def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]
     return verdict[1] if verdict else "ERROR", run.stdout + run.stderr
 
 
-@click.command()
-@click.argument("name")
-@click.argument("task")
-def main(name: str, task: str) -> None:
+@program
+def main(name: str = argument(), task: str = argument()) -> None:
     """Run one task of sim/formal/NAME.sby; exit 1 when it fails.
 
     Example: python -m tools.formal fifo prove_4
@@ -62,7 +62,3 @@ def main(name: str, task: str) -> None:
     click.echo(said)
     log(f"{name} {task}: {verdict}; traces and log in {work}")
     sys.exit(verdict != "PASS")
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
 import click
-from lippmann.cli import run
 from lippmann.simulation.toolchain import repository, rtl_folders, rtl_sources
 
 from tools.generate_registers import render_template
+from tools.program import program
 
 _BY = "Generated from rtl/sources.toml by `make manifests`; do not edit."
 #: In a device's folder: the ports of its cells, for tools without a library of them, such as yosys with slang.
@@ -49,7 +48,7 @@ def manifests(top: Path) -> dict[Path, str]:
     return texts
 
 
-@click.command()
+@program
 def main() -> None:
     """Write every manifest into the checkout.
 
@@ -59,7 +58,3 @@ def main() -> None:
     for path, text in manifests(top).items():
         (top / path).write_text(text)
         click.echo(path)
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 import tempfile
 from collections.abc import Iterator
 from itertools import groupby
@@ -18,9 +17,11 @@ from typing import Any, NamedTuple
 
 import click
 import jinja2
-from lippmann.cli import run
+from lippmann.cli.frame import argument
 from lippmann.errors import InputError, MissingLibraryError
 from lippmann.simulation.toolchain import PREFIX, repository
+
+from tools.program import program
 
 SOURCE = Path("rtl/registers.rdl")
 RTL = Path("rtl/registers")
@@ -240,9 +241,8 @@ def render_template(template: str, **names: Any) -> str:
     return templates.get_template(template).render(names)
 
 
-@click.command()
-@click.argument("folder", required=False, type=click.Path(path_type=Path))
-def main(folder: Path | None) -> None:
+@program
+def main(folder: Path | None = argument(default=None)) -> None:
     """Write every file that is made from rtl/registers.rdl into the checkout, or into FOLDER with the same paths.
 
     Example: python -m tools.generate_registers
@@ -250,7 +250,3 @@ def main(folder: Path | None) -> None:
     checkout = repository()
     for path in generate(checkout, folder or checkout):
         click.echo(path)
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -20,11 +19,12 @@ from typing import Annotated
 import click
 from lippmann.base import toml
 from lippmann.base.toml import Schema, bounds_text, documented, key, rivals, tables
-from lippmann.cli import run
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS
 from lippmann.errors import did_you_mean, input_error
 from lippmann.simulation.toolchain import repository
+
+from tools.program import program
 
 SCHEMAS = Path("docs/reference/schemas")
 LISTED = re.compile(r"(<!-- (points|promises) -->\n).*?(<!-- end of \2 -->)", re.S)
@@ -173,7 +173,7 @@ def _test_link(test: str) -> str:
     return f"[{name}]({_from_page(file)})"
 
 
-@click.command()
+@program
 def main() -> None:
     """Write key tables and JSON Schemas into the checkout.
 
@@ -184,7 +184,3 @@ def main() -> None:
         (top / path).parent.mkdir(parents=True, exist_ok=True)
         (top / path).write_text(text)
         click.echo(path)
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

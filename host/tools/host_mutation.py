@@ -12,22 +12,21 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import click
 import coverage
 from asttokens import ASTText
-from lippmann.cli import run
+from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.simulation.toolchain import repository
 
-from tools.source_faults import FEW, Fault, Scratch, options, read_equivalent_faults, report_faults
+from tools.program import program
+from tools.source_faults import FEW, Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 PACKAGE = Path("host/lippmann")
 #: Rooms of the package that get as many faults as each other.
@@ -212,14 +211,13 @@ def groups(top: Path) -> dict[str, list[Fault]]:
     }
 
 
-@click.command(params=options(60))
-def main(**chosen: Any) -> None:
+@program
+def main(
+    count: int = option("Number of faults.", 60, click.IntRange(1)),
+    trial: Trial = Trial,  # type: ignore[assignment]
+) -> None:
     """Put faults into the host's Python and report how many the quick tests catch.
 
     Example: python -m tools.host_mutation --count 5 --report out
     """
-    report_faults("host_mutation", groups(repository()), fate, SAME, **chosen)
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))
+    report_faults("host_mutation", groups(repository()), fate, SAME, count, trial)

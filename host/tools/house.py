@@ -30,9 +30,8 @@ class Sizes:
     """What is counted in a folder's Python files."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    #: "file:line name, lines" of each long function, and of each refused name.
-    long_functions: list[str] = field(default_factory=list)
-    refused_names: list[str] = field(default_factory=list)
+    #: "file:line name, lines" of each of the `long_functions` and `refused_names`.
+    places: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
 
     @property
     def mean_line(self) -> float:
@@ -61,10 +60,10 @@ def measure_sizes(folder: Path, function_lines: int, refused: frozenset[str]) ->
             if isinstance(node, FUNCTIONS):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
                 if lines > function_lines:
-                    sizes.long_functions.append(f"{place}:{node.lineno} {node.name}, {lines} lines")
+                    sizes.places["long_functions"].append(f"{place}:{node.lineno} {node.name}, {lines} lines")
             name = bound_name(node)
             if name is not None and name.lstrip("_") in refused:
-                sizes.refused_names.append(f"{place}:{getattr(node, 'lineno', 0)} {name}")
+                sizes.places["refused_names"].append(f"{place}:{getattr(node, 'lineno', 0)} {name}")
     return sizes
 
 
@@ -79,16 +78,13 @@ def bound_name(node: ast.AST) -> str | None:
 
 def compare_sizes(name: str, sizes: Sizes, bounds: Mapping[str, int]) -> Iterator[str]:
     """Yield a line for each count of a folder that is over its bound."""
-    counts = {
-        **sizes.counts,
-        "long_functions": len(sizes.long_functions),
-        "refused_names": len(sizes.refused_names),
-    }
     for key, bound in bounds.items():
-        if counts[key] > bound:
+        places = sizes.places[key]
+        count = sizes.counts[key] or len(places)
+        if count > bound:
             what = key.replace("_", " ")
-            yield f"{name}: {counts[key]} {what}, at most {bound}: remove code, or say why not in {BOUNDS.name}"
-            yield from (f"  {place}" for place in getattr(sizes, key, ()))
+            yield f"{name}: {count} {what}, at most {bound}: remove code, or say why not in {BOUNDS.name}"
+            yield from (f"  {place}" for place in places)
 
 
 def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
@@ -173,7 +169,7 @@ def describe_sizes(package: Sizes, tools: Sizes, tests: Sizes) -> str:
     return (
         f"house: {counts['lines']} lines in {counts['files']} files, {package.mean_line:.2f} characters and "
         f"{package.comment_share:.4f} comments a line, {counts['any']} Any, "
-        f"{len(package.refused_names)} refused names; tools {tools.counts['lines']} lines, "
+        f"{len(package.places['refused_names'])} refused names; tools {tools.counts['lines']} lines, "
         f"tests {tests.counts['lines']} lines;"
     )
 

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import click
 from lippmann.board.fpga_boards import FpgaBoard, fpga_boards
-from lippmann.cli import run
 from lippmann.cli.output import log
 from lippmann.simulation.toolchain import PREFIX, needed, repository, rtl_folders, rtl_sources, verilator_environment
+
+from tools.program import program
 
 
 def folder_of_modules() -> dict[str, str]:
@@ -59,7 +60,7 @@ def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
     return elaborated(board.top, [*settings, *files, top / "rtl" / "ecp5" / "black_boxes.v"], "-Wall", parameters={})
 
 
-@click.command()
+@program
 def main() -> None:
     """Lint every module, and every FPGA board, with its default parameters; exit 1 when Verilator warns about one.
 
@@ -76,7 +77,3 @@ def main() -> None:
     said = f"{len(modules)} RTL modules and {len(boards)} boards: no warning"
     log(f"{', '.join(bad)}: mend the warnings above" if bad else said)
     sys.exit(bool(bad))
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -11,17 +11,16 @@ Lines without hardware stay as they are: comments, elaboration checks, and lines
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import click
-from lippmann.cli import run
+from lippmann.cli.frame import option
 from lippmann.simulation.toolchain import PREFIX, repository, rtl_sources, verilator_environment
 
 from tools.lint import elaborated
-from tools.source_faults import Fault, Scratch, options, read_equivalent_faults, report_faults
+from tools.program import program
+from tools.source_faults import Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 SOURCES = Path("rtl")
 #: The tests that run last. Every module of the optics is in a build that is compared with the twin, but for the
@@ -138,8 +137,11 @@ def fate(fault: Fault, scratch: Scratch) -> str:
     return scratch.fate(fault, [*stages, LAST.get(path.parent.name, BOARD)])
 
 
-@click.command(params=options(120))
-def main(**chosen: Any) -> None:
+@program
+def main(
+    count: int = option("Number of faults.", 120, click.IntRange(1)),
+    trial: Trial = Trial,  # type: ignore[assignment]
+) -> None:
     """Put faults into the RTL and report how many the quick tests catch.
 
     Example: python -m tools.mutation --count 20 --report out
@@ -147,8 +149,4 @@ def main(**chosen: Any) -> None:
     verilator_environment()  # a missing tool must not count as a caught fault
     own = [path for path in rtl_sources(repository()) if path.parent.name != "registers"]
     groups = {path.stem.removeprefix(PREFIX): faults_of(path) for path in own}
-    report_faults("mutation", groups, fate, SAME, **chosen)
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))
+    report_faults("mutation", groups, fate, SAME, count, trial)

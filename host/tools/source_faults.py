@@ -21,11 +21,13 @@ import click
 import numpy as np
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
+from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
 from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import repository
 
+from tools.program import REPORT
 from tools.report_plots import draw_bar_charts, make_page
 
 #: Folders and files of the checkout that tests read.
@@ -189,14 +191,13 @@ class Scratch:
         return process.returncode, said
 
 
-def options(count: int) -> list[click.Parameter]:
-    """Return the options of both programs, which `report_faults` takes."""
-    return [
-        click.Option(["--count"], default=count, show_default=True, type=click.IntRange(1), help="Number of faults."),
-        click.Option(["--seed"], default=1, show_default=True, type=click.IntRange(0), help="Seed of the faults."),
-        click.Option(["--jobs"], default=1, show_default=True, type=click.IntRange(1), help="Processes for the tests."),
-        click.Option(["--report"], default="docs/reports", show_default=True, help="Folder of the report."),
-    ]
+@dataclass(frozen=True)
+class Trial:
+    """The options of both programs, but for the number of faults."""
+
+    seed: int = option("Seed of the faults.", 1, click.IntRange(0))
+    jobs: int = option("Processes for the tests.", 1, click.IntRange(1))
+    report: str = REPORT
 
 
 def report_faults(
@@ -205,24 +206,22 @@ def report_faults(
     fate: Callable[[Fault, Scratch], str],
     same: Same,
     count: int,
-    seed: int,
-    jobs: int,
-    report: str,
+    trial: Trial,
 ) -> None:
-    """Try faults of every group in turn, write the page `name` into the folder `report`, and print the result.
+    """Try `count` faults, of every group in turn, write the page `name`, and print the result.
 
     `groups` are the faults by the part of the source that they are in. `fate` returns how one ends: 'caught ...',
-    'survived', or 'refused' when it is none. The others are the options.
+    'survived', or 'refused' when it is none.
     """
-    check_output(Path(report) / f"{name}.md", (".md",))
-    origin = provenance(f"python -m tools.{name} --count {count} --seed {seed}", ("verilator", "numpy"))
+    check_output(Path(trial.report) / f"{name}.md", (".md",))
+    origin = provenance(f"python -m tools.{name} --count {count} --seed {trial.seed}", ("verilator", "numpy"))
     with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
-        scratch = Scratch(Path(folder), jobs)
-        faults = in_turn(groups.values(), np.random.default_rng(seed))
+        scratch = Scratch(Path(folder), trial.jobs)
+        faults = in_turn(groups.values(), np.random.default_rng(trial.seed))
         rows = try_faults(faults, count, lambda fault: fate(fault, scratch), same)
         page = faults_page(name, origin, rows, groups, scratch)
-    page.write(Path(report))
-    click.echo(f"{page.context['result']}: {report}/{name}.md")
+    page.write(Path(trial.report))
+    click.echo(f"{page.context['result']}: {trial.report}/{name}.md")
 
 
 def try_faults(

@@ -8,10 +8,8 @@ design is placed and routed again only when its sources have changed.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
-import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -22,7 +20,7 @@ from typing import Any
 import click
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
-from lippmann.cli import run
+from lippmann.cli.frame import argument, option
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
 from lippmann.errors import InputError, LippmannError
@@ -33,10 +31,11 @@ from lippmann.simulation.virtual_board import KNOWN_TIMINGS, TIMING
 
 from tools import flow
 from tools.fixed_errors import frame_words, measure
-from tools.flow import SYNTHESIS, Source
+from tools.flow import Source
 from tools.lint import elaborated
 from tools.measured_page import measured_page
 from tools.named_builds import CONFIGURATIONS, Named
+from tools.program import REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 #: The target clock of nextpnr, MHz, above what it can reach: it must not stop early.
@@ -129,40 +128,31 @@ def place(design: Design, seeds: Sequence[int]) -> list[dict[str, Any]]:
     `stages` are those of the pipeline from pixel to ray; `mhz` is the clock after routing; the cells are those of the
     whole design, of which `probe_ff` flip-flops are the probe's around the engine.
     """
-    top = repository()
-    folders = {seed: _folder(design, seed, top) for seed in seeds}
-    missing = [seed for seed in seeds if not (folders[seed] / "result.json").exists()]
+    read = source(design)
+    folder = flow.work_folder("synth", design.name, (design.parameters, WANTED_MHZ, DEVICE), read.files)
+    results = {seed: folder / f"seed-{seed}.json" for seed in seeds}
+    missing = [seed for seed in seeds if flow.read_kept(results[seed]) is None]
     if missing:
-        for seed in missing:
-            folders[seed].mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folders[missing[0]]) as work:
+        with tempfile.TemporaryDirectory(dir=folder) as work:
             netlist = Path(work) / "netlist.json"
             started = time.perf_counter()
-            written = flow.synthesise(source(design), netlist, folders[missing[0]] / "yosys.log")
+            written = flow.synthesise(read, netlist, folder / "yosys.log")
             synthesis = time.perf_counter() - started
             probe_ff = _probe_registers(json.loads(netlist.read_text()), design.top)
             for seed in missing:
-                placed = _routed(design, netlist, written, seed, folders[seed])
+                placed = _routed(design, netlist, written, seed, folder)
                 placed["seconds"] = round(placed["seconds"] + synthesis, 1)
-                (folders[seed] / "result.json").write_text(json.dumps(placed | {"probe_ff": probe_ff}, indent=1))
-    return [{**json.loads((folders[seed] / "result.json").read_text()), "configuration": design.name} for seed in seeds]
-
-
-def _folder(design: Design, seed: int, top: Path) -> Path:
-    """Return where the result of a design and a seed is kept, by a hash of all that it depends on."""
-    what = hashlib.sha256(repr((design.parameters, seed, flow.versions(), SYNTHESIS, WANTED_MHZ, DEVICE)).encode())
-    for path in sources(top, design.top):
-        what.update(path.read_bytes())
-    return top / "build" / "synth" / f"{design.name}-{what.hexdigest()[:16]}"
+                flow.keep(results[seed], placed | {"probe_ff": probe_ff})
+    return [{"configuration": design.name, **flow.read_kept(path)} for path in results.values()]
 
 
 def _routed(design: Design, netlist: Path, written: int, seed: int, folder: Path) -> dict[str, Any]:
-    """Place and route a netlist with a seed; return the row but for the probe's registers."""
+    """Place and route a netlist with a seed; return the row but for its name and the probe's registers."""
     started = time.perf_counter()
     options = [*DEVICE, "--freq", str(WANTED_MHZ)]
-    found = flow.route(netlist, written, options, seed, folder / "report.json", folder / "nextpnr.log")
+    report, record = folder / f"report-{seed}.json", folder / f"nextpnr-{seed}.log"
+    found = flow.route(netlist, written, options, seed, report, record)
     return {
-        "configuration": design.name,
         "stages": stages(design.named),
         "mhz": round(min(clock["achieved"] for clock in found["fmax"].values()), 2),
         **flow.resources(found),
@@ -227,17 +217,15 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Se
     return make_page("synthesis", origin, [plot], tables, context)
 
 
-@click.command()
-@click.argument("names", nargs=-1)
-@click.option(
-    "--seed",
-    "seeds",
-    multiple=True,
-    type=click.IntRange(0),
-    help="nextpnr's seed. Each seed given is a row.  [default: 1; for blocks, boards and drawings 1, 2 and 3]",
-)
-@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
-def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
+@program
+def main(
+    names: tuple[str, ...] = argument(default=(), kind=str, nargs=-1),
+    seeds: tuple[int, ...] = option(
+        "nextpnr's seed. Each seed given is a row.  [default: 1; for blocks, boards and drawings 1, 2 and 3]",
+        (), click.IntRange(0), "--seed", multiple=True,
+    ),
+    report: str = REPORT,
+) -> None:  # fmt: skip
     """Place and route designs (all by default), and write the report.
 
     Example: python -m tools.synthesis compact-square board-640x480-compact-square --report out
@@ -277,7 +265,3 @@ def main(names: tuple[str, ...], seeds: tuple[int, ...], report: str) -> None:
         page(origin, rows, whole).write(Path(report))
     if rows and kept:
         measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

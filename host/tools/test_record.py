@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
@@ -10,10 +9,11 @@ from xml.etree import ElementTree
 import click
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
-from lippmann.cli import run
+from lippmann.cli.frame import argument
 from lippmann.conformance.pages import Page
 from lippmann.errors import InputError
 
+from tools.program import REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 #: So many test files have a bar.
@@ -51,10 +51,8 @@ def _has(case: ElementTree.Element, kinds: Iterable[str]) -> bool:
     return any(case.find(kind) is not None for kind in kinds)
 
 
-@click.command()
-@click.argument("results", type=click.Path(path_type=Path))
-@click.option("--report", default="docs/reports", show_default=True, help="Folder of the report.")
-def main(results: Path, report: str) -> None:
+@program
+def main(results: Path = argument(), report: str = REPORT) -> None:
     """Write the page of a run of the tests, from pytest's JUnit XML.
 
     Example: python -m tools.test_record build/test-full.xml --report out
@@ -71,7 +69,3 @@ def main(results: Path, report: str) -> None:
     shown = page(origin, suite)
     shown.write(Path(report))
     click.echo(f"{int(suite.attrib['tests'])} tests, {len(shown.context['failed'])} failed: {report}/tests.md")
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -434,6 +434,7 @@ def test_seeds_are_tried_until_one_meets_every_clock(tmp_path, monkeypatch):
     monkeypatch.setattr(bitstream, "anchor", anchor)
     monkeypatch.setattr(bitstream, "run_tool", pack)
     monkeypatch.setattr(bitstream, "repository", lambda: tmp_path)
+    monkeypatch.setattr(bitstream.flow, "build_folder", lambda: tmp_path / "build")
     monkeypatch.setattr(bitstream.Plan, "constraints", property(lambda plan: []))
     display = str(TOP / "scenes/displays/hd-square.toml")
     for _ in range(2):

@@ -1,0 +1,26 @@
+"""The frame of a program that `python -m tools.NAME` runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import click
+from lippmann.cli import run
+from lippmann.cli.frame import JSON, make_command, option
+
+#: The option of programs that write a page.
+REPORT: Any = option("Folder of the page.", "docs/reports")
+
+
+def program(main: Callable[..., Any]) -> click.Command:
+    """Make a command of a function, as `lippmann.cli.frame` does but without --json; call it last in its module.
+
+    When Python runs this module as a program, the command is run, and ends the process.
+    """
+    command = make_command(main.__name__)(main)
+    command.params.remove(JSON)
+    if main.__module__ == "__main__":
+        sys.exit(run(sys.argv[1:], command, None))
+    return command
