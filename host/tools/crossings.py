@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import fnmatch
 import re
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -31,11 +30,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import click
-from lippmann.cli import run
+from lippmann.cli.frame import argument, option
 from lippmann.cli.output import log
 from lippmann.errors import LippmannError
 
-from tools.gates import Bit, Cell, Netlist, Pin, Sampled, read_netlist
+from tools.gates import Bit, Netlist, Pin, Register, Sampled, read_netlist
+from tools.program import program
 
 #: Most bits of a pointer whose whole period is tried.
 MOST_POINTER_BITS = 14
@@ -143,23 +143,20 @@ class Check:
     def _row(self, name: str, bits: Sequence[Bit]) -> Row | None:
         """Return the row of registers of a synchroniser; None, and a line, when it is none."""
         place = name.rpartition(".")[0]
-        registers = [self.net.register(bit) for bit in bits]
-        cells = [register for register in registers if register is not None]
-        if len(cells) != len(bits) or len(bits) < 2:
-            self._is_wrong(f"{name}: a synchroniser of {len(cells)} registers of {len(bits)}; it needs two or more")
+        registers = [*filter(None, map(self.net.register, bits))]
+        if len(registers) != len(bits) or len(bits) < 2:
+            self._is_wrong(f"{name}: a synchroniser of {len(registers)} registers of {len(bits)}; it needs two or more")
             return None
-        clocks = {self.net.clock(cell.bit("CLK")) for _, cell in cells}
+        clocks = {register.clock for register in registers}
         if len(clocks) != 1:
             self._is_wrong(f"{name}: its registers have {len(clocks)} clocks; they must share one")
             return None
-        first = cells[0][1]
-        is_reset = isinstance(first.bit("DI"), str) and first.choice("SRMODE") == "ASYNC"
-        for (_, cell), before in zip(cells[1:], bits, strict=False):
-            if cell.bit("DI") != before:
-                self._is_wrong(f"{name}: logic between its registers; each must read the one before")
-        if any(cell.choice("CEMUX") not in ("1", "") for _, cell in cells):
+        is_reset = isinstance(registers[0].data, str) and registers[0].cell.choice("SRMODE") == "ASYNC"
+        if any(register.data != before for register, before in zip(registers[1:], bits, strict=False)):
+            self._is_wrong(f"{name}: logic between its registers; each must read the one before")
+        if any(register.cell.choice("CEMUX") not in ("1", "") for register in registers):
             self._is_wrong(f"{name}: its registers have an enable; they must take a bit with each clock")
-        return Row(place, [cell for cell, _ in cells], list(bits), clocks.pop(), is_reset)
+        return Row(place, [register.name for register in registers], list(bits), clocks.pop(), is_reset)
 
     def _check_row(self, row: Row) -> None:
         """Check that a row samples no glitch, and that nothing reads a register of it that may be metastable."""
@@ -185,7 +182,7 @@ class Check:
     def _check_meetings(self) -> None:
         """Refuse bits of one clock that come over one by one, and meet in the logic before a register."""
         lone = {
-            row.cells[-1]: (row, self.net.clock(source[1].bit("CLK")))
+            row.cells[-1]: (row, source.clock)
             for row in self.firsts.values()
             if _pointer(row) is None and (source := self._source(row)) is not None
         }
@@ -201,7 +198,7 @@ class Check:
                         f"{_SIDE_BY_SIDE}"
                     )
 
-    def _source(self, row: Row) -> tuple[str, Cell] | None:
+    def _source(self, row: Row) -> Register | None:
         """Return the register that a row reads."""
         return self.net.register(self.net.straight(self.net.cells[row.cells[0]].bit("DI")))
 
@@ -248,24 +245,23 @@ class Check:
         level, answer = self._source(there), self._source(back)
         if level is None or answer is None:
             return False
-        before = self.net.sources([level[1].bit("DI"), level[1].bit("CE")])
-        return answer[1].bit("DI") == there.last and any(source.name == self.net.name(back.last) for source in before)
+        before = self.net.sources([level.data, level.cell.bit("CE")])
+        return answer.data == there.last and any(source.name == self.net.name(back.last) for source in before)
 
     # ---- FIFOs ----
 
     def _check_pointer(self, fifo: str, side: str, rows: dict[int, Row]) -> None:
         """Check that a pointer of a FIFO crosses as registers of Gray code."""
         where = f"{fifo}: the {side} pointer"
-        registers = [self._source(rows[k]) if k in rows else None for k in range(max(rows) + 1)]
-        found = [register for register in registers if register is not None]
-        if len(found) != len(registers) or len(found) < 3:
-            self._is_wrong(f"{where} crosses with {len(found)} of {len(registers)} bits from registers")
+        registers = [*filter(None, (self._source(rows[k]) for k in sorted(rows)))]
+        if len(registers) <= max(rows) or len(registers) < 3:
+            self._is_wrong(f"{where} crosses with {len(registers)} of {max(rows) + 1} bits from registers")
             return
-        controls = {(self.net.clock(cell.bit("CLK")), cell.choice("CEMUX"), cell.bit("CE")) for _, cell in found}
+        controls = {register.control for register in registers}
         if len(controls) != 1 or len({row.clock for row in rows.values()}) != 1:
             self._is_wrong(f"{where} is of registers with more than one clock or enable")
             return
-        wrong = self._gray([cell.bit("Q") for _, cell in found], controls.pop())
+        wrong = self._gray([register.cell.bit("Q") for register in registers], controls.pop())
         if wrong:
             self._is_wrong(f"{where} {wrong}")
 
@@ -274,19 +270,17 @@ class Check:
         if len(outputs) > MOST_POINTER_BITS:
             return f"has more than {MOST_POINTER_BITS} bits"
         # The registers that the next state depends on, all with the same clock and enable.
-        state: dict[Bit, Cell] = {}
+        state: dict[Bit, Register] = {}
         todo = list(outputs)
         while todo:
             bit = todo.pop()
             register = self.net.register(bit)
-            if register is None or (
-                (self.net.clock(register[1].bit("CLK")), register[1].choice("CEMUX"), register[1].bit("CE")) != control
-            ):
+            if register is None or register.control != control:
                 return f"depends on {self.net.name(bit)}, which steps apart from it"
             if bit not in state:
-                state[bit] = register[1]
-                todo += self.net.ends([register[1].bit("DI")])
-        values: dict[Bit, int] = {bit: int(cell.choice("REGSET") == "SET") for bit, cell in state.items()}
+                state[bit] = register
+                todo += self.net.ends([register.data])
+        values: dict[Bit, int] = {bit: int(one.cell.choice("REGSET") == "SET") for bit, one in state.items()}
         seen = set()
         for step in range(1 << len(outputs)):
             word = tuple(values[bit] for bit in outputs)
@@ -295,7 +289,7 @@ class Check:
             seen.add(word)
             known = dict(values)
             try:
-                values = {bit: self.net.value(cell.bit("DI"), known) for bit, cell in state.items()}
+                values = {bit: self.net.value(register.data, known) for bit, register in state.items()}
             except KeyError as error:
                 return f"depends on {error.args[0]}"
             changed = sum(values[bit] != old for bit, old in zip(outputs, word, strict=True))
@@ -319,7 +313,7 @@ class Check:
         cell = self.net.cells[memory]
         wide = cell.kind == "DP16KD" and cell.bit("WEA") == "1"
         inner = self.net.ends([cell.bit("WRE" if cell.kind != "DP16KD" else "ADA0" if wide else "WEA")])
-        writer = [register[1].bit("DI") for bit in inner if (register := self.net.register(bit)) is not None]
+        writer = [register.data for bit in inner if (register := self.net.register(bit)) is not None]
         return self._depends([enable], written.values()) and self._depends([*inner, *writer], read.values())
 
     def _depends(self, bits: Iterable[Bit], rows: Iterable[Row]) -> bool:
@@ -339,7 +333,7 @@ class Check:
         held = [port for port, bit in ports.items() if self.net.name(bit) == source]
         for port, bit in ports.items():
             register = self.net.register(bit)
-            if port in held or register is None or self.net.clock(register[1].bit("CLK")) != one.clock:
+            if port in held or register is None or register.clock != one.clock:
                 continue
             if any(not _depends_on(table.number("INIT"), held, port, choice) for choice in (0, 1)):
                 place = self._counted_from(bit, one.clock)
@@ -356,9 +350,9 @@ class Check:
             if one in turns:
                 return turns[one].removesuffix("i_turn").rstrip(".")
             register = self.net.register(one)
-            if register is None or self.net.clock(register[1].bit("CLK")) != clock:
+            if register is None or register.clock != clock:
                 continue
-            new = self.net.ends([register[1].bit("DI")]).keys() - seen
+            new = self.net.ends([register.data]).keys() - seen
             seen |= new
             todo += new
         return None
@@ -374,7 +368,7 @@ class Check:
                 continue
             target = self.net.name(one.clock)
             register = self.net.register(bit)
-            clock = None if register is None else self.net.clock(register[1].bit("CLK"))
+            clock = None if register is None else register.clock
             if clock != one.clock and one.pin.cell not in self.of_reset:
                 what = "logic" if self.net.before(bit)[0] else "another clock" if register is not None else "a pin"
                 self._is_wrong(
@@ -432,11 +426,14 @@ def check(netlist: Netlist, timed: Sequence[str] = ()) -> Found:
     return Check(netlist, timed).run()
 
 
-@click.command()
-@click.argument("netlist", type=click.Path(path_type=Path))
-@click.option("--top", help="Module of the netlist.  [default: its top]")
-@click.option("--timed", multiple=True, metavar="PATTERN", help="Pins that registers may sample, such as 'sdram_d*'.")
-def main(netlist: Path, top: str | None, timed: tuple[str, ...]) -> None:
+@program
+def main(
+    netlist: Path = argument(),
+    top: str | None = option("Module of the netlist.  [default: its top]", None),
+    timed: tuple[str, ...] = option(
+        "Pins that registers may sample, such as 'sdram_d*'.", (), str, multiple=True, metavar="PATTERN"
+    ),
+) -> None:
     """List the clock crossings of a netlist; exit 4 when one is not a synchroniser of the project.
 
     Example: python -m tools.crossings build/netlist.json --timed 'sdram_d*'
@@ -449,7 +446,3 @@ def main(netlist: Path, top: str | None, timed: tuple[str, ...]) -> None:
     if found.wrong:
         more = f" (and {len(found.wrong) - 1} more)" if len(found.wrong) > 1 else ""
         raise CrossingError(f"{found.wrong[0]}{more}")
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

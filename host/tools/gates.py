@@ -70,6 +70,20 @@ class Cell:
         return int(self.parameters.get(name, "0"), 2)
 
 
+class Register(NamedTuple):
+    """A flip-flop: its name, its cell, its clock and the bit that it samples."""
+
+    name: str
+    cell: Cell
+    clock: Bit
+    data: Bit
+
+    @property
+    def control(self) -> tuple[Bit, str, Bit]:
+        """The clock and the enable."""
+        return self.clock, self.cell.choice("CEMUX"), self.cell.bit("CE")
+
+
 class Sampled(NamedTuple):
     """An input that a clock samples."""
 
@@ -120,20 +134,17 @@ class Netlist:
                         self.driver[bit] = Pin(name, port, index)
                     elif isinstance(bit, int):
                         self.readers.setdefault(bit, []).append(Pin(name, port, index))
-        ports = [
-            (port["direction"], _indexed(name, index, port["bits"]), bit)
-            for name, port in module["ports"].items()
-            for index, bit in enumerate(port["bits"])
-        ]
-        self.inputs: dict[Bit, str] = {bit: name for direction, name, bit in ports if direction != "output"}
-        self.outputs = {bit for direction, _, bit in ports if direction != "input"}
+        self.outputs = {
+            bit for port in module["ports"].values() if port["direction"] != "input" for bit in port["bits"]
+        }
         self.names: dict[Bit, str] = {}
         for name, net in module["netnames"].items():
-            for index, bit in enumerate(net["bits"]):
-                text = _indexed(name, index, net["bits"])
+            for text, bit in _indexed(name, net["bits"]):
                 if bit not in self.names or _rank(text) < _rank(self.names[bit]):
                     self.names[bit] = text
-        self.names.update(self.inputs)
+        for name, port in module["ports"].items():
+            if port["direction"] != "output":
+                self.names |= {bit: text for text, bit in _indexed(name, port["bits"])}
         self.synchronisers = {
             name: net["bits"]
             for name, net in module["netnames"].items()
@@ -188,12 +199,13 @@ class Netlist:
                 clock, _, port = OUTPUT_CELLS[cell.kind]
                 yield Sampled(Pin(name, port), cell.bit(port), self.clock(cell.bit(clock)))
 
-    def register(self, bit: Bit) -> tuple[str, Cell] | None:
+    def register(self, bit: Bit) -> Register | None:
         """Return the flip-flop whose output a bit is."""
         pin = self.driver.get(bit)
         if pin is None or self.cells[pin.cell].kind != "TRELLIS_FF":
             return None
-        return pin.cell, self.cells[pin.cell]
+        cell = self.cells[pin.cell]
+        return Register(pin.cell, cell, self.clock(cell.bit("CLK")), cell.bit("DI"))
 
     # ---- cones ----
 
@@ -324,8 +336,9 @@ def _marks(module: Mapping[str, Any]) -> set[str]:
     return set(module.get("attributes", {}))
 
 
-def _indexed(name: str, index: int, bits: list[Bit]) -> str:
-    return name if len(bits) == 1 else f"{name}[{index}]"
+def _indexed(name: str, bits: list[Bit]) -> list[tuple[str, Bit]]:
+    """Return the name of each bit of a port or net."""
+    return [(name if len(bits) == 1 else f"{name}[{index}]", bit) for index, bit in enumerate(bits)]
 
 
 def _is_made(name: str) -> bool:
@@ -383,12 +396,10 @@ def _clocks_of_inputs(cell: Cell) -> dict[str, Bit]:
     if cell.kind == "TRELLIS_DPR16X4":
         return dict.fromkeys(("DI", "WAD", "WRE"), cell.bit("WCK"))
     if cell.kind == "DP16KD":
+        sides = {port: side[1] for port in ports if (side := re.fullmatch(r"(?:DI|AD|O?CE|WE|RST|CS)([AB])\d*", port))}
         # Words of 36 bits are written by port A's clock through both halves.
-        wide = _is_wide(cell)
-        of_a = r"(DI[AB]|ADA|CEA|OCEA|WEA|RSTA|CSA)\d*$" if wide else r"(DIA|ADA|CEA|OCEA|WEA|RSTA|CSA)\d*$"
-        of_b = r"(ADB|CEB|OCEB|WEB|RSTB|CSB)\d*$" if wide else r"(DIB|ADB|CEB|OCEB|WEB|RSTB|CSB)\d*$"
-        found = {port: cell.bit("CLKA") for port in ports if re.match(of_a, port)}
-        return found | {port: cell.bit("CLKB") for port in ports if re.match(of_b, port)}
+        by_a = {port for port, side in sides.items() if side == "A" or (port[:3] == "DIB" and _is_wide(cell))}
+        return {port: cell.bit("CLKA" if port in by_a else "CLKB") for port in sides}
     if cell.kind == "MULT18X18D":
         # An operand's register is in front, or that in the middle, or the product's.
         later = _clock_of_rank(cell, "PIPELINE") or _clock_of_rank(cell, "OUTPUT")

