@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lippmann.display.description import Display, Grid, load_display
-from lippmann.errors import InputError
 from lippmann.fixed.build import Build
 from lippmann.fixed.words import COMPACT, WIDEST
 
@@ -79,11 +78,3 @@ _NAMED = (
 )
 #: The named configurations, by name.
 CONFIGURATIONS = {one.name: one for one in _NAMED}
-
-
-def select_builds(names: tuple[str, ...]) -> list[Named]:
-    """Return configurations by name, all when no name is given; raise InputError for an unknown name."""
-    for name in names:
-        if name not in CONFIGURATIONS:
-            raise InputError(f"unknown configuration '{name}'; choose from {', '.join(CONFIGURATIONS)}")
-    return [CONFIGURATIONS[name] for name in names or CONFIGURATIONS]

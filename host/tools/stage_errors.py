@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from lippmann.cli.frame import option
+from lippmann.cli.frame import Choice, option
 from lippmann.conformance.figures import Figures, Measured, Rows, columns, groups, values, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
@@ -48,7 +48,7 @@ from tools.fixed_errors import (
     random_pixels,
     sets_of,
 )
-from tools.named_builds import CONFIGURATIONS, Named, select_builds
+from tools.named_builds import CONFIGURATIONS, Named
 from tools.report_plots import draw_bar_charts, draw_bars, make_page
 
 if TYPE_CHECKING:
@@ -378,7 +378,7 @@ def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
 def fixed(
     bench: MeasurementRun,
     configuration: tuple[str, ...] = option(
-        "Measure only this; may be repeated.", (), str, multiple=True, metavar="NAME"
+        "Measure only this; may be repeated.", (), Choice([*CONFIGURATIONS]), multiple=True, metavar="NAME"
     ),
 ) -> tuple[Mapping[str, Any], Page]:
     """Measure the error of the fixed-point pipeline against golden, and the share of each step.
@@ -386,7 +386,7 @@ def fixed(
     Example: python -m tools.bench fixed --configuration widest-square
     """
     rows, shares = [], []
-    for named in select_builds(configuration):
+    for named in (CONFIGURATIONS[name] for name in configuration or CONFIGURATIONS):
         for display in named.displays(bench.scenes):
             sets = sets_of(named.build, display, bench.seed)
             rows += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]

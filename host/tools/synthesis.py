@@ -20,7 +20,7 @@ from typing import Any
 import click
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
-from lippmann.cli.frame import argument, option
+from lippmann.cli.frame import Choice, argument, option
 from lippmann.cli.output import log
 from lippmann.conformance.pages import Page
 from lippmann.errors import InputError, LippmannError
@@ -219,7 +219,7 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]], whole: Se
 
 @program
 def main(
-    names: tuple[str, ...] = argument(default=(), kind=str, nargs=-1),
+    names: tuple[str, ...] = argument("[NAMES]...", (), Choice([*DESIGNS]), nargs=-1),
     seeds: tuple[int, ...] = option(
         "nextpnr's seed. Each seed given is a row.  [default: 1; for blocks, boards and drawings 1, 2 and 3]",
         (), click.IntRange(0), "--seed", multiple=True,
@@ -231,9 +231,6 @@ def main(
     Example: python -m tools.synthesis compact-square board-640x480-compact-square --report out
     """
     check_output(Path(report) / "synthesis.md", (".md",))
-    for name in names:
-        if name not in DESIGNS:
-            raise InputError(f"unknown design '{name}'; choose from {', '.join(DESIGNS)}")
     asked = [DESIGNS[name] for name in names or DESIGNS if DESIGNS[name].scene is None]
     kept = Path(report).resolve() == repository() / "docs/reports"
     if kept and 0 < len(asked) < sum(design.scene is None for design in DESIGNS.values()):

@@ -121,10 +121,10 @@ def test_its_picture_through_the_optics_is_ours(mi, spots, tmp_path, repository,
     assert len(np.unique(np.round(ours, 2).reshape(-1, 3), axis=0)) > 50
     difference, _ = compare(theirs, ours, around(scene, source, OUTLINE_PX[:1]), setup)
     print(difference)
-    assert difference.median <= 0.5
-    assert difference.differing < 0.05
+    assert difference["median"] <= 0.5
+    assert difference["differing"] < 0.05
     # What differs by more is an edge a pixel away, an outline that is passed, or at a seam.
-    assert difference.unexplained < 0.001
+    assert difference["unexplained"] < 0.001
     # Noise is measured in rows of the picture: with one sample those rows themselves.
     rows = render_rays(scene, every_strip(source, 8), Settings()).radiance
     np.testing.assert_allclose(rows, ours[4::8], atol=1e-4 * ours.max())
