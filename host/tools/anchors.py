@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -74,10 +75,10 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
         for output, divider in OUTPUTS.items()
         if plls[0]["connections"].get(output) and divider in plls[0]["parameters"]
     }
-    clocks = Counter(bits[0] for cell in cells.values() if (bits := _clock(cell)) is not None and bits[0] in dividers)
+    clocks = Counter(bit for cell in cells.values() if (bit := _clock(cell)) in dividers)
     clock = min(clocks, key=lambda bit: (dividers[bit], clocks[bit]))
     drivers = _drivers(cells)
-    part = {name for name, cell in cells.items() if _clock(cell) == [clock]}
+    part = {name for name, cell in cells.items() if _clock(cell) == clock}
     todo = list(part)
     while todo:
         for bit in _bits(cells[todo.pop()], "input"):
@@ -98,7 +99,7 @@ def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
         if name is not None and name not in part:
             kept[name] = cells[name] if cells[name]["type"] == "EHXPLLL" else _deaf(cells[name])
     # What drives the drivers' clocks: the PLL.
-    for name in {drivers[bits[0]] for cell in kept.values() if (bits := _clock(cell)) and bits[0] in drivers}:
+    for name in {drivers[clock] for cell in kept.values() if (clock := _clock(cell)) in drivers}:
         kept.setdefault(name, cells[name])
     used = {bit for cell in kept.values() for bits in cell["connections"].values() for bit in bits}
     ports = {name: port for name, port in module["ports"].items() if used & set(port["bits"])}
@@ -122,21 +123,17 @@ def _top(netlist: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     return next((name, module) for name, module in modules if int(module.get("attributes", {}).get("top", "0"), 2))
 
 
-def _clock(cell: Cell) -> list[Any] | None:
-    return next((cell["connections"][pin] for pin in CLOCK_PINS if pin in cell["connections"]), None)
+def _clock(cell: Cell) -> int | str | None:
+    """Return the net at a cell's clock; None where it has none."""
+    return next((cell["connections"][pin][0] for pin in CLOCK_PINS if pin in cell["connections"]), None)
 
 
-def _bits(cell: Cell, direction: str) -> list[Any]:
+def _bits(cell: Cell, direction: str) -> list[int]:
     """Return the nets at a cell's inputs or outputs; constants are no nets."""
-    return [
-        bit
-        for pin, bits in cell["connections"].items()
-        if cell["port_directions"][pin] == direction
-        for bit in bits
-        if isinstance(bit, int)
-    ]
+    pins = [bits for pin, bits in cell["connections"].items() if cell["port_directions"][pin] == direction]
+    return [bit for bit in chain.from_iterable(pins) if isinstance(bit, int)]
 
 
-def _drivers(cells: Mapping[str, Cell]) -> dict[int, str]:
+def _drivers(cells: Mapping[str, Cell]) -> dict[int | str | None, str]:
     """Return the cell that drives each net."""
     return {bit: name for name, cell in cells.items() for bit in _bits(cell, "output")}
