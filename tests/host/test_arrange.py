@@ -23,7 +23,7 @@ from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import box_of, load_scene
+from lippmann.scenes.scene import Scene, load_scene
 from scene_cases import display_toml, focused_display, generator, glowing_sphere, rgb, write_scene
 
 SEED = 5508
@@ -178,7 +178,7 @@ def test_a_camera_that_looks_past_everything_places_the_middle_of_the_scene_in_t
 def test_a_scene_without_bounds_has_an_infinite_box(low, high):
     box = SimpleNamespace(min=np.array(low, float), max=np.array(high, float))
     scene = SimpleNamespace(bbox=lambda: box, shapes=list)
-    for corner, end in zip(box_of(scene, Placement()), (-math.inf, math.inf), strict=True):
+    for corner, end in zip(Scene(Path("s"), scene, Placement()).box(Placement()), (-math.inf, math.inf), strict=True):
         assert (corner == end).all()
 
 

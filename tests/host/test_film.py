@@ -18,13 +18,13 @@ from lippmann.cli import run
 from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.motion.film import Key, MotionPath, load_film
-from lippmann.motion.film_frames import plan_film, render_frame
+from lippmann.motion.film_frames import plan_film
 from lippmann.motion.video import write_video
 from lippmann.rendering import renderer
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import depths_of, load_scene
+from lippmann.scenes.scene import load_scene
 from PIL import Image
 from scene_cases import small_toml
 from scipy.spatial.transform import Rotation
@@ -150,7 +150,7 @@ def test_a_moved_shape_is_the_shape_there(place, mi):
     """The film's last frame against the scene with the block written there."""
     film = film_of(place, FILM + MOVE.format("block", 1, 0, 2))
     display, options = load_display(place / "small.toml"), RenderOptions("exact", settings=Settings(samples=1))
-    moved = render_frame(plan_film(film, display, options)[4]).radiance
+    moved = render_picture(plan_film(film, display, options)[4]).radiance
     (place / "three.xml").write_text(
         SCENE.replace('<translate x="0" y="-1" z="0" />', '<translate x="1" y="-1" z="2" />')
     )
@@ -178,7 +178,7 @@ def test_scale_shrinks_the_whole_film(place, mi):
     """A quarter of everything: depths, paths and all."""
     film = film_of(place, FILM + MOVE.format("ball-*", 0, 0, 40))
     shots = [plan_film(film, load_display(place / "small.toml"), RenderOptions(), s)[4] for s in (1.0, 0.25)]
-    boxes = [depths_of(load_scene(film.scene, shot.placement, shot.moves).mitsuba, shot.placement) for shot in shots]
+    boxes = [np.array(load_scene(film.scene, shot.placement, shot.moves).box(shot.placement))[:, 2] for shot in shots]
     np.testing.assert_allclose(0.25 * np.array(boxes[0]), boxes[1], rtol=1e-6)
     assert boxes[0][1] == pytest.approx(42.0, abs=1e-4)  # ball-1's front
 

@@ -15,7 +15,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import Reel, plan_film
-from lippmann.motion.live_loop import run_live
+from lippmann.motion.live_loop import LiveShow
 from lippmann.motion.live_picture import Encoder, LivePicture, least_radiance
 from lippmann.motion.screens import Hand, screens
 from lippmann.rendering.options import RenderOptions, Settings
@@ -238,7 +238,7 @@ def test_the_window_shows_the_panels_pixels(made):
     panel = display.panel
     with screens() as shown:
         shown.open("panel", (panel.width_px, panel.height_px))
-        played = run_live(picture, hand, shown, display, seconds=0.0, most=8)
+        played = LiveShow(picture, hand, shown).run(seconds=0.0, most=8)
         found = pygame.surfarray.array3d(shown._windows["panel"].get_surface()).swapaxes(0, 1)
     assert played.samples == 8
     picture.quick(scene.placement)
@@ -318,7 +318,7 @@ def test_a_films_frames_are_those_of_animate(reel):
         shown.open("panel", (display.panel.width_px, display.panel.height_px))
         show = shown.show
         shown.show = lambda name, pixels, title: (given.append(np.array(pixels)), show(name, pixels, title))
-        played = run_live(picture, hand, shown, display, reel=reel, moving_s=5.0, seconds=5.0, most=4)
+        played = LiveShow(picture, hand, shown, reel=reel).run(moving_s=5.0, seconds=5.0, most=4)
     *frames, last = given
     assert len(frames) >= 9
     for number, frame in enumerate(frames):
@@ -381,7 +381,7 @@ def test_the_board_shows_whole_frames_and_the_last_one(made):
         sender.send = lambda pixels: (given.append(pixels.copy()), send(pixels))
         with screens() as shown:
             shown.open("panel", (panel.width_px, panel.height_px))
-            run_live(picture, hand, shown, display, sender=sender, turn_deg=90.0, moving_s=1.0, seconds=1.0, most=8)
+            LiveShow(picture, hand, shown, send=sender.send).run(turn_deg=90.0, moving_s=1.0, seconds=1.0, most=8)
         sender.finish()
         assert 0 < sender.frames <= len(given)
         frames = {pixels.tobytes() for pixels in given}

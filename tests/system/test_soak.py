@@ -23,9 +23,9 @@ from lippmann.fixed.scene_build import SceneBuild
 from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film_frames import Reel
 from lippmann.motion.layer_film import LayerFilm, LayerKey, MovingLayer
-from lippmann.motion.live_loop import run_live
+from lippmann.motion.live_loop import LiveShow
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.screens import Hand, NoScreens
+from lippmann.motion.screens import Hand, Screens
 from lippmann.rendering.options import Settings
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene
@@ -99,7 +99,7 @@ def test_nothing_grows_and_no_frame_is_lost():
     assert frames >= 4
 
 
-class Turner(NoScreens):
+class Turner(Screens):
     """A user who swings the scene for a while, rests for a while, and watches the processes."""
 
     def __init__(self, board_pid: int) -> None:
@@ -129,7 +129,7 @@ def test_live_pictures_do_not_grow_and_the_last_one_stays():
     hand = Hand(scene.placement, picture.middle_mm, display.panel.width_mm / WIDTH)
     with virtual_board.running(display) as running, Board.open(running.url) as board:
         before, sender, turner = board.hello().epoch, Sender(board), Turner(running.process.pid)
-        played = run_live(picture, hand, turner, display, sender=sender, seconds=SOAK_S, most=SAMPLES)
+        played = LiveShow(picture, hand, turner, send=sender.send).run(seconds=SOAK_S, most=SAMPLES)
         sender.finish()
         print(f"{played.frames} pictures drawn, {sender.frames} shown")
         assert (board.hello().epoch - before) % (1 << 16) == sender.frames % (1 << 16)

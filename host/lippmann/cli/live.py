@@ -20,13 +20,13 @@ from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
-from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.eye.observer import Eye, whole_window
 from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
-from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, VIEW_SAMPLES, EyeView, Played, run_live
+from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, EyeView, LiveShow, Played
 from lippmann.motion.live_picture import LivePicture
-from lippmann.motion.screens import Hand, NoScreens, Screens, screens
+from lippmann.motion.screens import Hand, Screens, screens
 from lippmann.rendering.bands import check_memory
 from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
@@ -73,7 +73,7 @@ def command(
     """
     display, film = load_display(display_path), _load_film(scene_path)
     path = check_scene_file(scene_path if film is None else film.scene)
-    view = None if eye is None else EyeView(Eye(eye), whole_window(display, VIEW_PX))
+    view = None if eye is None else EyeView(display, Eye(eye), whole_window(display, VIEW_PX))
     panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
     check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
     _check_panels(monitor, port, window, eye)
@@ -85,16 +85,14 @@ def command(
     chosen = choose_model(scene, display, options)
     picture = LivePicture(scene, display, chosen, settings)
     if view is not None:
-        _compile_view(view, display)
+        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compiled before it waits
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
         sender = None if port is None else _board_sender(stack, port, baud, None if force else display, display_path)
-        shown = NoScreens() if window is False else stack.enter_context(screens())
+        shown = Screens() if window is False else stack.enter_context(screens())
         opened = _open_windows(shown, display, monitor, view)
-        played = run_live(
-            picture, hand, shown, display, view=view, sender=sender, reel=reel, turn_deg=turn, moving_s=turn_seconds,
-            seconds=seconds, most=samples, opened=opened,
-        )  # fmt: skip
+        show = LiveShow(picture, hand, shown, view, None if sender is None else sender.send, reel)
+        played = show.run(turn_deg=turn, moving_s=turn_seconds, seconds=seconds, most=samples, opened=opened)
         if sender is not None:
             sender.finish()
     _emit_result(scene_path, display, chosen, played, hand, port, sender)
@@ -138,12 +136,6 @@ def _check_panels(monitor: int | None, port: str | None, window: bool | None, ey
         raise InputError("--monitor fills a monitor instead of a window; leave one out")
     if window is False and (port is None or eye is not None):
         raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
-
-
-def _compile_view(view: EyeView, display: Display) -> None:
-    """Compile the view's program before a window waits for it."""
-    black = np.zeros((display.panel.height_px, display.panel.width_px, 3), np.float32)
-    observe(black, display, view.eye, view.window, VIEW_SAMPLES[0])
 
 
 def _board_sender(

@@ -13,22 +13,16 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.machine import processor_count
-from lippmann.base.tones import decode, encoded_values
+from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
-from lippmann.fixed import drawn_frame as fixed_drawing
-from lippmann.fixed.build import Build
 from lippmann.fixed.scene_build import MAX_TEXEL_BLOCKS, SceneBuild
-from lippmann.fixed.words import WIDEST
 from lippmann.layers.stack import BLOCK_BYTES, MIN_ROW, Bytes, Floats, Layer, LayerStack, light_of, opacity_of
-from lippmann.optics.rays import MODELS, Model, gets_through
+from lippmann.optics.rays import Model, gets_through
 
 Filter = Literal["nearest", "bilinear"]
 FILTERS: tuple[Filter, ...] = get_args(Filter)
-#: What draws layers.
-LAYER_ENGINES = ("golden", "twin", "rtl")
 #: Where in a pixel its samples are, from the pixel's centre, pixels: by their number.
 SAMPLES = {
     1: ((0.0, 0.0),),
@@ -74,37 +68,6 @@ def draw_golden(
     return np.asarray(light.reshape(-1, display.panel.width_px, samples, 3).mean(axis=2))
 
 
-def draw_layers(
-    display: Display,
-    stack: LayerStack,
-    filter: Filter,
-    samples: int,
-    model: Model,
-    engine: str,
-    fraction_bits: int | None = None,
-    rows: range | None = None,
-) -> Floats:
-    """Return the linear light (rows, width, 3) that an engine draws of some rows, or of all; see `draw_golden`.
-
-    That of "twin", the RTL's integers, and of "rtl", the RTL simulated, is of the panel's bytes. `fraction_bits` is the
-    optics' word length, the widest when left out. Both raise InputError for what their registers cannot hold.
-    """
-    if engine == "golden":
-        return draw_golden(display, stack, filter, samples, model, exit_lines(display, samples, model, rows))
-    build = Build.of(display, model, WIDEST if fraction_bits is None else fraction_bits, aims=False)
-    scene_build = scene_build_of(stack, filter, samples)
-    if engine == "twin":
-        panel = fixed_drawing.draw(display, build, stack, scene_build, model, rows=rows)
-    else:
-        from lippmann.simulation import harness  # not at the top: golden starts sooner without
-
-        threads = processor_count()  # the simulators run outside of Python's lock
-        panel = fixed_drawing.draw(
-            display, build, stack, scene_build, model, harness.rtl_pipeline, harness.rtl_scene, threads, rows
-        )
-    return decode(panel / np.float64(255.0), display.panel.transfer).astype(np.float64)
-
-
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
     """Return the least build of the drawing that holds a stack.
 
@@ -132,15 +95,6 @@ def check_options(filter: str, samples: object) -> None:
         raise InputError(
             f"layers are drawn with {numbers} samples a pixel, not {samples!r}; give one of these integers"
         )
-
-
-def check_drawing(filter: str, samples: object, model: str, engine: str) -> None:
-    """Refuse filters, numbers of samples, models and engines that do not draw layers."""
-    check_options(filter, samples)
-    if engine not in LAYER_ENGINES:
-        raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
-    if model not in MODELS:
-        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
 
 
 def panel_bytes(display: Display, light: npt.NDArray[np.floating]) -> Bytes:

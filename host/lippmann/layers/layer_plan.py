@@ -11,33 +11,36 @@ import numpy as np
 
 from lippmann import __version__
 from lippmann.base.images import Radiance
+from lippmann.base.machine import processor_count
+from lippmann.base.tones import decode
 from lippmann.display.description import Display
-from lippmann.layers.layer_drawing import Filter, check_drawing, draw_layers
+from lippmann.errors import InputError
+from lippmann.fixed.build import Build
+from lippmann.fixed.drawn_frame import draw
+from lippmann.fixed.words import WIDEST
+from lippmann.layers.layer_drawing import Filter, check_options, draw_golden, exit_lines, scene_build_of
 from lippmann.layers.layers_folder import check_for_display
 from lippmann.layers.stack import LayerStack
-from lippmann.optics.rays import Engine, Model
+from lippmann.optics.rays import MODELS, Engine, Model
 from lippmann.rendering.bands import bands_of
 from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.plan import Plan
 from lippmann.scenes.placement import Placement
+
+#: What draws layers.
+LAYER_ENGINES = ("golden", "twin", "rtl")
 
 
 @dataclass(frozen=True, eq=False)
-class LayerPlan:
-    """The picture of layers for a display, as an engine draws it."""
+class LayerPlan(Plan):
+    """The picture of layers for a display, as an engine draws it; its own `BandRenderer`."""
 
     stack: LayerStack
-    display: Display
     filter: Filter
-    model: Model
-    engine: Engine
-    fraction_bits: int | None
-    settings: Settings
-    bands: tuple[range, ...]
     name: str = "the layers"
-    #: As a `BandRenderer`: nothing is compiled, and nothing was open.
-    prepare_seconds: float = 0.0
+    #: Nothing was open.
     choices: dict[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -48,26 +51,20 @@ class LayerPlan:
             shape = layer.texels.shape, layer.depth_mm, layer.brightness, layer.visible
             digest.update(repr(shape).encode() + layer.matrix.tobytes())
             digest.update(layer.texels.tobytes() + layer.palette.tobytes())
-        options = RenderOptions(self.model, 1.0, self.engine, self.fraction_bits, self.settings)
-        return pixels_identity(digest.hexdigest(), Placement(), self.display, options, filter=self.filter)
+        return pixels_identity(digest.hexdigest(), Placement(), self.display, self.options, filter=self.filter)
 
     @property
     def metadata(self) -> dict[str, str]:
         """What the picture's file carries."""
         return {
-            "model": self.model,
-            "engine": self.engine,
+            "model": self.options.model,
+            "engine": self.options.engine,
             "samples": str(self.rays),
             "filter": self.filter,
             "layers": str(len(self.stack.layers)),
             "version": __version__,
             **metadata_of(self.display),
         }
-
-    @property
-    def rays(self) -> int:
-        """Rays for each pixel."""
-        return self.settings.samples
 
     def start(self, worker: str | None = None) -> LayerPlan:
         """Return the plan, which draws its bands itself."""
@@ -80,13 +77,24 @@ class LayerPlan:
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band; no sample is lost.
 
-        Raises InputError for what the engine's registers cannot hold.
+        That of "twin", the RTL's integers, and of "rtl", the RTL simulated, is of the panel's bytes. Raises InputError
+        for what their registers cannot hold.
         """
-        light = draw_layers(
-            self.display, self.stack, self.filter, self.rays, self.model, self.engine, self.fraction_bits,
-            self.bands[number],
-        )  # fmt: skip
-        return light.astype(np.float32), []
+        display, options, rows, model = self.display, self.options, self.bands[number], self.options.model
+        assert model != "auto"
+        if options.engine == "golden":
+            lines = exit_lines(display, self.rays, model, rows)
+            return draw_golden(display, self.stack, self.filter, self.rays, model, lines).astype(np.float32), []
+        build = Build.of(display, model, WIDEST if options.fraction_bits is None else options.fraction_bits, aims=False)
+        arguments = (display, build, self.stack, scene_build_of(self.stack, self.filter, self.rays), model)
+        if options.engine == "twin":
+            panel = draw(*arguments, rows=rows)
+        else:
+            from lippmann.simulation import harness  # not at the top: golden starts sooner without
+
+            # The simulators run outside of Python's lock.
+            panel = draw(*arguments, harness.rtl_pipeline, harness.rtl_scene, processor_count(), rows)
+        return decode(panel / np.float64(255.0), display.panel.transfer), []
 
 
 def plan_layers(
@@ -101,13 +109,16 @@ def plan_layers(
 ) -> LayerPlan:
     """Return the plan of a picture of layers for a display; `where` names the layers in messages.
 
-    Raises InputError for an engine, filter, model or number of samples that does not draw layers, and for layers at or
-    behind the display's eyes.
+    `fraction_bits` is the optics' word length, the widest when left out. Raises InputError for an engine, filter, model
+    or number of samples that does not draw layers, and for layers at or behind the display's eyes.
     """
     check_for_display(stack, display, where)
-    check_drawing(filter, samples, model, engine)
-    if engine == "golden":
-        fraction_bits = None
-    panel = display.panel
-    bands = tuple(bands_of(panel.width_px, panel.height_px, samples, "llvm"))
-    return LayerPlan(stack, display, filter, model, engine, fraction_bits, Settings(samples), bands)
+    check_options(filter, samples)
+    if engine not in LAYER_ENGINES:
+        raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
+    if model not in MODELS:
+        raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
+    bits = None if engine == "golden" else fraction_bits
+    options = RenderOptions(model, engine=engine, fraction_bits=bits, settings=Settings(samples))
+    bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, samples, "llvm"))
+    return LayerPlan(display, options, bands, stack, filter)

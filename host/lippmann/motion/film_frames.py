@@ -26,20 +26,10 @@ from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import ScenePlan, make_renderer
 from lippmann.rendering.sampling import colours_of
-from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
+from lippmann.rendering.sinks import MemorySink, bands_of_plan
 from lippmann.scenes.arrange import fitting
 from lippmann.scenes.placement import Matrix, Placement, placement_beside
-from lippmann.scenes.scene import (
-    Move,
-    Scene,
-    bounds_of,
-    box_of,
-    depths_of,
-    digest_of,
-    in_front_of,
-    load_scene,
-    placed_box,
-)
+from lippmann.scenes.scene import Move, Scene, digest_of, front_of, load_scene, placed_box
 
 logger = logging.getLogger("lippmann")
 
@@ -83,21 +73,20 @@ class FramePlan(ScenePlan):
 
         A depth that the film gives holds.
         """
-        low, high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
-        rest = low[2], high[2]
-        moved = depths_of(scene.mitsuba, scene.placement)
+        rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
+        low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
-        if self.film.near_mm is None and moved[1] > rest[1]:
-            near = max(near, in_front_of(moved))
-        if self.film.far_mm is None and moved[0] < rest[0]:
-            far = min(far, moved[0])
+        if self.film.near_mm is None and high[2] > rest_high[2]:
+            near = max(near, front_of(low, high))
+        if self.film.far_mm is None and low[2] < rest_low[2]:
+            far = min(far, float(low[2]))
         return replace(scene, placement=replace(scene.placement, near_mm=near, far_mm=far))
 
 
 @functools.lru_cache(maxsize=1)
 def _bounds_at_rest(path: Path, digest: str) -> tuple[Matrix, Matrix]:
     """Return the bounds of the scene without any motion, which is not kept: programs hold the code of all scenes."""
-    return bounds_of(load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).mitsuba)
+    return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).bounds
 
 
 def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
@@ -112,18 +101,9 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
         film = replace(film, near_mm=None, far_mm=None)
     panel = display.panel
     bands = tuple(bands_of(panel.width_px, panel.height_px, options.settings.samples * colours_of(panel)))
+    picture = display, options, bands, film.scene, digest
     return [
-        FramePlan(
-            film.scene,
-            digest,
-            film.placement(frame, rest, whole),
-            display,
-            options,
-            bands,
-            film,
-            frame,
-            film.moves(frame, rest),
-        )
+        FramePlan(*picture, film.placement(frame, rest, whole), film, frame, film.moves(frame, rest))
         for frame in range(film.frames)
     ]
 
@@ -132,7 +112,7 @@ def _fitting(film: Film, rest: Placement, display: Display) -> Placement:
     """Return how the whole film is scaled and moved for a display: by the box round the scene at all key frames."""
     anywhere = Placement(near_mm=1.0, far_mm=0.0)
     boxes = [
-        box_of(load_scene(film.scene, anywhere, film.moves(frame, rest)).mitsuba, film.placement(frame, rest))
+        load_scene(film.scene, anywhere, film.moves(frame, rest)).box(film.placement(frame, rest))
         for frame in film.key_frames
     ]
     low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
@@ -152,7 +132,7 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
         return plans
     for frame in film.key_frames:
         renderer = make_renderer(plans[frame].load(), plans[frame].display, options, in_memory=True)
-        settings = renderer.decide()
+        settings = renderer.settings
         if renderer.remark is not None and (settings.shading == "each" or frame == film.key_frames[-1]):
             logger.info("frame %d: %s", frame, renderer.remark)
         if settings.shading == "each":
@@ -167,12 +147,7 @@ def warn_of_frame(plan: FramePlan) -> None:
     """
     scene = plan.load()
     model = choose_model(scene, plan.display, plan.options)
-    plan.reuse(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
-
-
-def render_frame(plan: FramePlan) -> IntegralImage:
-    """Render a frame in this process. Errors as `FramePlan.load` and `Renderer`."""
-    return render_picture(plan)
+    plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
 
 
 #: How the names of frames begin.

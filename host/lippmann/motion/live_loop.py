@@ -5,11 +5,13 @@ from __future__ import annotations
 import statistics
 import time
 from collections import deque
-from dataclasses import dataclass
-from typing import Annotated, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Annotated
 
 from lippmann.base import interrupts
 from lippmann.base.fullscreen import Pixels
+from lippmann.base.images import Radiance
 from lippmann.base.toml import documented, key
 from lippmann.base.tones import encoded_values
 from lippmann.display.description import Display
@@ -33,19 +35,18 @@ LOOK_S = 0.01
 VIEW_SAMPLES = (1, 8)
 
 
-class FrameSender(Protocol):
-    """Whoever shows the panel's pictures elsewhere, such as on a board."""
-
-    def send(self, pixels: Pixels) -> None:
-        """Show a picture (height, width, 3) uint8."""
-
-
 @dataclass(frozen=True)
 class EyeView:
     """What is seen in the second window."""
 
+    display: Display
     eye: Eye
     window: Window
+
+    def draw(self, radiance: Radiance, moving: bool) -> Pixels:
+        """Return what the eye sees of the panel's radiance (height, width, 3)."""
+        seen = observe(radiance, self.display, self.eye, self.window, VIEW_SAMPLES[not moving])
+        return encoded_values(seen.radiance, "srgb", 8).astype("uint8")
 
 
 @documented
@@ -62,160 +63,123 @@ class Played:
     seconds: Annotated[float, key("from the first picture to the end")] = 0.0
 
 
-def run_live(
-    picture: LivePicture,
-    hand: Hand,
-    screens: Screens,
-    display: Display,
-    *,
-    view: EyeView | None = None,
-    sender: FrameSender | None = None,
-    reel: Reel | None = None,
-    turn_deg: float = 0.0,
-    moving_s: float | None = None,
-    seconds: float | None = None,
-    most: int = MOST_SAMPLES,
-    opened: float | None = None,
-) -> Played:
-    """Show a scene, or a film's frames, until the user ends it, or for some seconds.
+@dataclass
+class LiveShow:
+    """A scene, or a film's frames, on screens and board, moved by hand."""
 
-    With `turn_deg` it turns by itself, degrees a second, for `moving_s` seconds (None: to the end); so long a film
-    plays. `seconds` of None waits for the user; else the picture is refined to `most` samples before the end. `opened`
-    is when the window was opened, by time.perf_counter.
-    """
-    began = last = time.perf_counter()
-    opened = began if opened is None else opened
-    stage, shower = _Stage(picture, hand, reel), _Shower(picture, screens, display, view, sender)
-    while screens.obey(hand, reel):
-        interrupts.check()
-        now = time.perf_counter()
-        moving = moving_s is None or now - began < moving_s
-        if moving:
-            hand.turn(turn_deg * (now - last))
-        if reel is not None:
-            reel.playing = reel.playing and moving
-            reel.advance(now - last)
-        last = now
-        moment = (0 if reel is None else reel.frame, hand.motion)
-        if moment != shower.shown:
-            shower.show(moment, stage, keep=reel is not None)
-        elif reel is not None and reel.playing:
-            time.sleep(LOOK_S)
-        elif stage.drawn != moment:  # it was shown from memory
-            stage.draw(moment)
-        elif picture.samples < most:
-            if picture.finer(screens.waiting):
-                shower.refresh()
-        elif seconds is not None and now - began >= seconds:
-            break
-        else:
-            time.sleep(LOOK_S)
-    return shower.played(opened, began)
+    picture: LivePicture
+    hand: Hand
+    screens: Screens
+    view: EyeView | None = None
+    #: Takes each picture of the panel to where else it is shown.
+    send: Callable[[Pixels], None] | None = None
+    reel: Reel | None = None
+    #: What the screens show, and what the picture has before it.
+    _shown: Moment | None = None
+    _drawn: Moment | None = None
+    _frame: int = -1
+    #: Pictures of a film's frames, as long as the hand does not move and there is room.
+    _kept: dict[Moment, list[Pixels]] = field(default_factory=dict)
+    #: When the first picture was shown, by time.perf_counter, and the seconds of each further one.
+    _first: float = 0.0
+    _frames: int = 0
+    _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
+    def run(
+        self,
+        *,
+        turn_deg: float = 0.0,
+        moving_s: float | None = None,
+        seconds: float | None = None,
+        most: int = MOST_SAMPLES,
+        opened: float | None = None,
+    ) -> Played:
+        """Show it until the user ends it, or for some seconds.
 
-class _Stage:
-    """What the picture has before it: a moment of a film, or of a scene moved by hand."""
-
-    def __init__(self, picture: LivePicture, hand: Hand, reel: Reel | None) -> None:
-        self._picture, self._hand, self._reel = picture, hand, reel
-        self._frame = -1
-        self.drawn: Moment | None = None
-
-    def draw(self, moment: Moment) -> None:
-        """Draw the quick picture of a moment whose motion is the hand's."""
-        frame, _ = moment
-        if self._reel is not None and frame != self._frame:
-            scene = self._reel.scene(frame)
-            if scene is not None:
-                self._picture.stage(scene)
-            self._hand.base = self._reel.placement(frame) if scene is None else scene.placement
-            self._frame = frame
-        self._picture.quick(self._hand.placement())
-        self.drawn = moment
-
-
-class _Kept:
-    """Pictures of a film's frames, as long as the hand does not move and there is room."""
-
-    def __init__(self) -> None:
-        self._motion: tuple[float, ...] = ()
-        self._pictures: dict[int, tuple[Pixels, Pixels | None]] = {}
-        self._bytes = 0
-
-    def get(self, moment: Moment) -> tuple[Pixels, Pixels | None] | None:
-        frame, motion = moment
-        return self._pictures.get(frame) if motion == self._motion else None
-
-    def put(self, moment: Moment, pictures: tuple[Pixels, Pixels | None]) -> None:
-        frame, motion = moment
-        if motion != self._motion:
-            self._motion, self._bytes = motion, 0
-            self._pictures.clear()
-        self._bytes += sum(one.nbytes for one in pictures if one is not None)
-        if self._bytes <= KEPT_BYTES:
-            self._pictures[frame] = pictures
-
-
-class _Shower:
-    """Puts pictures on screens and board, and counts them."""
-
-    def __init__(
-        self, picture: LivePicture, screens: Screens, display: Display, view: EyeView | None, sender: FrameSender | None
-    ) -> None:
-        self._picture, self._screens, self._display = picture, screens, display
-        self._view, self._sender = view, sender
-        self._kept = _Kept()
-        self._times: deque[float] = deque(maxlen=1000)
-        self._frames, self._first = 0, 0.0
-        self.shown: Moment | None = None
-
-    def show(self, moment: Moment, stage: _Stage, keep: bool) -> None:
-        """Show a moment, drawn on a stage, or as it was kept."""
-        began = time.perf_counter()
-        pictures = self._kept.get(moment)
-        if pictures is None:
-            stage.draw(moment)
-            pictures = self._pictures(moving=True)
-            if keep:
-                self._kept.put(moment, pictures)
-        rate = f"{1.0 / max(self._times[-1], 1e-3):.0f} frames/s" if self._times else "at rest"
-        block = self._picture.block
-        self._present(pictures, f"{rate}, 1 ray for {f'{block} x {block} pixels' if block > 1 else 'each pixel'}")
-        ended = time.perf_counter()
-        if self.shown is None:
-            self._first = ended
-        else:
-            self._frames += 1
-            self._times.append(ended - began)
-        self.shown = moment
-
-    def refresh(self) -> None:
-        """Show the picture, which has become finer."""
-        self._present(self._pictures(moving=False), f"at rest, {self._picture.samples} samples")
-
-    def played(self, opened: float, began: float) -> Played:
-        """Return what was shown, since the window was opened and the loop began."""
+        With `turn_deg` it turns by itself, degrees a second, for `moving_s` seconds (None: to the end); so long a film
+        plays. `seconds` of None waits for the user; else the picture is refined to `most` samples before the end.
+        `opened` is when the window was opened, by time.perf_counter.
+        """
+        began = last = time.perf_counter()
+        picture, reel = self.picture, self.reel
+        while self.screens.obey(self.hand, reel):
+            interrupts.check()
+            now = time.perf_counter()
+            moving = moving_s is None or now - began < moving_s
+            if moving:
+                self.hand.turn(turn_deg * (now - last))
+            if reel is not None:
+                reel.playing = reel.playing and moving
+                reel.advance(now - last)
+            last = now
+            moment = (0 if reel is None else reel.frame, self.hand.motion)
+            if moment != self._shown:
+                self._show(moment)
+            elif reel is not None and reel.playing:
+                time.sleep(LOOK_S)
+            elif self._drawn != moment:  # it was shown from memory
+                self._draw(moment)
+            elif picture.samples < most:
+                if picture.finer(self.screens.waiting):
+                    self._present(self._pictures(moving=False), f"at rest, {picture.samples} samples")
+            elif seconds is not None and now - began >= seconds:
+                break
+            else:
+                time.sleep(LOOK_S)
+        opened = began if opened is None else opened
         return Played(
             first_s=self._first - opened if self._first else 0.0,
             frames=self._frames,
             frames_per_second=1.0 / statistics.median(self._times) if self._times else 0.0,
             slowest_s=max(self._times, default=0.0),
-            block=self._picture.block,
-            samples=self._picture.samples,
+            block=picture.block,
+            samples=picture.samples,
             seconds=time.perf_counter() - began,
         )
 
-    def _pictures(self, moving: bool) -> tuple[Pixels, Pixels | None]:
-        """Return the panel's picture, and what the eye sees."""
-        picture, view = self._picture, self._view
-        if view is None:
-            return picture.values, None
-        seen = observe(picture.radiance, self._display, view.eye, view.window, VIEW_SAMPLES[not moving])
-        return picture.values, encoded_values(seen.radiance, "srgb", 8).astype("uint8")
+    def _draw(self, moment: Moment) -> None:
+        """Draw the quick picture of a moment whose motion is the hand's."""
+        frame, _ = moment
+        if self.reel is not None and frame != self._frame:
+            scene = self.reel.scene(frame)
+            if scene is not None:
+                self.picture.stage(scene)
+            self.hand.base = self.reel.placement(frame) if scene is None else scene.placement
+            self._frame = frame
+        self.picture.quick(self.hand.placement())
+        self._drawn = moment
 
-    def _present(self, pictures: tuple[Pixels, Pixels | None], state: str) -> None:
-        for name, pixels in zip((PANEL, VIEW), pictures, strict=True):
-            if pixels is not None:
-                self._screens.show(name, pixels, f"Lippmann: {state}")
-        if self._sender is not None:
-            self._sender.send(pictures[0])
+    def _show(self, moment: Moment) -> None:
+        """Show a moment, as it was kept, or drawn."""
+        began = time.perf_counter()
+        if any(motion != moment[1] for _, motion in self._kept):
+            self._kept.clear()
+        pictures = self._kept.get(moment)
+        if pictures is None:
+            self._draw(moment)
+            pictures = self._pictures(moving=True)
+            kept_bytes = sum(one.nbytes for kept in [*self._kept.values(), pictures] for one in kept)
+            if self.reel is not None and kept_bytes <= KEPT_BYTES:
+                self._kept[moment] = pictures
+        rate = f"{1.0 / max(self._times[-1], 1e-3):.0f} frames/s" if self._times else "at rest"
+        block = self.picture.block
+        self._present(pictures, f"{rate}, 1 ray for {f'{block} x {block} pixels' if block > 1 else 'each pixel'}")
+        ended = time.perf_counter()
+        if self._shown is None:
+            self._first = ended
+        else:
+            self._frames += 1
+            self._times.append(ended - began)
+        self._shown = moment
+
+    def _pictures(self, moving: bool) -> list[Pixels]:
+        """Return the panel's picture, and what the eye sees."""
+        panel = [self.picture.values]
+        return panel if self.view is None else [*panel, self.view.draw(self.picture.radiance, moving)]
+
+    def _present(self, pictures: list[Pixels], state: str) -> None:
+        """Show the panel's picture, and what the eye sees."""
+        for name, pixels in zip((PANEL, VIEW), pictures, strict=False):
+            self.screens.show(name, pixels, f"Lippmann: {state}")
+        if self.send is not None:
+            self.send(pictures[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import timeit
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, radiance_of
 from lippmann.rendering.sampling import RaySource, display_source
 from lippmann.scenes.placement import Matrix, Placement
-from lippmann.scenes.scene import Scene, bounds_of, in_front_of, placed_box
+from lippmann.scenes.scene import Scene
 
 #: float32 of 0 and of 1, as whole numbers; those between are in the order of their values.
 ZERO, ONE = 0, 0x3F800000
@@ -94,32 +94,30 @@ class LivePicture:
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
         """Compile the programs; `block` of None finds one that is quick enough. Raises InputError as `Renderer`."""
-        self._scene, self._panel = scene, display.panel
+        self._scene, self._panel, self._encoder = scene, display.panel, Encoder(display.panel)
         # A quick picture has fewer rays than there are points whose light they could share.
-        self._settings = replace(settings, samples=PASS_SAMPLES, shading="each")
-        self._bounds = bounds_of(scene.mitsuba)
-        source = display_source(display, model)
+        self._settings, self._source = replace(settings, shading="each"), display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
-        self._quick = self._compiled(source, 1)
+        self._renderers: dict[int, Renderer] = {}
+        self._compile(1)
         if block is None:
-            taken = min(self._timed() for _ in range(TRIALS))
-            block = min(MOST_BLOCK, int(np.ceil(np.sqrt(max(taken / QUICK_S, 1.0)))))
+            quick = self._renderer(1)
+            seconds = len(quick.bands) * min(timeit.repeat(lambda: quick.render(0), number=1, repeat=TRIALS))
+            block = min(MOST_BLOCK, int(np.ceil(np.sqrt(max(seconds / QUICK_S, 1.0)))))
         if block > 1:
             self.block = block
-            self._quick = self._compiled(_coarse(source, block), 1)
-        self._sources = (_coarse(source, self.block) if self.block > 1 else source), source
-        self._fine: Renderer | None = self._compiled(source, PASS_SAMPLES)
-        self._block_of_pixel = _blocks(self._panel, self.block) if self.block > 1 else None
-        self._encoder = Encoder(self._panel)
-        self._placement = scene.placement
-        self._planes: list[Jit] = self._fine.planes(self._panel.height_px)
-        self._passes = 0
+            self._renderers.clear()
+            self._compile(1)
+        self._compile(PASS_SAMPLES)
+        self._block_of_pixel = _blocks(self._panel, self.block)
+        self._placement, self._passes = scene.placement, 0
+        self._planes: list[Jit] = self._renderer(PASS_SAMPLES).planes(self._panel.height_px)
 
     def stage(self, scene: Scene) -> None:
         """Take another scene, that of another moment; `quick` is to follow."""
-        self._scene, self._bounds, self._fine = scene, bounds_of(scene.mitsuba), None
-        self._quick = self._renderer(self._sources[0], 1)
+        self._scene = scene
+        self._renderers.clear()
 
     @property
     def samples(self) -> int:
@@ -129,7 +127,7 @@ class LivePicture:
     @property
     def middle_mm(self) -> Matrix:
         """The middle of the scene's box where it stands now (3,), mm."""
-        low, high = placed_box(self._bounds, self._scene.placement)
+        low, high = self._scene.box(self._scene.placement)
         return 0.5 * (low + high)
 
     @property
@@ -145,11 +143,9 @@ class LivePicture:
     def quick(self, placement: Placement) -> None:
         """Make the picture of the scene in another place, one ray for each block of pixels."""
         dr = drjit()
-        self._placement, self._passes = self._with_front(placement), 0
-        self._quick.move(self._placement)
-        planes = self._all(self._quick, -(-self._panel.height_px // self.block), lambda: False)
-        assert planes is not None
-        if self._block_of_pixel is not None:
+        self._placement, self._passes = self._scene.placed(placement).placement, 0
+        planes = self._drawn(1, lambda: False) or []
+        if self.block > 1:
             planes = [dr.gather(type(plane), plane, self._block_of_pixel) for plane in planes]
         self._planes = planes
 
@@ -158,56 +154,40 @@ class LivePicture:
 
         The first pass equals a render of `PASS_SAMPLES` samples.
         """
-        dr = drjit()
-        if self._fine is None:
-            self._fine = self._renderer(self._sources[1], PASS_SAMPLES)
-        self._fine.move(self._placement, self._passes)
-        planes = self._all(self._fine, self._panel.height_px, interrupted)
+        planes = self._drawn(PASS_SAMPLES, interrupted)
         if planes is None:
             return False
         self._planes = [a + b for a, b in zip(self._planes, planes, strict=True)] if self._passes else planes
-        dr.eval(self._planes)
+        drjit().eval(self._planes)
         self._passes += 1
         return True
 
     def _mean(self) -> list[Jit]:
-        dr, mi = drjit(), mitsuba()
-        if self._passes < 2:
-            return self._planes
-        passes = dr.opaque(mi.Float, float(self._passes))
+        passes = drjit().opaque(mitsuba().Float, float(max(self._passes, 1)))
         return [plane / passes for plane in self._planes]
 
-    def _renderer(self, source: RaySource, samples: int) -> Renderer:
-        rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
-        bands = [range(first, min(first + rows, source.height_px)) for first in range(0, source.height_px, rows)]
-        return Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+    def _renderer(self, samples: int) -> Renderer:
+        """Return the renderer of quick pictures (one sample), or of passes, of the scene on the stage."""
+        if samples not in self._renderers:
+            source = _coarse(self._source, self.block) if samples == 1 < self.block else self._source
+            rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
+            bands = [range(first, min(first + rows, source.height_px)) for first in range(0, source.height_px, rows)]
+            self._renderers[samples] = Renderer(self._scene, source, replace(self._settings, samples=samples), bands)
+        return self._renderers[samples]
 
-    def _compiled(self, source: RaySource, samples: int) -> Renderer:
-        renderer = self._renderer(source, samples)
+    def _compile(self, samples: int) -> None:
+        renderer = self._renderer(samples)
         # A scene in the display's own frame has a program of its own: compiled now, lest the first move waits for it.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
         renderer.move(self._scene.placement)
-        return renderer
 
-    def _timed(self) -> float:
-        began = time.perf_counter()
-        self._quick.render(0)
-        return (time.perf_counter() - began) * len(self._quick.bands)
-
-    def _with_front(self, placement: Placement) -> Placement:
-        """Return a placement with depths: those of the scene's box, where it has none."""
-        if placement.near_mm is not None and placement.far_mm is not None:
-            return placement
-        low, high = placed_box(self._bounds, placement)
-        far, near = float(low[2]), float(high[2])
-        return replace(placement, near_mm=in_front_of((far, near)), far_mm=far)
-
-    @staticmethod
-    def _all(renderer: Renderer, rows: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
-        """Return the planes of all bands, or None."""
-        planes = renderer.planes(rows)
+    def _drawn(self, samples: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
+        """Return the planes of the next pass with so many samples, or None."""
+        renderer = self._renderer(samples)
+        renderer.move(self._placement, self._passes)
+        planes = renderer.planes(renderer.bands[-1].stop)
         for band in renderer.bands:
             if interrupted():
                 return None

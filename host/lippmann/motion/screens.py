@@ -65,11 +65,10 @@ class Hand:
         """Return where the scene stands, without depths once it has moved."""
         if (self.yaw_deg, self.pitch_deg, self.scale) == (0.0, 0.0, 1.0) and not self.shift_mm.any():
             return self.base
-        yaw, pitch = math.radians(self.yaw_deg), math.radians(self.pitch_deg)
-        about_y = np.array([[math.cos(yaw), 0, math.sin(yaw)], [0, 1, 0], [-math.sin(yaw), 0, math.cos(yaw)]])
-        about_x = np.array([[1, 0, 0], [0, math.cos(pitch), -math.sin(pitch)], [0, math.sin(pitch), math.cos(pitch)]])
-        moved = np.eye(4)
-        moved[:3, :3] = self.scale * about_x @ about_y
+        turns = (self.pitch_deg, 0.0, 0.0), (0.0, self.yaw_deg, 0.0)
+        about_x, about_y = (Placement(rotation_deg=turn).display_from_scene for turn in turns)
+        moved = about_x @ about_y
+        moved[:3, :3] *= self.scale
         moved[:3, 3] = self.pivot_mm + self.shift_mm - moved[:3, :3] @ self.pivot_mm
         return Placement.of(moved @ self.base.display_from_scene, self.scale * self.base.scale)
 
@@ -79,9 +78,9 @@ KEY_PX = 10.0
 
 
 class Screens:
-    """The windows of a live picture."""
+    """The windows of a live picture; none, and no hand, without `pygame`, where a board alone shows the picture."""
 
-    def __init__(self, pygame: Any) -> None:
+    def __init__(self, pygame: Any = None) -> None:
         self._pygame = pygame
         self._windows: dict[str, Any] = {}
 
@@ -90,7 +89,10 @@ class Screens:
 
         Raises InputError for a monitor that is missing, or of another size.
         """
-        sizes, pygame = sizes_of(self._pygame), self._pygame
+        pygame = self._pygame
+        if pygame is None:
+            return
+        sizes = sizes_of(pygame)
         if monitor is None:
             self._windows[name] = pygame.Window(name, window_size(size, sizes[0]))
             return
@@ -100,7 +102,10 @@ class Screens:
 
     def show(self, name: str, pixels: Pixels, title: str) -> None:
         """Show a picture (height, width, 3) in a window; raise DeviceError when its monitor is gone."""
-        pygame, window = self._pygame, self._windows[name]
+        pygame = self._pygame
+        if pygame is None:
+            return
+        window = self._windows[name]
         try:
             surface = window.get_surface()
             picture = pygame.image.frombuffer(np.ascontiguousarray(pixels), pixels.shape[1::-1], "RGB")
@@ -115,6 +120,8 @@ class Screens:
     def waiting(self) -> bool:
         """Tell whether mouse or keys wait to be obeyed."""
         pygame = self._pygame
+        if pygame is None:
+            return False
         pygame.event.pump()
         asked = pygame.event.peek((pygame.KEYDOWN, pygame.MOUSEWHEEL, pygame.QUIT, pygame.WINDOWCLOSE))
         return bool(asked or (any(pygame.mouse.get_pressed()) and pygame.event.peek(pygame.MOUSEMOTION)))
@@ -122,7 +129,7 @@ class Screens:
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
         """Let mouse and keys move a scene, and stop a film or let it play; return whether to go on."""
         pygame = self._pygame
-        for event in pygame.event.get():
+        for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
                 return False
             if event.type == pygame.MOUSEMOTION and any(event.buttons):
@@ -169,27 +176,6 @@ class Screens:
         for window in self._windows.values():
             window.destroy()
         self._windows.clear()
-
-
-class NoScreens(Screens):
-    """Nothing to look at, and no hand, where a board alone shows the picture."""
-
-    def __init__(self) -> None:
-        super().__init__(None)
-
-    def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
-        """Open nothing."""
-
-    def show(self, name: str, pixels: Pixels, title: str) -> None:
-        """Show nothing."""
-
-    def waiting(self) -> bool:
-        """Tell that nothing waits."""
-        return False
-
-    def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Go on."""
-        return True
 
 
 @contextmanager

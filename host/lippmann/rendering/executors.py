@@ -90,7 +90,7 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
             seconds = 0.0
             if renderer is None:
                 renderer = band.plan.start()
-                seconds = 0.0 if renderer.prepare_seconds else renderer.prepare()
+                seconds = renderer.prepare()
             radiance, _ = renderer.render(band.number, report_rows)
             yield RenderedBand(band, radiance, dict(renderer.choices), seconds)
 
@@ -120,7 +120,7 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
     if not count:  # only the file is to be written
         return
     plan = bands[0].plan
-    check_band_memory(plan.display, plan.bands, plan.settings, count)
+    check_band_memory(plan.display, plan.bands, plan.options.settings, count)
     with local_workers(count) as (address, security):
         yield from render_on_cluster(address, device, bands, security)
 

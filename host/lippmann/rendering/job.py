@@ -114,7 +114,7 @@ class Job:
         bands = tuple(bands_of(panel.width_px, panel.height_px, rays))
         digest = digest_of(path) if portable else ""
         renderer = make_renderer(scene, self.display, options, bands, in_memory=not portable)
-        plan = ScenePlan(path, digest, scene.placement, self.display, options, bands).planned_with(renderer)
         if renderer.remark is not None:
             logger.info("%s", renderer.remark)
-        return plan
+        options = replace(options, settings=renderer.settings)
+        return ScenePlan(self.display, options, bands, path, digest, scene.placement, planned_by=[renderer])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -30,12 +31,8 @@ class BandRenderer(Protocol):
     """Renders the bands of one plan, in any order."""
 
     @property
-    def prepare_seconds(self) -> float:
-        """Seconds of all calls of `prepare`."""
-
-    @property
     def choices(self) -> Mapping[str, str]:
-        """How it decided what was open, as metadata; final once a band is rendered."""
+        """How it decided what was open, as metadata."""
 
     def prepare(self) -> float:
         """Compile the program; return the seconds that it took."""
@@ -47,41 +44,43 @@ class BandRenderer(Protocol):
         """
 
 
-class Plan(Protocol):
+@dataclass(frozen=True, eq=False)
+class Plan(ABC):
     """A picture that executors render and sinks store."""
 
+    #: The display whose panel shows the picture.
+    display: Display
+    #: How it is rendered.
+    options: RenderOptions
+    #: The rows of each band: chosen once, for a worker's device may prefer others.
+    bands: tuple[range, ...]
+
     @property
+    @abstractmethod
     def name(self) -> str:
         """Name for messages."""
 
     @property
-    def display(self) -> Display:
-        """The display whose panel shows the picture."""
-
-    @property
-    def bands(self) -> tuple[range, ...]:
-        """The rows of each band: chosen once, for a worker's device may prefer others."""
-
-    @property
+    @abstractmethod
     def identity(self) -> str:
         """Hash of all that the pixels depend on, 16 hexadecimal digits."""
 
     @property
+    @abstractmethod
     def metadata(self) -> dict[str, str]:
         """What the picture's file carries; a renderer's `choices` replace its own."""
 
     @property
-    def settings(self) -> Settings:
-        """How it is sampled, and within which memory."""
-
-    @property
     def rays(self) -> int:
         """Rays for each pixel."""
+        return self.options.settings.samples
 
     @property
     def prepare_seconds(self) -> float:
         """Seconds of compilation that planning took, until `start` is called."""
+        return 0.0
 
+    @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
         """Return the renderer of this plan's bands; loads what it needs.
 
@@ -90,26 +89,20 @@ class Plan(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class ScenePlan:
+class ScenePlan(Plan):
     """The picture of a scene. Only a film's frames may leave the lens model "auto": it depends on their own depths."""
 
     scene: Path
     #: `digest_of` the scene; "" where no other process renders it and no band is kept.
     digest: str
     placement: Placement
-    display: Display
-    options: RenderOptions
-    bands: tuple[range, ...]
+    #: The renderer that planned it, which the next `start` in this process returns.
+    planned_by: list[Renderer] = field(default_factory=list, kw_only=True)
 
     @property
     def name(self) -> str:
         """Name for messages."""
         return self.scene.name
-
-    @property
-    def settings(self) -> Settings:
-        """How it is sampled, and within which memory."""
-        return self.options.settings
 
     @cached_property
     def identity(self) -> str:
@@ -128,13 +121,12 @@ class ScenePlan:
     @property
     def rays(self) -> int:
         """Rays for each pixel."""
-        return self.settings.samples * colours_of(self.display.panel)
+        return self.options.settings.samples * colours_of(self.display.panel)
 
     @property
     def prepare_seconds(self) -> float:
         """Seconds of compilation that planning took, until `start` is called."""
-        renderer: Renderer | None = self.__dict__.get("planned_by")
-        return 0.0 if renderer is None else renderer.prepare_seconds
+        return sum(renderer.prepare_seconds for renderer in self.planned_by)
 
     def load(self) -> Scene:
         """Load the scene where it is placed; InputError as `load_scene`."""
@@ -144,25 +136,13 @@ class ScenePlan:
         """Return the renderer of the bands: the one that planned them, or a new one that loads the scene."""
         if worker is not None:
             check_same_scene(worker, self.scene, self.digest)
-        renderer: Renderer | None = self.__dict__.pop("planned_by", None)
-        return make_renderer(self.load(), self.display, self.options, self.bands) if renderer is None else renderer
-
-    def planned_with(self, renderer: Renderer) -> ScenePlan:
-        """Return the plan with its open choices as a renderer decided them, which `start` then returns in this process.
-
-        Raises InputError as `Renderer.decide`.
-        """
-        plan = replace(self, options=replace(self.options, settings=renderer.decide()))
-        plan.reuse(renderer)
-        return plan
-
-    def reuse(self, renderer: Renderer) -> None:
-        """Let the next `start` in this process return a renderer of this plan that is there already."""
-        self.__dict__["planned_by"] = renderer
+        if self.planned_by:
+            return self.planned_by.pop()
+        return make_renderer(self.load(), self.display, self.options, self.bands)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process."""
-        return {name: value for name, value in self.__dict__.items() if name != "planned_by"}
+        return {**self.__dict__, "planned_by": []}
 
 
 @lru_cache(maxsize=8)
@@ -183,7 +163,7 @@ def make_renderer(
     bands: tuple[range, ...] | None = None,
     in_memory: bool = False,
 ) -> Renderer:
-    """Return the renderer of the integral image of a loaded scene, not prepared yet; `bands` as for `Renderer`.
+    """Return the renderer of the integral image of a loaded scene, not compiled yet; `bands` as for `Renderer`.
 
     Raises InputError as `Renderer` and `choose_model`.
     """

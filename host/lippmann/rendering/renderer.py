@@ -142,33 +142,30 @@ class Renderer:
         `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `program` is what lights
         samples where light is shared. `in_memory`: the whole picture is kept in memory, not one band.
         """
-        self._settings, self._most = settings, settings.light_points
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
         integrator = make_integrator(scene, settings)
-        self._each = each_program(scene, source, settings.samples, integrator)
-        self._program: Program = self._each
+        self._program: Program = each_program(scene, source, settings.samples, integrator)
         self._pose = Pose.of(scene.placement)
-        self._in_memory = in_memory
         self._colours = colour_count(source.layout)
         self._source, self._filtered = source, is_filtered(source, settings.samples)
         #: Rays for each pixel.
         self.rays = settings.samples * self._colours
         self.bands = bands or bands_of(self._width, self._height, self.rays)
-        #: Whether light is shared; "auto" until `prepare` has tried it. And what is to be told of it.
-        self.shading, self.remark = self._chosen(scene, source, settings, integrator, program)
-        #: Seconds of all calls of `prepare`.
-        self.prepare_seconds = 0.0
-        #: How open choices were decided, as metadata.
+        rows = self._height if in_memory else max(len(rows) for rows in self.bands)
+        started = time.perf_counter()
+        #: The settings with nothing open: by these any process shades as this one does, the same bodies share light.
+        self.settings = replace(settings, shading="each", light_points=None)
+        #: What is to be told of sharing light.
+        self.remark: str | None = None
+        if settings.shading != "each":
+            self.remark = self._share(scene, settings, rows, integrator, program)
+        #: Seconds of choosing how to shade, and of all calls of `prepare`.
+        self.prepare_seconds = time.perf_counter() - started
+        #: Whether light is shared; and how open choices were decided, as metadata.
+        self.shading = self.settings.shading
         self.choices: dict[str, str] = {"shading": self.shading}
-
-    def _fits(self, limit_mb: float | None) -> bool:
-        """Tell whether shared light is within the user's memory limit: the free memory must not change a picture."""
-        if limit_mb is None:
-            return True
-        rows = self._height if self._in_memory else max(len(rows) for rows in self.bands)
-        return memory_mb(self._width, rows, "shared", self._samples, self._colours) <= limit_mb
 
     @property
     def _chunk(self) -> int:
@@ -176,37 +173,49 @@ class Renderer:
         most = CHUNK_SAMPLES[current_device()] // (SHARED_PARTS if self.shading == "shared" else 1)
         return max(1, most // (self.rays * TILE_PX * TILE_PX))
 
-    def _chosen(
-        self, scene: Scene, source: RaySource, settings: Settings, integrator: Jit, program: type[SharedProgram]
-    ) -> tuple[Shading, str | None]:
-        """Return how to shade, and a remark."""
-        wanted = settings.shading
-        if wanted == "each":
-            return "each", None
-        why = why_not_shared(scene, source, settings.integrator)
-        if why is not None or source.detail_mm is None:
-            return "each", f"light is not shared: {why}" if wanted == "shared" else None
-        # A GPU traces a ray in less time than it needs to look for what is known.
-        few = len(scene.mitsuba.emitters()) < LEAST_LAMPS
+    def _share(
+        self, scene: Scene, settings: Settings, rows: int, integrator: Jit, program: type[SharedProgram]
+    ) -> str | None:
+        """Let the program be one that shares light, where that can be and is asked for, and return a remark.
+
+        `rows` is how many are kept in memory.
+        """
+        source, most, is_open = self._source, settings.light_points, settings.shading == "auto"
+        why, is_told = why_not_shared(scene, source, settings.integrator), not is_open
         rays = self._width * self._height * self.rays
-        if wanted == "auto" and (few or current_device() == "cuda" or rays < LEAST_RAYS):
-            return "each", None
-        if wanted == "auto" and not self._fits(settings.memory_mb):
-            return "each", "light is not shared: --memory-mb leaves no room for it"
-        most = settings.light_points
-        if most is None:
-            most = MOST_POINTS if wanted == "shared" else min(MOST_POINTS, int(rays // RAYS_A_POINT))
-        self._most = most
-        light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
-        if not light.points:
+        if why is None and is_open:
+            # A GPU traces a ray in less time than it needs to look for what is known.
+            if len(scene.mitsuba.emitters()) < LEAST_LAMPS or current_device() == "cuda" or rays < LEAST_RAYS:
+                return None
+            needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
+            # The user's limit alone: the free memory must not change a picture.
+            is_told = settings.memory_mb is not None and needed > settings.memory_mb
+            why = "--memory-mb leaves no room for it" if is_told else None
+        if why is None:
+            assert source.detail_mm is not None
+            if most is None:
+                most = min(MOST_POINTS, int(rays // RAYS_A_POINT)) if is_open else MOST_POINTS
+            light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
+            if light.points:
+                self._shared = program(scene, source, settings.samples, integrator, settings.max_depth, light)
+                keeps, remark = self._judge_trial() if is_open else (True, None)
+                if keeps:
+                    self._program, self.settings = self._shared, replace(settings, shading="shared", light_points=most)
+                return remark
             why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
-            return "each", f"light is not shared: {why}" if wanted == "shared" else None
-        shared = program(scene, source, settings.samples, integrator, settings.max_depth, light)
-        if wanted == "auto":
-            self._tried = shared
-        else:
-            self._program = shared
-        return wanted, None
+        return f"light is not shared: {why}" if is_told else None
+
+    def _judge_trial(self) -> tuple[bool, str]:
+        """Tell whether shared light changes no part of the image by more than `SHARED_DB`, and say so in words."""
+        decibels = self._trial()
+        if decibels is None:
+            return False, "light is not shared: most rays meet surfaces that are not plain diffuse, or too large"
+        keeps = decibels >= SHARED_DB
+        likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
+        part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
+        verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
+        tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
+        return keeps, f"{tried}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
         """Let the next bands be those of the scene in another place, by the same program.
@@ -216,39 +225,12 @@ class Renderer:
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
-        """Compile the program by rendering one tile; return the seconds that it took.
-
-        Where light may be shared, it is, if that changes no part of the image by more than `SHARED_DB`.
-        """
+        """Compile the program by rendering one tile; return the seconds that it took."""
         started = time.perf_counter()
-        if self.shading == "auto":
-            decibels = self._trial()
-            keeps = decibels is not None and decibels >= SHARED_DB
-            self.shading = "shared" if keeps else "each"
-            self._program = self._tried if keeps else self._each
-            if decibels is None:
-                self.remark = "light is not shared: most rays meet surfaces that are not plain diffuse, or too large"
-            else:
-                likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
-                part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
-                verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
-                tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
-                self.remark = f"{tried}: {likeness}; {verdict}"
         self.draw(range(TILE_PX), self.planes(TILE_PX), tiles=1)
-        self.choices["shading"] = self.shading
         seconds = time.perf_counter() - started
         self.prepare_seconds += seconds
         return seconds
-
-    def decide(self) -> Settings:
-        """Return settings that leave nothing open, after a trial where that is needed (`remark` tells what it said).
-
-        By these any process shades as this one does: the same bodies share their light.
-        """
-        if self.shading == "auto":
-            self.prepare()
-        most = self._most if self.shading == "shared" else None
-        return replace(self._settings, shading=self.shading, light_points=most)
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
         """Return the tiles that are tried: one anywhere in each of equal parts, for a regular grid misses columns."""
@@ -287,7 +269,7 @@ class Renderer:
             own = (pixel % (TILE_PX * TILE_PX) * self._colours + group % self._colours) * self._samples + sample
             index = tile * rays + own
             dr.make_opaque(index)
-            found.append(self._tried.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose, samples))
+            found.append(self._shared.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose, samples))
         shared, own, alone = zip(*found, strict=True)
         if np.mean(alone) > MOST_ALONE:
             return None
@@ -398,7 +380,7 @@ def render_rays(
     """
     check_memory(source.width_px, source.height_px, settings, colour_count(source.layout))
     renderer = Renderer(scene, source, settings, program=program)
-    prepare_seconds = renderer.prepare()
+    renderer.prepare()
     if renderer.remark is not None:
         logger.info("%s", renderer.remark)
     radiance, lost = np.empty((source.height_px, source.width_px, 3), np.float32), []
@@ -417,7 +399,7 @@ def render_rays(
         radiance=radiance,
         seconds=finished - started,
         cpu_seconds=cpu_after - cpu_before,
-        prepare_seconds=prepare_seconds,
+        prepare_seconds=renderer.prepare_seconds,
         samples_traced=traced,
         lost_percent=tuple(100.0 * sum(counts) / traced for counts in zip(*lost, strict=True)),
         shading=renderer.shading,

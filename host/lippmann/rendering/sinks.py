@@ -147,7 +147,7 @@ class KeptBands:
         InputError when it cannot be made, another command has it, or a band exceeds the memory limit; NoSpaceError when
         the disk has no room for the bands.
         """
-        check_band_memory(plan.display, plan.bands, plan.settings)
+        check_band_memory(plan.display, plan.bands, plan.options.settings)
         _check_disk(folder, plan)
         self._lock = FolderLock(folder, "choose another place with -o")
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)

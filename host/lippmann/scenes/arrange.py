@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -13,7 +14,7 @@ from lippmann.errors import InputError, input_error
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.zones import viewing_distance
 from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement
-from lippmann.scenes.scene import Scene, box_of, depths_of, in_front_of
+from lippmann.scenes.scene import Scene, front_of
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
@@ -28,7 +29,7 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
     if arrange == "fill":
         return scene.placed(_filling(scene, display))
     rotated = Placement(rotation_deg=scene.placement.rotation_deg)
-    low, high = box_of(scene.mitsuba, rotated)
+    low, high = scene.box(rotated)
     if not np.isfinite(high - low).all() or not (high > low).any():
         raise InputError(f"{scene.path}: the scene has no bounded extent to fit; place it with --scale and --offset")
     return scene.placed(rotated.then(fitting(low, high, display)))
@@ -57,7 +58,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
 
 def _filling(scene: Scene, display: Display) -> Placement:
     """Return the placement of a flat scene that fills the panel, and is seen through it over the whole depth range."""
-    low, high = box_of(scene.mitsuba, Placement())
+    low, high = scene.box(Placement())
     panel, (far, near) = display.panel, display_properties(display).depth_range_mm
     width, height = (float(side) for side in (high - low)[:2])
     scale = min(panel.width_mm / width, panel.height_mm / height)
@@ -84,7 +85,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     hit = scene.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(ahead)))
     distance = float(np.array(hit.t).ravel()[0])
     if not math.isfinite(distance):
-        low, high = box_of(scene.mitsuba, Placement())
+        low, high = scene.box(Placement())
         distance = float((0.5 * (low + high) - origin) @ ahead)
     if not 0.0 < distance < math.inf:
         raise input_error(str(scene.path), "the camera does not look at the scene", "turn the camera, or use --fit")
@@ -95,5 +96,4 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     moved[:3, 3] = -moved[:3, :3] @ (origin + distance * ahead)
     placement = Placement.of(moved, scale)
     # Primary rays do not start behind the camera: objects there would hide everything.
-    depths = depths_of(scene.mitsuba, placement)
-    return Placement(scale, placement.rotation_deg, placement.offset_mm, min(in_front_of(depths), eye), None)
+    return replace(placement, near_mm=min(front_of(*scene.box(placement)), eye))

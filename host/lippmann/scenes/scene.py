@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,10 +72,15 @@ class Scene:
     #: What the reader of its file tells the user, a line each.
     notes: tuple[str, ...] = ()
 
+    @cached_property
+    def bounds(self) -> tuple[Matrix, Matrix]:
+        """`bounds_of` the scene, scene units."""
+        return bounds_of(self.mitsuba)
+
     @property
     def width_mm(self) -> float:
         """Largest side of the placed scene's bounding box, mm; 0 without any surface."""
-        low, high = bounds_of(self.mitsuba)
+        low, high = self.bounds
         return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
     @property
@@ -85,9 +91,25 @@ class Scene:
         assert far is not None
         return far, near
 
+    def box(self, placement: Placement) -> tuple[Matrix, Matrix]:
+        """Return the lowest and the highest corner (3,), mm, of the bounding box of the scene, placed so.
+
+        A closed shape around all others is left out (`bounds_of`). The corners are infinite if the box is unbounded or
+        empty.
+        """
+        return placed_box(self.bounds, placement)
+
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement."""
-        return replace(self, placement=_with_depths(self.mitsuba, placement, self.path), usual=None)
+        """Return the scene with another placement; depths that it lacks are those of its box, or an InputError."""
+        near, far = placement.near_mm, placement.far_mm
+        if near is None or far is None:
+            low, high = self.box(placement)
+            if not np.isfinite(low).all():
+                raise InputError(
+                    f"{self.path}: the scene has no bounded extent; give near_mm and far_mm in its placement"
+                )
+            near, far = front_of(low, high) if near is None else near, float(low[2]) if far is None else far
+        return replace(self, placement=replace(placement, near_mm=near, far_mm=far), usual=None)
 
 
 def check_scene_file(path: str | Path) -> Path:
@@ -188,7 +210,8 @@ def load_scene(
     if not isinstance(scene, mi.Scene):
         raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
     _check_lamps(scene, str(path))
-    return Scene(path, scene, _with_depths(scene, placement, path), integrator, bool(cameras), usual, tuple(notes))
+    loaded = Scene(path, scene, placement, integrator, bool(cameras), notes=tuple(notes))
+    return replace(loaded.placed(placement), usual=usual)
 
 
 def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
@@ -207,7 +230,7 @@ def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = 
         raise InputError(f"{what}; give a path, a mitsuba.Scene or a dictionary of the type scene")
     _check_lamps(scene, "the scene")
     placement = Placement() if placement is None else placement
-    return Scene(Path("scene"), scene, _with_depths(scene, placement, Path("scene")), None, bool(scene.sensors()))
+    return Scene(Path("scene"), scene, placement, None, bool(scene.sensors())).placed(placement)
 
 
 def _check_lamps(scene: mi.Scene, where: str) -> None:
@@ -336,19 +359,8 @@ def _closed(scene: mi.Scene, low: Matrix, high: Matrix) -> bool:
     return bool(np.array(scene.ray_test(ray)).all())
 
 
-def box_of(scene: mi.Scene, placement: Placement) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner (3,), mm, of a Mitsuba scene's placed bounding box.
-
-    A closed shape around all others is left out (`bounds_of`). The corners are infinite as those of `placed_box`.
-    """
-    return placed_box(bounds_of(scene), placement)
-
-
 def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner (3,), mm, of a placed box, whose corners are in the scene's units.
-
-    The corners are infinite if the box is unbounded or empty.
-    """
+    """Return the corners of `Scene.box` for a box whose corners are in the scene's units."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
@@ -357,25 +369,6 @@ def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Mat
     return placed.min(axis=0), placed.max(axis=0)
 
 
-def depths_of(scene: mi.Scene, placement: Placement) -> tuple[float, float]:
-    """Return the (lowest, highest) z of `box_of`."""
-    low, high = box_of(scene, placement)
-    return float(low[2]), float(high[2])
-
-
-def in_front_of(depths: tuple[float, float]) -> float:
-    """Return a depth just in front of (lowest, highest) z, so that rays do not start on a surface."""
-    return depths[1] + 1e-3 * max(1.0, depths[1] - depths[0])
-
-
-def _with_depths(scene: mi.Scene, placement: Placement, path: Path) -> Placement:
-    if placement.near_mm is not None and placement.far_mm is not None:
-        return placement
-    depths = depths_of(scene, placement)
-    if not np.isfinite(depths).all():
-        raise InputError(f"{path}: the scene has no bounded extent; give near_mm and far_mm in its placement")
-    return replace(
-        placement,
-        near_mm=placement.near_mm if placement.near_mm is not None else in_front_of(depths),
-        far_mm=placement.far_mm if placement.far_mm is not None else depths[0],
-    )
+def front_of(low: Matrix, high: Matrix) -> float:
+    """Return a depth z just in front of a box, by its corners (3,), so that rays do not start on a surface."""
+    return float(high[2] + 1e-3 * max(1.0, high[2] - low[2]))
