@@ -31,8 +31,7 @@ from lippmann.eye.notebook import HEIGHT_PX, Sweep, Widget
 from lippmann.eye.observer import Eye, View, whole_window
 from lippmann.eye.observer import observe as observe_window
 from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, page_html
-from lippmann.layers.layer_drawing import Filter
-from lippmann.layers.layer_plan import plan_layers
+from lippmann.layers.layer_drawing import Filter, plan_layers
 from lippmann.layers.layers_folder import load_named_layers
 from lippmann.layers.stack import LayerStack
 from lippmann.optics.model_choice import TOLERANCE

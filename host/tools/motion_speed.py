@@ -15,8 +15,7 @@ from lippmann.base.variant import current_device
 from lippmann.display.description import load_display
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import FramePlan, choose_shading, plan_film
-from lippmann.motion.live_loop import MOST_SAMPLES
-from lippmann.motion.live_picture import LivePicture
+from lippmann.motion.live_picture import MOST_SAMPLES, LivePicture
 from lippmann.motion.screens import Hand
 from lippmann.optics.rays import Model
 from lippmann.rendering.executors import local_workers, render_on_cluster

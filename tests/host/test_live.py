@@ -15,8 +15,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import Reel, plan_film
-from lippmann.motion.live_loop import LiveShow
-from lippmann.motion.live_picture import Encoder, LivePicture, least_radiance
+from lippmann.motion.live_picture import Encoder, LivePicture, LiveShow, least_radiance
 from lippmann.motion.screens import Hand, screens
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.renderer import render_integral

@@ -15,7 +15,7 @@ from lippmann.eye.observer import Eye, Window, observe
 from lippmann.rendering import bands
 from lippmann.rendering import renderer as renderers
 from lippmann.rendering.options import Settings
-from lippmann.rendering.renderer import Renderer, radiance_of, render_integral
+from lippmann.rendering.renderer import Renderer, render_integral
 from lippmann.rendering.sampling import display_source
 from lippmann.rendering.shading import Irradiance
 from lippmann.rendering.surface_lattice import FAN, SPHERE, Place, corners, from_octahedron, on_octahedron, place_of
@@ -328,10 +328,6 @@ def test_pictures_do_not_depend_on_bands(mi, subpixels, rows):
     parts = Renderer(made, source, SETTINGS, bands)
     found = {number: parts.render(number)[0] for number in reversed(range(len(bands)))}
     assert (np.concatenate([found[number] for number in range(len(bands))]) == whole).all()
-    planes = parts.planes(150)
-    for number in reversed(range(len(bands))):
-        parts.draw(parts.bands[number], planes)
-    assert (radiance_of(planes, 96) == whole).all()
 
 
 def random_scene(mi, seed):

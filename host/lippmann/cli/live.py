@@ -24,8 +24,7 @@ from lippmann.eye.observer import Eye, whole_window
 from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
-from lippmann.motion.live_loop import MOST_SAMPLES, PANEL, VIEW, EyeView, LiveShow, Played
-from lippmann.motion.live_picture import LivePicture
+from lippmann.motion.live_picture import MOST_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
 from lippmann.motion.screens import Hand, Screens, screens
 from lippmann.rendering.bands import check_memory
 from lippmann.rendering.job import choose_model

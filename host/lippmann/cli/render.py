@@ -20,8 +20,7 @@ from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
-from lippmann.layers.layer_drawing import Filter
-from lippmann.layers.layer_plan import plan_layers
+from lippmann.layers.layer_drawing import Filter, plan_layers
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
 from lippmann.rendering.bands import check_display_memory, is_long_render
 from lippmann.rendering.executors import MAX_WORKERS, choose_executor, render_here

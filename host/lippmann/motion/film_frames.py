@@ -19,12 +19,11 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film
 from lippmann.rendering.bands import bands_of
-from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import RenderOptions
-from lippmann.rendering.plan import ScenePlan, make_renderer
+from lippmann.rendering.plan import ScenePlan, make_renderer, pixels_identity
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan
 from lippmann.scenes.arrange import fitting

@@ -117,4 +117,6 @@ class Job:
         if renderer.remark is not None:
             logger.info("%s", renderer.remark)
         options = replace(options, settings=renderer.settings)
-        return ScenePlan(self.display, options, bands, path, digest, scene.placement, planned_by=[renderer])
+        plan = ScenePlan(self.display, options, bands, path, digest, scene.placement)
+        plan.planned_by.append(renderer)
+        return plan

@@ -1,13 +1,19 @@
-"""A plan: a picture with all that its pixels depend on, so that any process can render any of its bands."""
+"""A plan: a picture with all that its pixels depend on, so that any process can render any of its bands.
+
+Its identity is the key of these: a kept band, a frame of a film and a worker's renderer are used again where their key
+is the same, and nowhere else.
+"""
 
 from __future__ import annotations
 
+import functools
+import hashlib
+import importlib.metadata
+import json
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from importlib.metadata import version
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,7 +24,6 @@ from lippmann.errors import InputError, input_error
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.model_choice import choose_model
 from lippmann.optics.rays import Engine, Model
-from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.renderer import Renderer
@@ -97,14 +102,14 @@ class ScenePlan(Plan):
     digest: str
     placement: Placement
     #: The renderer that planned it, which the next `start` in this process returns.
-    planned_by: list[Renderer] = field(default_factory=list, kw_only=True)
+    planned_by: list[Renderer] = field(default_factory=list, init=False)
 
     @property
     def name(self) -> str:
         """Name for messages."""
         return self.scene.name
 
-    @cached_property
+    @functools.cached_property
     def identity(self) -> str:
         """Hash of all that the pixels depend on, 16 hexadecimal digits."""
         return pixels_identity(self.digest, self.placement, self.display, self.options)
@@ -145,7 +150,7 @@ class ScenePlan(Plan):
         return {**self.__dict__, "planned_by": []}
 
 
-@lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=8)
 def check_same_scene(worker: str, path: Path, digest: str) -> None:
     """Raise InputError for a scene that is missing or different on a worker's machine."""
     try:
@@ -206,6 +211,46 @@ def image_metadata(
         "shading": settings.shading,
         "scene": scene_path.name,
         "version": __version__,
-        "mitsuba": version("mitsuba"),
-        "drjit": version("drjit"),
+        "mitsuba": importlib.metadata.version("mitsuba"),
+        "drjit": importlib.metadata.version("drjit"),
     }
+
+
+def pixels_identity(
+    digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
+) -> str:
+    """Return the hash, 16 hexadecimal digits, of all that a picture's pixels depend on.
+
+    `digest` is the scene's (`scenes.scene.digest_of`); `others` are what else they depend on, as JSON holds it.
+    """
+    arguments = asdict(options)
+    del arguments["settings"]["memory_mb"]
+    parts = {
+        "scene": digest,
+        "placement": asdict(placement),
+        "display": display.identity,
+        "options": arguments,
+        "versions": list(pixel_versions().values()),
+        **others,
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def pixel_versions() -> dict[str, str]:
+    """Return the versions of the packages that a picture's pixels depend on; Lippmann's includes its code's digest."""
+    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
+    return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
+
+
+@functools.cache
+def code_digest(folder: Path) -> str:
+    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files as they are when it is first asked for.
+
+    Between releases a version has many codes. "" without such files, as where only their compiled forms are installed.
+    """
+    digest = hashlib.sha256()
+    paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
+    for path in paths:
+        code = path.read_bytes()
+        digest.update(f"{path.relative_to(folder)} {len(code)}\n".encode() + code)
+    return f"+{digest.hexdigest()[:8]}" if paths else ""

@@ -43,7 +43,7 @@ from lippmann.rendering.sampling import (
     lines_of,
     pixel_of,
 )
-from lippmann.rendering.shading import Irradiance, Program, SharedProgram, each_program, means_of, why_not_shared
+from lippmann.rendering.shading import Irradiance, Program, SharedProgram, means_of, why_not_shared
 from lippmann.rendering.surface_lattice import MOST_POINTS
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, without_places
@@ -146,7 +146,7 @@ class Renderer:
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
         integrator = make_integrator(scene, settings)
-        self._program: Program = each_program(scene, source, settings.samples, integrator)
+        self._program = Program(scene, source, settings.samples, integrator)
         self._pose = Pose.of(scene.placement)
         self._colours = colour_count(source.layout)
         self._source, self._filtered = source, is_filtered(source, settings.samples)
@@ -227,7 +227,7 @@ class Renderer:
     def prepare(self) -> float:
         """Compile the program by rendering one tile; return the seconds that it took."""
         started = time.perf_counter()
-        self.draw(range(TILE_PX), self.planes(TILE_PX), tiles=1)
+        self.draw(range(TILE_PX), tiles=1)
         seconds = time.perf_counter() - started
         self.prepare_seconds += seconds
         return seconds
@@ -282,24 +282,18 @@ class Renderer:
 
         `report_rows` is called after each chunk with the number of the band's rows that are done.
         """
-        rows = self.bands[number]
-        planes = self.planes(len(rows))
-        lost = self.draw(rows, planes, rows.start, report_rows)
+        planes, lost = self.draw(self.bands[number], report_rows)
         return radiance_of(planes, self._width), lost
 
     def draw(
-        self,
-        rows: range,
-        planes: list[Jit],
-        first_row: int = 0,
-        report_rows: Callable[[int], None] | None = None,
-        tiles: int | None = None,
-    ) -> list[int]:
-        """Draw so many tiles of some rows, from their first on, or all; return the numbers of lost samples.
+        self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
+    ) -> tuple[list[Jit], list[int]]:
+        """Return planes of red, green and blue of some rows (Dr.Jit), and the numbers of lost samples by reason.
 
-        The first row of the planes is the image's `first_row`.
+        Of so many tiles from the first on, or all; the others are black. `report_rows` is called as by `render`.
         """
         dr, mi = drjit(), mitsuba()
+        planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
         # The mean of several passes is as good without.
@@ -312,27 +306,17 @@ class Renderer:
         for first in range(0, tiles, size):
             interrupts.check()
             count = min(size, tiles - first)
-            lost.append(self._run(rows, first, count, planes, first_row, sums))
+            lost.append(self._run(rows, first, count, planes, sums))
             if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
                 dr.sync_thread()
             if report_rows is not None:
                 report_rows(len(rows) * (first + count) // tiles)
         if sums is not None:
-            start = dr.opaque(mi.UInt32, (rows.start - first_row) * self._width)
-            place = start + dr.arange(mi.UInt32, len(rows) * self._width)
-            for plane, colour in zip(planes, sums.colours(), strict=True):
-                dr.scatter(plane, colour, place)
+            planes = sums.colours()
             dr.eval(planes)
-        return [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
+        return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
-    def planes(self, rows: int) -> list[Jit]:
-        """Return black planes of red, green and blue for rows of the image (Dr.Jit)."""
-        dr, mi = drjit(), mitsuba()
-        return [dr.zeros(mi.Float, self._width * rows) for _ in range(3)]
-
-    def _run(
-        self, rows: range, first_tile: int, count: int, planes: list[Jit], first_row: int, sums: PixelFilter | None
-    ) -> list[Jit]:
+    def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
         """Render tiles of some rows, numbered from their first; return the numbers of lost samples.
 
         If there are `sums`, the samples are added to them; if not, each pixel's mean is written into the planes.
@@ -349,7 +333,7 @@ class Renderer:
         if sums is not None:
             sums.add(colour, pixel, inside, seeds)
             return lost
-        place = pixel - dr.opaque(mi.UInt32, first_row * self._width)
+        place = pixel - dr.opaque(mi.UInt32, rows.start * self._width)
         for plane, mean in zip(planes, means_of(colour, self._colours, self._samples), strict=True):
             dr.scatter(plane, mean, place, inside)
         dr.eval(planes)

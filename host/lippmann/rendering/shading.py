@@ -225,36 +225,35 @@ def _lit(scene: Jit, emitters: list[Jit], place: Place, known: Jit, seen: Jit, l
     return light * (1.0 / math.pi), lamps
 
 
-#: Renders a chunk: its samples' colours, and the numbers of lost ones. Its arguments are the numbers of the chunk's
-#: samples (UInt32), its first tile, its `Seeds`, and the scene's `Pose`.
-Program = Callable[[Jit, Jit, Seeds, Pose], tuple[Jit, list[Jit]]]
 #: What happens to a ray; its arguments are a sampler, rays, which of them exist, and what else the program is given.
 Follow = Callable[..., tuple[Jit, ...]]
 #: What becomes of a sample by shared light: nothing to see, on a lattice, or to be traced by itself.
 BLACK, SHARED, ALONE = 0, 1, 2
 
 
-def each_program(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Program:
-    """Return the program that asks an integrator for each sample."""
-    parts = Parts.of(source.layout)
-    traced = _colour_of_each(scene, source, samples, integrator)
+class Program:
+    """The program of a chunk that asks an integrator for each sample."""
 
-    def program(index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        colour, *lost = traced(index, first, seeds, pose, parts)
+    def __init__(self, scene: Scene, source: RaySource, samples: int, integrator: Jit) -> None:
+        self._parts, self._traced = Parts.of(source.layout), _colour_of_each(scene, source, samples, integrator)
+
+    def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
+        """Return the colours of a chunk's samples, by their numbers (UInt32), and the numbers of lost ones.
+
+        `first` is the chunk's first tile.
+        """
+        colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
-    return program
 
-
-class SharedProgram:
+class SharedProgram(Program):
     """The program that takes diffuse light from lattices, and asks an integrator where they tell nothing."""
 
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, light: Irradiance
     ) -> None:
-        self.light, self.samples = light, samples
-        self._colours, self._parts = colour_count(source.layout), Parts.of(source.layout)
-        self._traced = _colour_of_each(scene, source, samples, integrator)
+        super().__init__(scene, source, samples, integrator)
+        self.light, self.samples, self._colours = light, samples, colour_count(source.layout)
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
@@ -266,7 +265,7 @@ class SharedProgram:
         colour = dr.select(shared, weight * self.light_of(place, shared), 0.0)
         alone = dr.compress(fate == ALONE)
         if dr.width(alone):
-            own, *_ = self._traced(dr.gather(mi.UInt32, index, alone), first, seeds, pose, self._parts)
+            own, _ = super().__call__(dr.gather(mi.UInt32, index, alone), first, seeds, pose)
             dr.scatter(colour, own, alone)
         return colour, lost
 
