@@ -40,9 +40,8 @@ from lippmann.rendering.bands import check_display_memory, check_memory
 from lippmann.rendering.diagnostics import warn_of_unused_parts
 from lippmann.rendering.executors import choose_executor, render_here
 from lippmann.rendering.integral_image import IntegralImage, check_image
-from lippmann.rendering.job import Job, SceneSource, open_scene, place_scene
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
-from lippmann.rendering.plan import image_metadata
+from lippmann.rendering.plan import Job, SceneSource, image_metadata, open_scene, place_scene
 from lippmann.rendering.sampling import Aperture, Window
 from lippmann.rendering.sinks import render_picture
 from lippmann.scenes.placement import Arrange, Placement

@@ -22,14 +22,13 @@ from lippmann.display.description import Display, load_display
 from lippmann.eye.many_views import eyes_of, scene_viewer
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.optics.zones import viewing_distance
-from lippmann.rendering.job import Job
 from lippmann.rendering.options import RenderOptions, Settings
-from lippmann.rendering.renderer import first_depths, render_view
-from lippmann.rendering.sampling import Window
+from lippmann.rendering.plan import Job
+from lippmann.rendering.renderer import render_view
+from lippmann.rendering.sampling import Window, first_depths
 from lippmann.rendering.sinks import render_picture
-from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import Scene, load_scene
+from lippmann.scenes.scene import Scene, arranged, load_scene
 from lippmann.scenes.splats import write_table
 from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled
 

@@ -23,8 +23,7 @@ from lippmann.fixed.scene_build import BLOCK_BYTES, SceneBuild
 from lippmann.fixed.scene_configuration import slot_bytes
 from lippmann.layers.layer_choice import EYES, FULL_SAMPLES, decibels, eyes_of, full_views, row_of, streamed, views_of
 from lippmann.layers.layer_drawing import FILTERS, ExitLines, Filter, draw_golden, exit_lines
-from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, peel, reach_of
-from lippmann.layers.slab_depths import disparity
+from lippmann.layers.scene_cutting import SLOT, Area, Cut, cut_scene, disparity, peel, reach_of
 from lippmann.layers.stack import MAX_LAYERS, LayerStack
 from lippmann.optics.model_choice import reconstructed_pixel_mm
 from lippmann.rendering.options import Settings

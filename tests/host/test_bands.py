@@ -25,8 +25,8 @@ from lippmann.motion.film_frames import choose_shading, plan_film
 from lippmann.rendering import bands, renderer, sinks
 from lippmann.rendering import plan as plans
 from lippmann.rendering.executors import Band, local_workers, render_band, render_here, render_on_cluster
-from lippmann.rendering.job import Job
 from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.plan import Job
 from lippmann.rendering.sinks import KeptBands, bands_folder, log_remaining_bands, render_into, render_picture
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene

@@ -5,9 +5,8 @@ import pytest
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
-from lippmann.scenes.arrange import arranged
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import load_scene
+from lippmann.scenes.scene import arranged, load_scene
 from lippmann.simulation.toolchain import repository
 from tools import content
 from tools.content import Surface, content_page, write_meshes, write_splats

@@ -14,8 +14,7 @@ from lippmann.errors import InputError
 from lippmann.eye.many_views import eyes_of, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.rendering.options import Settings
-from lippmann.rendering.renderer import first_depths
-from lippmann.rendering.sampling import Window
+from lippmann.rendering.sampling import Window, first_depths
 from lippmann.scenes.scene import load_scene
 from lippmann.scenes.window_views import quilt_path
 from PIL import Image

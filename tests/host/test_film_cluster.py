@@ -16,8 +16,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import InputError
 from lippmann.rendering import bands, executors
 from lippmann.rendering.executors import choose_executor, render_on_cluster
-from lippmann.rendering.job import Job
-from lippmann.rendering.plan import check_same_scene
+from lippmann.rendering.plan import Job, check_same_scene
 from lippmann.rendering.sinks import MemorySink, render_into, render_picture
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import load_scene

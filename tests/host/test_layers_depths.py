@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from lippmann.errors import InputError
-from lippmann.layers.slab_depths import depth_of, disparity, partition, slabs_of
+from lippmann.layers.scene_cutting import depth_of, disparity, partition, slabs_of
 from scene_cases import generator, on_screen
 
 SEED = 1615

@@ -17,10 +17,9 @@ from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import render_view
 from lippmann.rendering.sampling import Window
 from lippmann.scenes import meshes
-from lippmann.scenes.arrange import arranged
 from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import Placement
-from lippmann.scenes.scene import digest_of, load_scene
+from lippmann.scenes.scene import arranged, digest_of, load_scene
 from PIL import Image
 from plyfile import PlyData, PlyElement
 from scene_cases import glowing_card, glowing_sphere, write_scene

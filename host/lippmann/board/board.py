@@ -140,7 +140,7 @@ class Board(Session):
     ) -> Sent:
         """Render a plan and show it: a band's tiles are sent before the next band is taken.
 
-        `plan` is that of a `lippmann.rendering.job.Job`, `progress` counts rows. Raises as `show`, and what `executor`
+        `plan` is that of a `lippmann.rendering.plan.Job`, `progress` counts rows. Raises as `show`, and what `executor`
         raises; the panel keeps its frame then.
         """
         self.check_panel()

@@ -34,8 +34,7 @@ from lippmann.optics.rays import Model
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import MAX_SAMPLES, Settings
-from lippmann.rendering.renderer import first_depths
-from lippmann.rendering.sampling import Window
+from lippmann.rendering.sampling import Window, first_depths
 from lippmann.scenes.formats import kind_of
 from lippmann.scenes.scene import Scene, check_scene_file, load_scene
 from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path, tiled

@@ -19,8 +19,8 @@ from lippmann.errors import InputError, input_error
 from lippmann.layers.layer_choice import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.model_choice import TOLERANCE
-from lippmann.rendering.job import open_scene, place_scene
 from lippmann.rendering.options import Settings
+from lippmann.rendering.plan import open_scene, place_scene
 from lippmann.scenes.scene import check_scene_file
 
 

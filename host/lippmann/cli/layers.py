@@ -27,8 +27,8 @@ from lippmann.layers.layers_folder import check_for_display, save_layers, warn_o
 from lippmann.layers.pictures_folder import cut_pictures, is_pictures
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
-from lippmann.rendering.job import open_scene, place_scene
 from lippmann.rendering.options import Settings
+from lippmann.rendering.plan import open_scene, place_scene
 from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
 #: Layers of a scene, unless --count tells.

@@ -27,8 +27,8 @@ from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import MOST_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
 from lippmann.motion.screens import Hand, Screens, screens
 from lippmann.rendering.bands import check_memory
-from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
+from lippmann.rendering.plan import choose_model
 from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import check_scene_file

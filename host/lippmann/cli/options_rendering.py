@@ -13,8 +13,8 @@ from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine
-from lippmann.rendering.job import place_scene
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
+from lippmann.rendering.plan import place_scene
 from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import Arrange, Placement, placement_beside, usual_arrange
 from lippmann.scenes.scene import Scene, load_scene

@@ -24,9 +24,8 @@ from lippmann.layers.layer_drawing import Filter, plan_layers
 from lippmann.layers.layers_folder import check_depth, is_layers, load_named_layers, warn_of_depths
 from lippmann.rendering.bands import check_display_memory, is_long_render
 from lippmann.rendering.executors import MAX_WORKERS, choose_executor, render_here
-from lippmann.rendering.job import Job, open_scene
 from lippmann.rendering.options import RenderOptions
-from lippmann.rendering.plan import Plan
+from lippmann.rendering.plan import Job, Plan, open_scene
 from lippmann.rendering.sinks import KeptBands, MemorySink, bands_folder, log_remaining_bands, render_into
 from lippmann.scenes.scene import check_scene_file
 

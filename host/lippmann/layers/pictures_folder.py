@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +17,9 @@ from lippmann.base.tones import decode
 from lippmann.display.description import Display, Pair
 from lippmann.errors import input_error
 from lippmann.layers.layers_folder import Background, Depth, Sky, check_depth, opened_png
-from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, check_slot, layer_of, reach_of, texels_for
-from lippmann.layers.slab_depths import Slab
+from lippmann.layers.scene_cutting import SLOT, Area, Cut, Reach, Slab, check_slot, layer_of, reach_of, texels_for
 from lippmann.layers.stack import MAX_LAYERS, Floats, LayerStack, Picture
+from lippmann.scenes.mitsuba_xml import unique
 
 #: The file that makes a folder one of pictures.
 FILE = "pictures.toml"
@@ -84,21 +82,10 @@ def cut_pictures(path: str | Path, display: Display, slot: tuple[int, int] = SLO
         colour = np.clip(light[..., :3] / np.maximum(opacity, 1e-9)[..., None], 0.0, 1.0)
         layer, error_db = layer_of(area, Picture(colour, opacity))
         z = -math.inf if layer.sky else depth
-        entries.append((-z, place, layer, Slab(z, z, z), error_db, one.file.stem))
+        name = re.sub(r"[^\w-]", "_", one.file.stem, flags=re.ASCII)[:48]
+        entries.append((-z, place, layer, Slab(z, z, z), error_db, name))
     _, _, layers, slabs, errors, names = zip(*sorted(entries, key=lambda entry: entry[:2]), strict=True)
-    return Cut(LayerStack(layers, np.array(keys.background)), slabs, errors), _different(names)
-
-
-def _different(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names made of the characters that layers' names have, each one once."""
-    plain = [re.sub(r"[^\w-]", "_", name, flags=re.ASCII)[:48] for name in names]
-    folded = [name.casefold() for name in plain]  # as files: some systems do not tell the case
-    used = set(folded)
-    for k, name in enumerate(plain):
-        if not name or folded.count(folded[k]) > 1:
-            plain[k] = next(one for n in itertools.count(k) if (one := f"{name}_{n}").casefold() not in used)
-            used.add(plain[k].casefold())
-    return tuple(plain)
+    return Cut(LayerStack(layers, np.array(keys.background)), slabs, errors), tuple(unique(names))
 
 
 def _read(path: Path) -> Rgba:

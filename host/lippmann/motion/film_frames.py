@@ -21,14 +21,12 @@ from lippmann.motion.film import Film
 from lippmann.rendering.bands import bands_of
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
-from lippmann.rendering.job import choose_model
 from lippmann.rendering.options import RenderOptions
-from lippmann.rendering.plan import ScenePlan, make_renderer, pixels_identity
+from lippmann.rendering.plan import ScenePlan, choose_model, make_renderer, pixels_identity
 from lippmann.rendering.sampling import colours_of
-from lippmann.rendering.sinks import MemorySink, bands_of_plan
-from lippmann.scenes.arrange import fitting
+from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
 from lippmann.scenes.placement import Matrix, Placement, placement_beside
-from lippmann.scenes.scene import Move, Scene, digest_of, front_of, load_scene, placed_box
+from lippmann.scenes.scene import Move, Scene, digest_of, fitting, front_of, load_scene, placed_box
 
 logger = logging.getLogger("lippmann")
 
@@ -147,6 +145,11 @@ def warn_of_frame(plan: FramePlan) -> None:
     scene = plan.load()
     model = choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
+
+
+def render_frame(plan: FramePlan) -> IntegralImage:
+    """Render a frame in this process. Errors as `FramePlan.load` and `Renderer`."""
+    return render_picture(plan)
 
 
 #: How the names of frames begin.

@@ -15,7 +15,7 @@ from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
-from lippmann.rendering.sampling import RaySource, Seeds, colour_count
+from lippmann.rendering.sampling import RaySource, Seeds
 
 #: Samples of a pixel, at most, that count for neighbours: of more, their own mean is as good where detail is finest.
 MOST_SAMPLES = 4
@@ -54,7 +54,7 @@ def weight(distance: Jit, soft: float) -> Jit:
 
 def is_filtered(source: RaySource, samples: int) -> bool:
     """Tell whether the pixels of a source, with so many samples, share them."""
-    return source.owner is not None and may_share(samples, colour_count(source.layout))
+    return source.owner is not None and may_share(samples, source.colours)
 
 
 class PixelFilter:

@@ -29,20 +29,7 @@ from lippmann.rendering.bands import CHUNK_SAMPLES, bands_of, check_memory, memo
 from lippmann.rendering.lights import register_lights
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import PixelFilter, is_filtered
-from lippmann.rendering.sampling import (
-    TILE_PX,
-    Lines,
-    Parts,
-    Pose,
-    RaySource,
-    Seeds,
-    Window,
-    colour_count,
-    display_source,
-    eye_source,
-    lines_of,
-    pixel_of,
-)
+from lippmann.rendering.sampling import TILE_PX, Pose, RaySource, Seeds, Window, display_source, eye_source, pixel_of
 from lippmann.rendering.shading import Irradiance, Program, SharedProgram, means_of, why_not_shared
 from lippmann.rendering.surface_lattice import MOST_POINTS
 from lippmann.scenes.placement import Placement
@@ -148,7 +135,7 @@ class Renderer:
         integrator = make_integrator(scene, settings)
         self._program = Program(scene, source, settings.samples, integrator)
         self._pose = Pose.of(scene.placement)
-        self._colours = colour_count(source.layout)
+        self._colours = source.colours
         self._source, self._filtered = source, is_filtered(source, settings.samples)
         #: Rays for each pixel.
         self.rays = settings.samples * self._colours
@@ -362,7 +349,7 @@ def render_rays(
 
     Raises InputError when the image exceeds the memory limit, or there is no such integrator.
     """
-    check_memory(source.width_px, source.height_px, settings, colour_count(source.layout))
+    check_memory(source.width_px, source.height_px, settings, source.colours)
     renderer = Renderer(scene, source, settings, program=program)
     renderer.prepare()
     if renderer.remark is not None:
@@ -388,30 +375,6 @@ def render_rays(
         lost_percent=tuple(100.0 * sum(counts) / traced for counts in zip(*lost, strict=True)),
         shading=renderer.shading,
     )
-
-
-def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
-    dr, mi = drjit(), mitsuba()
-    ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
-    si = scene.mitsuba.ray_intersect(ray)
-    front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
-    return ray, si.is_valid(), front - scale * si.t * lines.direction[2]
-
-
-def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return the depth z, mm, of the surface that an eye sees at each pixel's centre, (height, width).
-
-    Where there is none it is -infinity.
-    """
-    dr, mi = drjit(), mitsuba()
-    near = scene.placement.near_mm
-    front = eye_mm[2] if near is None else min(near, eye_mm[2])
-    number = dr.arange(mi.UInt32, window.width_px * window.height_px)
-    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0), number, dr.zeros(mi.UInt32, 1), Parts.of(None))
-    _, valid, depth = first_hit(scene, lines, front)
-    found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
-    return found.reshape(window.height_px, window.width_px)
 
 
 def render_integral(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.display.description import Display, Panel
@@ -21,6 +22,7 @@ from lippmann.optics.sample_points import HASH_ROUNDS, points_in_pixel, points_i
 from lippmann.optics.system import System
 from lippmann.optics.trace import rays_from_pixels
 from lippmann.scenes.placement import Placement
+from lippmann.scenes.scene import Scene
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)
@@ -58,6 +60,11 @@ class RaySource:
     #: lenslets all points have the same number. Neighbouring pixels with the same owner share samples (`PixelFilter`);
     #: with None no pixels do.
     owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
+
+    @property
+    def colours(self) -> int:
+        """How many colours have samples of their own: three where pixels have sub-pixels, else one for all."""
+        return 1 if self.layout is None else 3
 
 
 def owner_number(i: Jit, j: Jit) -> Jit:
@@ -169,14 +176,9 @@ def eye_source(
 TILE_PX = 8
 
 
-def colour_count(layout: Layout | None) -> int:
-    """Return how many colours have samples of their own: three where pixels have sub-pixels, else one for all."""
-    return 1 if layout is None else 3
-
-
 def colours_of(panel: Panel) -> int:
-    """Return how many colours of a panel's pixels have samples of their own."""
-    return colour_count(layout_of(panel.subpixels))
+    """Return how many colours of a panel's pixels have samples of their own (`RaySource.colours`)."""
+    return 1 if layout_of(panel.subpixels) is None else 3
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
@@ -208,7 +210,7 @@ class Parts:
         dr, mi = drjit(), mitsuba()
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
-            boxes = [box for colour in COLOURS[: colour_count(layout)] for box in layout.boxes(colour)]
+            boxes = [box for colour in COLOURS for box in layout.boxes(colour)]
         u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
         dr.make_opaque(u, v, width, height)
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))
@@ -275,6 +277,30 @@ class Pose:
         ray = mi.RayDifferential3f(start, back)
         ray.wavelengths = []
         return ray
+
+
+def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
+    """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
+    dr, mi = drjit(), mitsuba()
+    ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
+    si = scene.mitsuba.ray_intersect(ray)
+    front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
+    return ray, si.is_valid(), front - scale * si.t * lines.direction[2]
+
+
+def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
+    """Return the depth z, mm, of the surface that an eye sees at each pixel's centre, (height, width).
+
+    Where there is none it is -infinity.
+    """
+    dr, mi = drjit(), mitsuba()
+    near = scene.placement.near_mm
+    front = eye_mm[2] if near is None else min(near, eye_mm[2])
+    number = dr.arange(mi.UInt32, window.width_px * window.height_px)
+    lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0), number, dr.zeros(mi.UInt32, 1), Parts.of(None))
+    _, valid, depth = first_hit(scene, lines, front)
+    found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
+    return found.reshape(window.height_px, window.width_px)
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:

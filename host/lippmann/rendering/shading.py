@@ -14,7 +14,7 @@ import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.variant import Jit, current_device, drjit, mitsuba
 from lippmann.rendering.lights import coherence_hint, has_splats
-from lippmann.rendering.sampling import Parts, Pose, RaySource, Seeds, colour_count, lines_of, pixel_of, sampler_of
+from lippmann.rendering.sampling import Parts, Pose, RaySource, Seeds, lines_of, pixel_of, sampler_of
 from lippmann.rendering.surface_lattice import (
     MOST_POINTS,
     NONE,
@@ -253,7 +253,7 @@ class SharedProgram(Program):
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, light: Irradiance
     ) -> None:
         super().__init__(scene, source, samples, integrator)
-        self.light, self.samples, self._colours = light, samples, colour_count(source.layout)
+        self.light, self.samples, self._colours = light, samples, source.colours
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
@@ -293,7 +293,7 @@ class SharedProgram(Program):
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
     dr = drjit()
-    rays = samples * colour_count(source.layout)
+    rays = samples * source.colours
 
     def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *given: Jit) -> tuple[Jit, ...]:
         place = index // rays

@@ -70,10 +70,14 @@ def new_scene() -> Element:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return names without their repetitions, and with plain characters: of two `leaf` the second is `leaf-2`."""
-    used: dict[str, None] = {}
+    """Return names without their repetitions, and with plain characters: of two `leaf` the second is `leaf-2`.
+
+    They differ by more than their cases, as file systems need it.
+    """
+    used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.-]", "_", name) or "shape"
         numbered = (f"{plain}-{number}" for number in itertools.count(2))
-        used[plain if plain not in used else next(one for one in numbered if one not in used)] = None
-    return list(used)
+        free = next(one for one in itertools.chain([plain], numbered) if one.casefold() not in used)
+        used[free.casefold()] = free
+    return list(used.values())
