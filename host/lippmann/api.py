@@ -259,7 +259,8 @@ def capture(
             warn_of_unused_parts(loaded, settings)
         captured = capture_scene(loaded, built, settings, rotated, progress)
     losses = _losses(*captured.lost_percent)
-    metadata = image_metadata("exact", replace(settings, shading=captured.shading), loaded.path)
+    options = RenderOptions("exact", settings=replace(settings, shading=captured.shading))
+    metadata = image_metadata(options, loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}
     return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
 

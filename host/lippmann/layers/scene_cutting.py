@@ -143,15 +143,14 @@ def cut_scene(
     """
     count = whole_number("count", count, 1 if apart is None else 2, MAX_LAYERS)
     check_slot(slot)
-    settings = Settings(samples=16) if settings is None else settings
-    reach = reach_of(display)
-    parts = [] if apart is None else [(scene_slabs(apart, reach, 1, settings)[0], apart)]
-    parts += [(slab, scene) for slab in scene_slabs(scene, reach, count - len(parts), settings)]
+    cutter = _Cutter(display, reach_of(display), slot, Settings(samples=16) if settings is None else settings)
+    parts = [] if apart is None else [(cutter.slabs(apart, 1)[0], apart)]
+    parts += [(slab, scene) for slab in cutter.slabs(scene, count - len(parts))]
     parts.sort(key=lambda part: -part[0].depth_mm)
     layers, slabs, errors = list[Layer](), list[Slab](), list[float]()
     background, before, apart_number = np.zeros(3), None, None
     for slab, part in parts:
-        view = _picture(part, display, reach, slab, before if part is scene else None, slot, settings)
+        view = cutter.picture(part, slab, before if part is scene else None)
         before = slab if part is scene else before
         if view is None:
             continue
@@ -175,54 +174,54 @@ def layer_of(area: Area, picture: Picture) -> tuple[Layer, float]:
     return Layer(texels, palette, area.depth_mm, area.matrix(texels.shape[1], texels.shape[0])), error_db
 
 
-def scene_slabs(scene: Scene, reach: Reach, count: int, settings: Settings) -> list[Slab]:
-    """Return the slabs of a scene that eyes in the middle and to all sides see."""
-    x, y, z = reach.eye_mm
-    front = min(scene.depth_range_mm[1], z)
-    eyes = [(x + a * reach.aside_mm, y + b * reach.aside_mm, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
-    window = reach.area(0.0)
-    trial = replace(settings, samples=TRIAL_SAMPLES)
-    depths, detail = zip(*(seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes), strict=True)
-    try:
-        return slabs_of(np.concatenate(depths), np.concatenate(detail), count, z, front)
-    except InputError as error:
-        raise InputError(f"{scene.path}: {error}") from None
+@dataclass(frozen=True)
+class _Cutter:
+    """What all slabs of a cut have in common."""
 
+    display: Display
+    reach: Reach
+    slot: tuple[int, int]
+    settings: Settings
 
-def _picture(
-    scene: Scene,
-    display: Display,
-    reach: Reach,
-    slab: Slab,
-    before: Slab | None,
-    slot: tuple[int, int],
-    settings: Settings,
-) -> tuple[Area, Picture] | None:
-    """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
-    depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
-    # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
-    reached = reach.area(depth)
-    texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
-    reached = reached.grown(texel)
-    between = slab.front_mm, slab.back_mm
-    trial = peel(scene, reached, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
-    mask = trial.coverage > 0.0
-    if not mask.any():
-        return None
-    hidden = 0.0
-    if before is not None and not math.isinf(depth):
-        # So far behind the nearer layer's edge an eye can look, which is at most so far aside; and the texels at the
-        # edges of both layers, which are covered in part.
-        hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
-        hidden += EDGE_TEXELS * texel
-    area = reached.cells(mask, hidden)
-    size = texels_for(area, display, slot)
-    view = peel(scene, area, reach.eye_mm, between, size, settings)
-    if hidden > 0.0 and before is not None:
-        under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
-        view = _continued(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
-    colour = view.light / np.maximum(view.coverage, 1e-9)[..., None]
-    return area, Picture(np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0))
+    def slabs(self, scene: Scene, count: int) -> list[Slab]:
+        """Return the slabs of a scene that eyes in the middle and to all sides see."""
+        x, y, z = self.reach.eye_mm
+        front, aside, window = min(scene.depth_range_mm[1], z), self.reach.aside_mm, self.reach.area(0.0)
+        eyes = [(x + a * aside, y + b * aside, z) for a, b in ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))]
+        trial = replace(self.settings, samples=TRIAL_SAMPLES)
+        depths, detail = zip(*(seen_depths(scene, window, eye, DEPTH_RAYS, trial) for eye in eyes), strict=True)
+        try:
+            return slabs_of(np.concatenate(depths), np.concatenate(detail), count, z, front)
+        except InputError as error:
+            raise InputError(f"{scene.path}: {error}") from None
+
+    def picture(self, scene: Scene, slab: Slab, before: Slab | None) -> tuple[Area, Picture] | None:
+        """Return a slab's picture and the area that it covers; None when no ray meets anything of it."""
+        display, reach, slot, settings = self.display, self.reach, self.slot, self.settings
+        depth = math.inf if math.isinf(slab.depth_mm) else slab.depth_mm
+        # A texel more on each side, so that no ray meets the half texel where a bilinear texture fades out.
+        reached = reach.area(depth)
+        texel = max(finest_texel(depth, display), *np.divide(reached.size, slot).tolist())
+        reached = reached.grown(texel)
+        between = slab.front_mm, slab.back_mm
+        trial = peel(scene, reached, reach.eye_mm, between, TRIAL_RAYS, replace(settings, samples=TRIAL_SAMPLES))
+        mask = trial.coverage > 0.0
+        if not mask.any():
+            return None
+        hidden = 0.0
+        if before is not None and not math.isinf(depth):
+            # So far behind the nearer layer's edge an eye can look, which is at most so far aside; and the texels at
+            # the edges of both layers, which are covered in part.
+            hidden = reach.aside_mm * (before.depth_mm - depth) / (reach.eye_mm[2] - before.depth_mm)
+            hidden += EDGE_TEXELS * texel
+        area = reached.cells(mask, hidden)
+        size = texels_for(area, display, slot)
+        view = peel(scene, area, reach.eye_mm, between, size, settings)
+        if hidden > 0.0 and before is not None:
+            under = peel(scene, area, reach.eye_mm, (before.front_mm, slab.front_mm), size, settings)
+            view = _continued(view, under, (area.size[1] / size[1], area.size[0] / size[0]), hidden)
+        colour = view.light / np.maximum(view.coverage, 1e-9)[..., None]
+        return area, Picture(np.clip(colour, 0.0, 1.0), np.clip(view.coverage, 0.0, 1.0))
 
 
 def _continued(view: Slice, under: Slice, texel_mm: tuple[float, float], hidden_mm: float) -> Slice:

@@ -91,16 +91,13 @@ class Layer:
 
     def __post_init__(self) -> None:
         """Keep arrays of their types that nobody changes; refuse wrong shapes and values."""
-        texels = _bytes("texels", self.texels)
-        if texels.ndim != 2 or 0 in texels.shape:
-            raise InputError(f"layer: texels has shape {texels.shape}; give (height, width), each at least 1")
+        texels = _array("layer: texels", self.texels, np.uint8, (None, None), "(height, width), each at least 1")
         if max(texels.shape) > MAX_SIDE:
             size = f"{texels.shape[1]} x {texels.shape[0]}"
             raise InputError(f"layer: the texture has {size} texels; give at most {MAX_SIDE} x {MAX_SIDE}")
-        palette = _bytes("palette", self.palette)
-        if palette.shape != (COLOURS, 4):
-            raise InputError(f"layer: palette has shape {palette.shape}; give ({COLOURS}, 4): red, green, blue, alpha")
-        matrix = _finite("matrix", self.matrix, (2, 3), "layer")
+        form = f"({COLOURS}, 4): red, green, blue, alpha"
+        palette = _array("layer: palette", self.palette, np.uint8, (COLOURS, 4), form)
+        matrix = _array("layer: matrix", self.matrix, np.float64, (2, 3), "(2, 3)")
         depth = _number("depth_mm", self.depth_mm)
         if not (depth == math.inf or abs(depth) <= MAX_DEPTH_MM):
             what = f"layer: depth_mm {depth:g} is out of range"
@@ -181,7 +178,7 @@ class LayerStack:
                 raise InputError(f"layers: layer {k} is a {type(layer).__name__}; give a Layer")
         if not 1 <= len(layers) <= MAX_LAYERS:
             raise InputError(f"layers: {len(layers)} layers; give 1 to {MAX_LAYERS}")
-        background = _finite("background", self.background, (3,), "layers")
+        background = _array("layers: background", self.background, np.float64, (3,), "(3,)")
         if (background < 0.0).any() or (background > 1.0).any():
             raise InputError(f"layers: background {background.tolist()} is out of range; give linear light, 0 to 1")
         object.__setattr__(self, "layers", layers)
@@ -194,25 +191,28 @@ class LayerStack:
         return replace(self, layers=tuple(layer.moved(scale, offset_mm) for layer in self.layers))
 
 
-def _bytes(name: str, values: npt.ArrayLike) -> Bytes:
-    """Return values as read-only uint8; refuse other types, which would have lost their fractions or high bits."""
-    array = np.asarray(values)
-    if array.dtype != np.uint8:
-        raise InputError(f"layer: {name} has type {array.dtype}; give uint8")
-    return _read_only(array)
+def _array(
+    name: str, values: npt.ArrayLike, kind: type[Number], shape: tuple[int | None, ...], form: str
+) -> npt.NDArray[Number]:
+    """Return values as a read-only array of a type and a shape, whose sides of None have any length above 0.
 
-
-def _finite(name: str, values: npt.ArrayLike, shape: tuple[int, ...], what: str) -> Floats:
-    """Return values as read-only float64 of a shape."""
+    Raises InputError for other ones. Bytes are not converted, which would lose fractions or high bits.
+    """
     try:
-        array = np.asarray(values, np.float64)
+        array = np.asarray(values, None if kind is np.uint8 else kind)
     except (TypeError, ValueError):
-        raise InputError(f"{what}: {name} contains something that is not a number; give numbers") from None
-    if array.shape != shape:
-        raise InputError(f"{what}: {name} has shape {array.shape}; give {shape}")
+        raise InputError(f"{name} contains something that is not a number; give numbers") from None
+    if array.dtype != kind:
+        raise InputError(f"{name} has type {array.dtype}; give uint8")
+    if array.ndim != len(shape) or not all(
+        one and side in (None, one) for side, one in zip(shape, array.shape, strict=True)
+    ):
+        raise InputError(f"{name} has shape {array.shape}; give {form}")
     if not np.isfinite(array).all():
-        raise InputError(f"{what}: {name} contains a value that is not finite; give finite numbers")
-    return _read_only(array)
+        raise InputError(f"{name} contains a value that is not finite; give finite numbers")
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
 
 
 def _number(name: str, value: object) -> float:
@@ -220,13 +220,6 @@ def _number(name: str, value: object) -> float:
     if math.isnan(number) or isinstance(value, bool):
         raise InputError(f"layer: {name} {value!r} is not a number; give one")
     return number
-
-
-def _read_only(array: npt.NDArray[Number]) -> npt.NDArray[Number]:
-    """Return a copy that cannot be written."""
-    copy = array.copy()
-    copy.setflags(write=False)
-    return copy
 
 
 #: Lloyd's steps; each makes the error smaller, the last ones by less than 1 %.

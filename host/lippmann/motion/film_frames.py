@@ -262,14 +262,11 @@ class Reel:
         self._place = float(self.frame)
         self._move(frames)
 
-    def placement(self, frame: int) -> Placement:
-        """Return how the scene stands at a frame."""
-        return self.plans[frame].placement
-
-    def scene(self, frame: int) -> Scene | None:
-        """Return the scene at a frame; None when its shapes do not move, and one scene serves all frames."""
+    def stage(self, frame: int) -> tuple[Scene | None, Placement]:
+        """Return the scene at a frame, None when its shapes do not move and one scene serves all; and how it stands."""
         plan = self.plans[frame]
-        return plan.load() if plan.moves else None
+        scene = plan.load() if plan.moves else None
+        return scene, plan.placement if scene is None else scene.placement
 
     def _move(self, frames: float) -> None:
         self._place = (self._place + frames) % len(self.plans)

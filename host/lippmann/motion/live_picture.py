@@ -349,10 +349,9 @@ class LiveShow:
         """Draw the quick picture of a moment whose motion is the hand's."""
         frame, _ = moment
         if self.reel is not None and frame != self._frame:
-            scene = self.reel.scene(frame)
+            scene, self.hand.base = self.reel.stage(frame)
             if scene is not None:
                 self.picture.stage(scene)
-            self.hand.base = self.reel.placement(frame) if scene is None else scene.placement
             self._frame = frame
         self.picture.quick(self.hand.placement())
         self._drawn = moment

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 from lippmann.base.machine import free_memory_mb
-from lippmann.base.progress import Progress
 from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import current_device
 from lippmann.display.description import Display
@@ -40,24 +39,6 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
     pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
     rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
     return [range(first, min(first + rows, height_px)) for first in range(0, height_px, rows)]
-
-
-class RowProgress:
-    """Reports the rows of a render that are done, also those of the band that is being rendered."""
-
-    def __init__(self, progress: Progress | None, done: int, total: int) -> None:
-        self.done, self._total, self._progress = done, total, progress
-        self(0)
-
-    def __call__(self, band_rows: int) -> None:
-        """Report that so many rows of the next band are done."""
-        if self._progress is not None:
-            self._progress(self.done + band_rows, self._total)
-
-    def add(self, rows: int) -> None:
-        """Count the rows of a band that is finished, and report."""
-        self.done += rows
-        self(0)
 
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:

@@ -27,11 +27,11 @@ from lippmann.errors import InputError, input_error
 from lippmann.fixed.words import WIDEST
 from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
-from lippmann.optics.rays import Engine, Model
+from lippmann.optics.rays import Model
 from lippmann.rendering.bands import bands_of
 from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.integral_image import metadata_of
-from lippmann.rendering.options import RenderOptions, Settings
+from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.renderer import Renderer
 from lippmann.rendering.sampling import colours_of, display_source
 from lippmann.scenes.placement import Arrange, Placement
@@ -39,6 +39,10 @@ from lippmann.scenes.scene import Scene, arranged, check_scene_file, digest_of, 
 
 if TYPE_CHECKING:
     import mitsuba as mi
+
+
+#: The libraries that a picture's pixels depend on.
+PIXEL_LIBRARIES = ("mitsuba", "drjit")
 
 
 class BandRenderer(Protocol):
@@ -126,11 +130,7 @@ class ScenePlan(Plan):
     @property
     def metadata(self) -> dict[str, str]:
         """What the picture's file carries."""
-        options = self.options
-        return {
-            **image_metadata(options.model, options.settings, self.scene, options.engine, options.fraction_bits),
-            **metadata_of(self.display),
-        }
+        return {**image_metadata(self.options, self.scene), **metadata_of(self.display)}
 
     @property
     def rays(self) -> int:
@@ -203,25 +203,18 @@ def resolve_model(
     return choice.model
 
 
-def image_metadata(
-    model: str, settings: Settings, scene_path: Path, engine: Engine = "fast", fraction_bits: int | None = None
-) -> dict[str, str]:
+def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
     """Return how an image was made, as metadata; `IntegralImage` adds the display."""
-    bits = {} if engine in ("golden", "fast") else {"fraction_bits": str(fraction_bits or WIDEST)}
+    bits = {} if options.engine in ("golden", "fast") else {"fraction_bits": str(options.fraction_bits or WIDEST)}
+    names = ("aperture", "integrator", "samples", "max_depth", "seed", "shading")
     return {
-        "model": model,
-        "engine": engine,
+        "model": options.model,
+        "engine": options.engine,
         **bits,
-        "aperture": settings.aperture,
-        "integrator": settings.integrator,
-        "samples": str(settings.samples),
-        "max_depth": str(settings.max_depth),
-        "seed": str(settings.seed),
-        "shading": settings.shading,
+        **{name: str(getattr(options.settings, name)) for name in names},
         "scene": scene_path.name,
         "version": __version__,
-        "mitsuba": importlib.metadata.version("mitsuba"),
-        "drjit": importlib.metadata.version("drjit"),
+        **{name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES},
     }
 
 
@@ -247,7 +240,7 @@ def pixels_identity(
 
 def pixel_versions() -> dict[str, str]:
     """Return the versions of the packages that a picture's pixels depend on; Lippmann's includes its code's digest."""
-    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
+    others = {name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES}
     return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
 
 

@@ -210,7 +210,7 @@ class Parts:
         dr, mi = drjit(), mitsuba()
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
-            boxes = [box for colour in COLOURS for box in layout.boxes(colour)]
+            boxes = [box for colour in COLOURS[:3] for box in layout.boxes(colour)]
         u, v, width, height = (mi.Float(list(column)) for column in zip(*boxes, strict=True))
         dr.make_opaque(u, v, width, height)
         return cls((u, v, width, height), all(box.v == 0.0 and box.height == 1.0 for box in boxes))

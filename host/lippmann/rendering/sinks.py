@@ -25,7 +25,7 @@ from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress import Progress
 from lippmann.errors import LippmannWarning, NoSpaceError, input_error
-from lippmann.rendering.bands import RowProgress, check_band_memory
+from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
@@ -80,18 +80,26 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
     """
     missing = sink.missing_bands()
     total = sum(len(band.rows) for band in sink.bands)
-    report = RowProgress(progress, total - sum(len(band.rows) for band in missing), total)
+    done = total - sum(len(band.rows) for band in missing)
+
+    def report(band_rows: int) -> None:
+        """Report the rows that are done, also those of the band that is being rendered."""
+        if progress is not None:
+            progress(done + band_rows, total)
+
+    report(0)
     planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
     rays, prepare_seconds, started = 0, 0.0, time.perf_counter()
     try:
         for rendered in executor(missing, report):
             sink.take(rendered)
             rows = len(rendered.band.rows)
-            report.add(rows)
+            done += rows
+            report(0)
             rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
             prepare_seconds += rendered.prepare_seconds
     except BaseException:
-        sink.stop(report.done)
+        sink.stop(done)
         raise
     seconds = time.perf_counter() - started - prepare_seconds
     prepare_seconds += planning_seconds

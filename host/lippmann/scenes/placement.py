@@ -48,10 +48,6 @@ class Placement:
 
     def __post_init__(self) -> None:
         """Refuse what a file could not give, and a near depth that is not in front of the far one."""
-        for name in ("scale", "rotation_deg", "offset_mm", "near_mm", "far_mm"):
-            numbers = np.atleast_1d(np.asarray(getattr(self, name), object))
-            if any(isinstance(number, Real) and not math.isfinite(number) for number in numbers):
-                raise InputError(f"placement: {name} is not finite; give finite numbers")
         if isinstance(self.scale, Real) and not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
             raise InputError(
                 f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "

@@ -197,11 +197,8 @@ def load_scene(
         # The parser's next step moves its nodes.
         integrator = integrators[0].plugin_name() if integrators else None
         for move in moves:
-            matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), move.shapes)]
-            if not matches:
-                raise input_error(str(path), f"no shape's id matches '{move.shapes}'", _ids_there(shapes))
             motion = mi.ScalarTransform4d(move.matrix)
-            for props in matches:
+            for props in _matching(shapes, move.shapes, path):
                 props["to_world"] = motion @ props["to_world"] if "to_world" in props else motion
         if part is not None:
             _keep(part, state, path)
@@ -258,21 +255,24 @@ def _keep(part: Part, state: mi.parser.ParserState, path: Path) -> None:
     names = list(root.keys())
     inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
     shapes = {name: node.props for name, node in inside.items() if node.type == mi.ObjectType.Shape}
-    matches = {name for name, props in shapes.items() if fnmatch.fnmatchcase(props.id(), part.shapes)}
-    if not matches:
-        raise input_error(str(path), f"no shape's id matches '{part.shapes}'", _ids_there(list(shapes.values())))
+    ids = {props.id() for props in _matching(list(shapes.values()), part.shapes, path)}
+    matches = {name for name, props in shapes.items() if props.id() in ids}
     if len(matches) == len(shapes):
         raise input_error(str(path), f"every shape's id matches '{part.shapes}'", "leave some for the rest")
     for name in matches ^ (set(shapes) if part.kept else set()):
         del root[name]
 
 
-def _ids_there(shapes: Sequence[mi.Properties]) -> str:
-    ids = [props.id() for props in shapes if props.id()]
-    if not ids:
-        return 'give the shapes ids in the file: <shape type="ply" id="...">'
-    more = f" and {len(ids) - LISTED_IDS} more" if len(ids) > LISTED_IDS else ""
-    return f"there are {', '.join(ids[:LISTED_IDS])}{more}"
+def _matching(shapes: Sequence[mi.Properties], pattern: str, path: Path) -> list[mi.Properties]:
+    """Return the shapes of a scene file whose id matches a pattern; InputError, with the ids there, without any."""
+    matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
+    if not matches:
+        ids = [props.id() for props in shapes if props.id()]
+        more = f" and {len(ids) - LISTED_IDS} more" if len(ids) > LISTED_IDS else ""
+        listed = f"there are {', '.join(ids[:LISTED_IDS])}{more}"
+        remedy = listed if ids else 'give the shapes ids in the file: <shape type="ply" id="...">'
+        raise input_error(str(path), f"no shape's id matches '{pattern}'", remedy)
+    return matches
 
 
 def digest_of(path: str | Path) -> str:
