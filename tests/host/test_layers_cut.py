@@ -152,13 +152,13 @@ def test_wrong_counts_slots_and_scenes_are_refused(scene):
         with pytest.raises(InputError, match="count"):
             cut_scene(placed, DISPLAY, count, SLOT, FAST)
     for slot, message in (
-        ((250, 192), "250 texels across; give a power of two from 32 to 1024"),
-        ((16, 192), "16 texels across; give a power of two from 32 to 1024"),
-        ((2048, 2), "2048 texels across"),
-        ((256, 190), "a slot is loaded in blocks of 1024 texels; give a multiple of 4 rows"),
-        ((64, 24), "give a multiple of 16 rows"),
-        ((512, 1025), "give a multiple of 2 rows"),
-        ((1024, 256), "at most 255 blocks of 1024 texels; give fewer rows"),
+        ((250, 192), "width = 250 cannot be built; choose 32, 64, 128"),
+        ((16, 192), "width = 16 cannot be built"),
+        ((2048, 2), "slot 2048x2: width = 2048 cannot be built"),
+        ((256, 190), "slots of 256 x 190 texels cannot be built; choose a multiple of 1024 texels"),
+        ((64, 24), "a multiple of 1024 texels"),
+        ((512, 1025), "height: 1025 is not valid; give a whole number from 2 to 1024"),
+        ((1024, 256), "1024 x 256 texels cannot be built; choose .*, at most 261120"),
     ):
         with pytest.raises(InputError, match=message):
             check_slot(slot)

@@ -19,16 +19,15 @@ from lippmann.base.tones import decode, psnr_db
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.fixed.scene_build import PALETTE_BYTES
 from lippmann.layers.layer_drawing import FILTERS, Filter, draw_golden, exit_lines, panel_bytes
 from lippmann.layers.scene_cutting import Cut, Reach, check_slot, cut_scene, reach_of
-from lippmann.layers.stack import COLOURS, MAX_LAYERS
+from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import MOST_SAMPLES
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import Scene
 
-#: Bytes of a palette.
-PALETTE_BYTES = 4 * COLOURS
 #: Bytes of a block RAM of the ECP5 (DP16KD). A palette takes a whole one: it has half as many bytes, of 32-bit words.
 BLOCK_RAM_BYTES = 2048
 #: Bytes of the table of the panel's curve, of which each colour has a copy.

@@ -27,10 +27,10 @@ from lippmann.engines import trace
 from lippmann.errors import InputError, input_error
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw
-from lippmann.fixed.scene_build import MAX_TEXEL_BLOCKS, SceneBuild
+from lippmann.fixed.scene_build import BLOCK_BYTES, MAX_TEXEL_BLOCKS, SceneBuild
 from lippmann.fixed.words import WIDEST
 from lippmann.layers.layers_folder import check_for_display
-from lippmann.layers.stack import BLOCK_BYTES, MIN_ROW, Bytes, Floats, Layer, LayerStack, light_of, opacity_of
+from lippmann.layers.stack import Bytes, Floats, Layer, LayerStack, light_of, opacity_of
 from lippmann.optics.rays import MODELS, Engine, Model, gets_through
 from lippmann.rendering.bands import bands_of
 from lippmann.rendering.integral_image import metadata_of
@@ -50,6 +50,8 @@ SAMPLES = {
 }
 #: Largest slope, |dx/dz| and |dy/dz|, of a ray that draws.
 MAX_SLOPE = 4.0
+#: Least texels of a row of a board's slots.
+MIN_ROW = 32
 #: Bits of a panel's value that a board sends at most.
 BOARD_BITS = 8
 #: Rays drawn at once.

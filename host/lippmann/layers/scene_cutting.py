@@ -27,17 +27,8 @@ from lippmann.base.variant import current_device, drjit, mitsuba
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, whole_number
-from lippmann.layers.stack import (
-    BLOCK_BYTES,
-    MAX_LAYERS,
-    MAX_SIDE,
-    MIN_ROW,
-    Floats,
-    Layer,
-    LayerStack,
-    Picture,
-    quantise,
-)
+from lippmann.fixed.scene_build import SceneBuild
+from lippmann.layers.stack import MAX_LAYERS, Floats, Layer, LayerStack, Picture, quantise
 from lippmann.optics.backend import Arr
 from lippmann.optics.rays import Status
 from lippmann.optics.sample_points import points_in_pixel
@@ -50,8 +41,6 @@ from lippmann.scenes.scene import Scene
 
 #: Texels of a slot across and down, unless others are given.
 SLOT = (256, 192)
-#: Most blocks of a slot.
-MAX_BLOCKS = 255
 #: How far a display's rays reach is measured in so many lenslets at each edge of the panel, at so many places along it.
 EDGE_LENSLETS, REACH_RAYS = 2.0, 101
 #: Rays across and down that look for a scene's depths, and for the part of an area that a slab covers.
@@ -93,17 +82,11 @@ class Cut:
 
 
 def check_slot(slot: tuple[int, int]) -> None:
-    """Refuse slots that no board has: a row is a power of two, and a slot a whole number of blocks, 255 at most."""
-    width, height = slot
-    what = f"slot {width}x{height}"
-    if width & (width - 1) or not MIN_ROW <= width <= MAX_SIDE:
-        raise InputError(f"{what}: {width} texels across; give a power of two from {MIN_ROW} to {MAX_SIDE}")
-    step = max(1, BLOCK_BYTES // width)
-    if not 2 <= height <= MAX_SIDE or height % step:
-        remedy = f"give a multiple of {step} rows, from 2 to {MAX_SIDE}"
-        raise InputError(f"{what}: a slot is loaded in blocks of {BLOCK_BYTES} texels; {remedy}")
-    if width * height > MAX_BLOCKS * BLOCK_BYTES:
-        raise InputError(f"{what}: a slot has at most {MAX_BLOCKS} blocks of {BLOCK_BYTES} texels; give fewer rows")
+    """Refuse slots, texels across and down, that no board has (`SceneBuild`)."""
+    try:
+        SceneBuild(1, None, *slot)
+    except InputError as error:
+        raise InputError(f"slot {slot[0]}x{slot[1]}: {error}") from None
 
 
 def reach_of(display: Display) -> Reach:

@@ -30,10 +30,6 @@ MAX_LAYERS = 8
 MAX_SIDE = 1024
 #: Colours of a palette.
 COLOURS = 256
-#: Least texels of a row of a board's slots.
-MIN_ROW = 32
-#: Bytes of the blocks in which a board's slots are loaded.
-BLOCK_BYTES = 1024
 #: Farthest depth of a layer, mm; what lies beyond is a sky.
 MAX_DEPTH_MM = 1e6
 

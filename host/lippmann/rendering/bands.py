@@ -10,7 +10,7 @@ from lippmann.base.tones import BAND_ROWS
 from lippmann.base.variant import current_device
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.rendering.options import Settings, Shading, check_limit_mb
+from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, may_share
 from lippmann.rendering.sampling import TILE_PX, colours_of
 
@@ -74,7 +74,6 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
     """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
-    check_limit_mb(limit)
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 

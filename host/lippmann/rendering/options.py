@@ -9,7 +9,6 @@ from lippmann.errors import InputError, whole_number
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
 from lippmann.rendering.sampling import APERTURES, Aperture
-from lippmann.rendering.surface_lattice import MOST_POINTS
 
 Shading = Literal["auto", "each", "shared"]
 SHADINGS: tuple[Shading, ...] = get_args(Shading)
@@ -47,10 +46,9 @@ class Settings:
                 raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
         if not isinstance(self.integrator, str):
             raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
-        if self.light_points is not None:
-            whole_number("light points", self.light_points, 1, MOST_POINTS)
-        if self.memory_mb is not None:
-            check_limit_mb(self.memory_mb)
+        limit: object = self.memory_mb
+        if limit is not None and not (isinstance(limit, int | float) and limit > 0.0):
+            raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")
 
 
 ModelOption = Literal["auto", Model]
@@ -79,9 +77,3 @@ class RenderOptions:
                 raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
         if self.fraction_bits is not None and self.engine in ("golden", "fast"):
             raise InputError(f"fraction bits belong to the engines twin and rtl; leave them out with {self.engine}")
-
-
-def check_limit_mb(limit: object) -> None:
-    """Raise InputError for a memory limit (MB) that is not a number above 0."""
-    if not isinstance(limit, int | float) or not limit > 0.0:
-        raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")

@@ -61,9 +61,7 @@ class PixelFilter:
     """Sums over the samples of a band's pixels: for themselves, and for each of `SIDES`."""
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
-        """Raise ValueError for a source that is not to be filtered."""
-        if source.owner is None:
-            raise ValueError("pixels of this source stand alone")
+        assert source.owner is not None
         dr, mi = drjit(), mitsuba()
         self._owner, self._samples, self._rows, self._width = source.owner, samples, rows, source.width_px
         pixels = len(rows) * source.width_px
