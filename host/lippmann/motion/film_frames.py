@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.base.files import make_folder
-from lippmann.base.images import read_picture
 from lippmann.base.progress import Progress, report_each
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
@@ -179,17 +178,10 @@ def check_folder(folder: Path, frames: int) -> None:
 
 def is_rendered(folder: Path, plan: FramePlan) -> bool:
     """Tell whether a folder contains the complete frame of a plan."""
-
-    def accept(metadata: Mapping[str, str]) -> None:
-        if metadata.get("shot") != plan.identity:
-            raise InputError("a frame of another film")
-
-    panel = plan.display.panel
-    try:
-        read_picture(frame_path(folder, plan.frame), (panel.width_px, panel.height_px), accept)
-    except InputError:
-        return False
-    return True
+    with contextlib.suppress(InputError):
+        image = IntegralImage.load(frame_path(folder, plan.frame), plan.display)
+        return image.metadata.get("shot") == plan.identity
+    return False
 
 
 class FrameFolder:

@@ -273,7 +273,6 @@ def _connected(address: str, security: Security | None = None) -> Client:
 
 
 def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radiance, dict[str, str]]:
-    """Render a band, on a worker."""
     from distributed import get_worker
 
     name = f"worker {get_worker().address}"

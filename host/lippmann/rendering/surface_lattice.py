@@ -214,7 +214,6 @@ def laid(scene: Jit, spacing: float, most: int) -> tuple[Lattices, int]:
 
 
 def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
-    """Return the numbers of points of lattices."""
     return np.where(kind & EVEN, (steps + 1) * (row_steps + 1), (steps + 1) * (steps + 2) // 2)
 
 

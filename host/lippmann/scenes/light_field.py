@@ -16,7 +16,7 @@ from lippmann.base.variant import drjit, mitsuba
 from lippmann.optics.backend import Arr
 
 if TYPE_CHECKING:
-    from mitsuba import Properties, SurfaceInteraction3f, TraversalCallback
+    from mitsuba import Properties, SurfaceInteraction3f
 
 
 def register_light_field() -> None:
@@ -60,12 +60,6 @@ def register_light_field() -> None:
 
         def eval_direction(self, it: Arr, ds: Arr, active: Arr = True) -> Arr:
             return mi.Spectrum(0.0)
-
-        def sample_ray(self, time: Arr, one: Arr, two: Arr, three: Arr, active: Arr = True) -> tuple[Arr, Arr]:
-            return dr.zeros(mi.Ray3f), mi.Spectrum(0.0)
-
-        def traverse(self, callback: TraversalCallback) -> None:
-            pass
 
         def to_string(self) -> str:
             return f"LightField[{len(self.x)} x {len(self.y)} views]"

@@ -79,7 +79,7 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
         instances = list(_instances(path, notes))
     names = unique(name for name, _, _ in instances)
     for number, (name, (_, mesh, matrix)) in enumerate(zip(names, instances, strict=True)):
-        notes += _add_shape(scene, name, mesh, matrix, textures, folder / f"mesh-{number}.ply", path)
+        notes += _add_shape(scene, name, mesh, matrix, textures, folder / f"mesh-{number}.ply")
     return write(scene, folder / "scene.xml")
 
 
@@ -109,7 +109,6 @@ def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Flo
 
 
 def _load(path: Path, notes: list[str]) -> trimesh.Scene:
-    """Return trimesh's scene of a file."""
     import trimesh
     from trimesh.resolvers import FilePathResolver
 
@@ -208,7 +207,7 @@ class _Textures:
     """The textures of a scene's file: each is written once, as a PNG."""
 
     def __init__(self, folder: Path, source: Path) -> None:
-        self._folder, self._source = folder, source
+        self._folder, self.source = folder, source
         #: The pictures are kept, so that no other one gets an id of theirs.
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
@@ -225,11 +224,11 @@ class _Textures:
             return self._written[key][0]
         if picture.width * picture.height > MOST_PIXELS:
             what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
-            raise input_error(str(self._source), f"{what} are allowed", "make it smaller")
+            raise input_error(str(self.source), f"{what} are allowed", "make it smaller")
         try:
             pixels = np.array(picture.convert("RGBA"))
         except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
-            raise input_error(str(self._source), f"has a texture that cannot be read ({error})", REMEDY) from None
+            raise input_error(str(self.source), f"has a texture that cannot be read ({error})", REMEDY) from None
         values = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
         if (factor != 1.0).any() and part == "colour":
             for first in range(0, len(values), PART_ROWS):
@@ -243,11 +242,10 @@ class _Textures:
         return name
 
 
-def _add_shape(
-    scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path, source: Path
-) -> list[str]:
+def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path) -> list[str]:
     """Add a mesh to a scene, with its file and textures; return a line on what of it is not shown, if anything."""
     visual: Visual = mesh.visual
+    source = textures.source
     if visual.kind == "face":
         mesh = _with_faces_apart(mesh, visual.face_colors, source)
         visual = mesh.visual
@@ -322,7 +320,6 @@ def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
 
 
 def _write_mesh(path: Path, mesh: Trimesh, matrix: Floats, uv: Floats | None, colours: Floats | None) -> None:
-    """Write a mesh, placed by a matrix."""
     points = np.array(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     normals, faces = None, np.array(mesh.faces)
     if _has_normals(mesh):
