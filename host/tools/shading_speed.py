@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,7 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot, finish_picture, make_axes
 from lippmann.display.description import Display, load_display
 from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.rendering import renderer
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.renderer import Rendered, render_integral, render_rays
 from lippmann.rendering.sampling import TILE_PX, Lines, RaySource, display_source
@@ -133,7 +135,8 @@ def _drawn(scene: Scene, display: Display, settings: Settings, way: str) -> tupl
     """Return the seconds of a picture in one of the ways, and the picture."""
     shading, program = WAYS[way]
     source = display_source(display, "exact", settings.samples, "chief", "fast", None)
-    rendered = render_rays(scene, source, replace(settings, shading=shading), program=program)
+    with patch.object(renderer, "SharedProgram", program):
+        rendered = render_rays(scene, source, replace(settings, shading=shading))
     return rendered.seconds, rendered.radiance
 
 

@@ -7,8 +7,6 @@ import pytest
 from lippmann.base.tones import psnr_db
 from lippmann.rendering.options import Settings
 from lippmann.rendering.pixel_filter import share_of_noise
-from lippmann.rendering.renderer import render_rays
-from lippmann.rendering.sampling import display_source
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
@@ -29,9 +27,7 @@ def fish(mi, tmp_path):
 
 
 def drawn(scene, display, samples, way):
-    shares, program = shading_speed.WAYS[way]
-    source = display_source(display, "exact", samples, "chief", "fast", None)
-    return render_rays(scene, source, Settings(samples, shading=shares), program=program).radiance
+    return shading_speed._drawn(scene, display, Settings(samples), way)[1]
 
 
 def test_a_scene_has_as_many_lamps_as_asked_and_their_power(fish, mi):

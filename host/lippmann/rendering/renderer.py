@@ -121,13 +121,12 @@ class Renderer:
         source: RaySource,
         settings: Settings,
         bands: Sequence[range] | None = None,
-        program: type[SharedProgram] = SharedProgram,
         in_memory: bool = True,
     ) -> None:
         """Raise InputError when there is no such integrator.
 
-        `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `program` is what lights
-        samples where light is shared. `in_memory`: the whole picture is kept in memory, not one band.
+        `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `in_memory`: the
+        whole picture is kept in memory, not one band.
         """
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
@@ -147,7 +146,7 @@ class Renderer:
         #: What is to be told of sharing light.
         self.remark: str | None = None
         if settings.shading != "each":
-            self.remark = self._share(scene, settings, rows, integrator, program)
+            self.remark = self._share(scene, settings, rows, integrator)
         #: Seconds of choosing how to shade, and of all calls of `prepare`.
         self.prepare_seconds = time.perf_counter() - started
         #: Whether light is shared; and how open choices were decided, as metadata.
@@ -160,9 +159,7 @@ class Renderer:
         most = CHUNK_SAMPLES[current_device()] // (SHARED_PARTS if self.shading == "shared" else 1)
         return max(1, most // (self.rays * TILE_PX * TILE_PX))
 
-    def _share(
-        self, scene: Scene, settings: Settings, rows: int, integrator: Jit, program: type[SharedProgram]
-    ) -> str | None:
+    def _share(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
         """Let the program be one that shares light, where that can be and is asked for, and return a remark.
 
         `rows` is how many are kept in memory.
@@ -184,7 +181,7 @@ class Renderer:
                 most = min(MOST_POINTS, int(rays // RAYS_A_POINT)) if is_open else MOST_POINTS
             light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
             if light.points:
-                self._shared = program(scene, source, settings.samples, integrator, settings.max_depth, light)
+                self._shared = SharedProgram(scene, source, settings.samples, integrator, settings.max_depth, light)
                 keeps, remark = self._judge_trial() if is_open else (True, None)
                 if keeps:
                     self._program, self.settings = self._shared, replace(settings, shading="shared", light_points=most)
@@ -336,21 +333,14 @@ def radiance_of(planes: list[Jit], width: int) -> Radiance:
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
-def render_rays(
-    scene: Scene,
-    source: RaySource,
-    settings: Settings,
-    progress: Progress | None = None,
-    program: type[SharedProgram] = SharedProgram,
-) -> Rendered:
+def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
     """Render the image of a source of rays; `progress` is called with (rows done, rows in all).
 
-    `program` is what lights samples where light is shared. What a trial of it shows goes to the log.
-
-    Raises InputError when the image exceeds the memory limit, or there is no such integrator.
+    What a trial of shared light shows goes to the log. Raises InputError when the image exceeds the memory limit, or
+    there is no such integrator.
     """
     check_memory(source.width_px, source.height_px, settings, source.colours)
-    renderer = Renderer(scene, source, settings, program=program)
+    renderer = Renderer(scene, source, settings)
     renderer.prepare()
     if renderer.remark is not None:
         logger.info("%s", renderer.remark)
