@@ -250,19 +250,18 @@ def capture(
     rotated = not built.concave if rotate is None else rotate
     settings = Settings(samples, aperture or "full", integrator, max_depth, seed, memory_mb, shading)
     check_memory(built.display.panel.width_px, built.display.panel.height_px, settings, colours=1)
-    placement = None
+    placement, path = None, None if isinstance(setup, Setup) else setup
     if isinstance(scene, str | Path):
-        path = None if isinstance(setup, Setup) else setup
         placement = placement_before(built, check_scene_file(scene), path)
     with open_scene(scene, placement, device) as loaded:
         if logger.isEnabledFor(logging.INFO):
             warn_of_unused_parts(loaded, settings)
         captured = capture_scene(loaded, built, settings, rotated, progress)
-    losses = _losses(*captured.lost_percent)
-    options = RenderOptions("exact", settings=replace(settings, shading=captured.shading))
-    metadata = image_metadata(options, loaded.path)
+    settings = replace(settings, shading=captured.shading)
+    metadata = image_metadata(RenderOptions("exact", settings=settings), loaded.path)
     metadata |= {"setup": built.name, "rotated": str(rotated), "array_position_mm": repr(float(built.position_mm))}
-    return IntegralImage(captured.radiance, built.display, metadata, {**losses, **captured.measured})
+    measured = {**_losses(*captured.lost_percent), **captured.measured}
+    return IntegralImage(captured.radiance, built.display, metadata, measured)
 
 
 def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:

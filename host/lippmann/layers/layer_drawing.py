@@ -90,10 +90,7 @@ def draw_golden(
 
 
 def scene_build_of(stack: LayerStack, filter: Filter, samples: int) -> SceneBuild:
-    """Return the least build of the drawing that holds a stack.
-
-    Raises InputError, with the largest layer's number and size, when no build does.
-    """
+    """Return the least build of the drawing that holds a stack; InputError, with the largest layer, without one."""
     widest = max(MIN_ROW, *(layer.width for layer in stack.layers))
     width = 1 << (widest - 1).bit_length()
     step = max(2, BLOCK_BYTES // width)

@@ -184,10 +184,7 @@ def check_depth(depth_mm: float, display: Display, where: str) -> None:
 
 @contextlib.contextmanager
 def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Image.Image]:
-    """Open a PNG picture for a block, and refuse one that is missing or that cannot be read there.
-
-    `if_missing` and `if_broken` are the remedies.
-    """
+    """Open a PNG for a block; InputError, with these remedies, when it is missing or cannot be read."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():

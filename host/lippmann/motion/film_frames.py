@@ -32,10 +32,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """One frame of a film.
-
-    All frames have the film's seed, so that the pixels of parts at rest do not change.
-    """
+    """One frame of a film. All have its seed, so that the pixels of parts at rest do not change."""
 
     film: Film
     frame: int
@@ -65,10 +62,7 @@ class FramePlan(ScenePlan):
         return self._with_moved_shapes(scene) if self.film.object else scene
 
     def _with_moved_shapes(self, scene: Scene) -> Scene:
-        """Return the scene with a depth range that includes the shapes that have moved beyond it.
-
-        A depth that the film gives holds.
-        """
+        """Return the scene with depths that include the shapes that have moved; a depth that the film gives holds."""
         rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
         low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
@@ -137,10 +131,7 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn of what will not be seen of a frame, and log its lens model; see `choose_model`.
-
-    The frame's renderer is kept for its render in this process.
-    """
+    """Warn of what will not be seen of a frame, and log its lens model. Its renderer is kept for its render here."""
     scene = plan.load()
     model = choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
@@ -228,10 +219,7 @@ class FrameFolder:
 
 @dataclass
 class Reel:
-    """The frames of a film, which is played round and round.
-
-    No frame is left out: a film whose frames take longer than they should is slower.
-    """
+    """The frames of a film, played round and round. None is left out: a film that takes longer is slower."""
 
     plans: Sequence[FramePlan]
     frames_per_second: float

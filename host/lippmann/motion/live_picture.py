@@ -97,10 +97,7 @@ PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
 class LivePicture:
-    """The integral image of a scene in changing places.
-
-    It stays where it is rendered, on a GPU perhaps, until `values` or `radiance` asks for it.
-    """
+    """The integral image of a scene in changing places, on the device until `values` or `radiance` asks for it."""
 
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None

@@ -31,10 +31,7 @@ RAY_BYTES = 80.0
 
 
 def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
-    """Return the rows of the bands in which an image of so many rays a pixel is rendered, on the current device.
-
-    They are whole tiles, and whole bands of a file.
-    """
+    """Return the rows of an image's bands on a device: whole tiles, whole bands of a file, about equally many rays."""
     device = device or current_device()
     pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
     rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))

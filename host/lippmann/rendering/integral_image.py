@@ -116,10 +116,7 @@ class IntegralImage(Showable):
     def save(self, path: str | Path) -> None:
         """Write the image: .exr and .tif keep linear radiance, .png the panel's values by its own curve and bits.
 
-        Raises
-        ------
-        InputError
-            When the file cannot be written, or the radiance is not finite.
+        Raises InputError when the file cannot be written, or the radiance is not finite.
         """
         panel = self.display.panel
         write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)

@@ -160,10 +160,7 @@ class Renderer:
         return max(1, most // (self.rays * TILE_PX * TILE_PX))
 
     def _share(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
-        """Let the program be one that shares light, where that can be and is asked for, and return a remark.
-
-        `rows` is how many are kept in memory.
-        """
+        """Let the program share light, where it can and is asked to; return a remark. `rows` are kept in memory."""
         source, most, is_open = self._source, settings.light_points, settings.shading == "auto"
         why, is_told = why_not_shared(scene, source, settings.integrator), not is_open
         rays = self._width * self._height * self.rays
@@ -202,10 +199,7 @@ class Renderer:
         return keeps, f"{tried}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Let the next bands be those of the scene in another place, by the same program.
-
-        They are those of a picture's pass of this number; the mean of several passes is finer than each.
-        """
+        """Let the next bands be those of the scene in another place: a pass of this number, by the same program."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
@@ -262,10 +256,7 @@ class Renderer:
         return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
-
-        `report_rows` is called after each chunk with the number of the band's rows that are done.
-        """
+        """Return a band's radiance (rows, width, 3) and its lost samples by reason (`BandRenderer.render`)."""
         planes, lost = self.draw(self.bands[number], report_rows)
         return radiance_of(planes, self._width), lost
 

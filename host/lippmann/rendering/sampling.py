@@ -289,10 +289,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return the depth z, mm, of the surface that an eye sees at each pixel's centre, (height, width).
-
-    Where there is none it is -infinity.
-    """
+    """Return the depth z, mm, that an eye sees at each pixel's centre, (height, width); -infinity without a surface."""
     dr, mi = drjit(), mitsuba()
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])

@@ -343,10 +343,7 @@ def _add_material(shape: Element, material: Material | None, textures: _Textures
     def add(
         parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
     ) -> None:
-        """Add a parameter: one of the material's textures, times a factor, or without it the factor alone.
-
-        `raw`: the texture's numbers are no colours.
-        """
+        """Add a parameter: a texture (`raw`: its numbers are no colours), times a factor, or the factor alone."""
         image = getattr(material, texture, None) if has_uv else None
         if image is not None:
             bitmap = plugin(parent, "texture", "bitmap", name=parameter)

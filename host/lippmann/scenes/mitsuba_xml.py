@@ -70,10 +70,7 @@ def new_scene() -> Element:
 
 
 def unique(names: Iterable[str]) -> list[str]:
-    """Return names without their repetitions, and with plain characters: of two `leaf` the second is `leaf-2`.
-
-    They differ by more than their cases, as file systems need it.
-    """
+    """Return names with plain characters that differ, also without case: of two `leaf` the second is `leaf-2`."""
     used: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.-]", "_", name) or "shape"

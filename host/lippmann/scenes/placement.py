@@ -101,10 +101,7 @@ class Placement:
         return replace(self, near_mm=near, far_mm=far)
 
     def then(self, other: Placement) -> Placement:
-        """Return the placement that stands a scene by this one and then moves all of it by another.
-
-        Its depths go with it (`keeping_depths`).
-        """
+        """Return the placement that stands a scene by this one, then moves it, and its depths, by another."""
         placed = Placement.of(other.display_from_scene @ self.display_from_scene, self.scale * other.scale)
         return placed.keeping_depths(self)
 

@@ -95,11 +95,7 @@ class Scene:
         return far, near
 
     def box(self, placement: Placement) -> tuple[Matrix, Matrix]:
-        """Return the lowest and the highest corner (3,), mm, of the bounding box of the scene, placed so.
-
-        A closed shape around all others is left out (`bounds_of`). The corners are infinite if the box is unbounded or
-        empty.
-        """
+        """Return the lowest and highest corner (3,), mm, of the placed scene (`bounds_of`); infinite without bounds."""
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
@@ -215,10 +211,7 @@ def load_scene(
 
 
 def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
-    """Return the scene of a `mitsuba.Scene`, or of the dictionary of one, which Mitsuba's load_dict takes.
-
-    Raises InputError for a dictionary that Mitsuba refuses, or that makes no scene.
-    """
+    """Return the scene of a `mitsuba.Scene`, or of the dictionary of one; InputError where Mitsuba refuses it."""
     mi = mitsuba()
     if isinstance(scene, dict):
         try:
@@ -234,10 +227,7 @@ def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = 
 
 
 def _check_lamps(scene: mi.Scene, where: str) -> None:
-    """Raise InputError for a lamp with a number that is not finite: Mitsuba takes it, and the picture would be black.
-
-    Pictures are left out.
-    """
+    """Raise InputError for a lamp with a number, but in a picture, that is not finite: all would be black."""
     mi, dr = mitsuba(), drjit()
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
