@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -98,6 +98,23 @@ def drjit() -> ModuleType:
     import drjit
 
     return drjit
+
+
+class _Lazy:
+    """A module that is loaded when one of its names is first used: most commands start without it."""
+
+    def __init__(self, load: Callable[[], ModuleType]) -> None:
+        self._load = load
+
+    def __getattr__(self, name: str) -> Jit:
+        if name.startswith("__"):  # who only looks at the object loads nothing
+            raise AttributeError(name)
+        return getattr(self._load(), name)
+
+
+#: Dr.Jit, and Mitsuba as `mitsuba` returns it.
+dr: Jit = _Lazy(drjit)
+mi: Jit = _Lazy(mitsuba)
 
 
 def _loaded() -> ModuleType:

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.variant import current_device, drjit, mitsuba
+from lippmann.base.variant import current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import InputError, whole_number
@@ -295,7 +295,6 @@ def peel(
 
     `size` is (width, height). With a back of -infinity the scene's surroundings are seen, too.
     """
-    mi, dr = mitsuba(), drjit()
     width, height = size
     (front, back), samples = between_mm, settings.samples
     integrator = make_integrator(scene, settings)
@@ -329,7 +328,6 @@ def seen_depths(
     Detail is the squared difference of neighbouring texels, which is the nearer one's: a surface hides with its edge
     what is behind it. The surroundings are at -infinity.
     """
-    mi, dr = mitsuba(), drjit()
     front = min(scene.depth_range_mm[1], eye_mm[2])
     index = dr.arange(mi.UInt32, size[0] * size[1])
     # A single sample is at the texel's centre.
@@ -357,7 +355,6 @@ def _chunks(texels: int, samples: int) -> Iterator[tuple[int, int]]:
 
 def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Arr, sample: Arr, settings: Settings) -> Lines:
     """Return the lines from samples of an area's texels to an eye; of an area of slopes, through the origin."""
-    mi, dr = mitsuba(), drjit()
     # Opaque, so that another area or eye needs no compilation.
     columns = dr.opaque(mi.UInt32, size[0])
     left, top, across, down = (

@@ -21,7 +21,7 @@ from lippmann.base.fullscreen import Pixels
 from lippmann.base.images import Radiance
 from lippmann.base.toml import documented, key
 from lippmann.base.tones import BAND_ROWS, encoded_values
-from lippmann.base.variant import Jit, current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display, Panel
 from lippmann.eye.observer import Eye, observe
 from lippmann.motion.film_frames import Reel
@@ -61,7 +61,6 @@ class Encoder:
 
     def __init__(self, panel: Panel) -> None:
         """Take the panel's transfer curve, and its bits up to 8."""
-        dr, mi = drjit(), mitsuba()
         bits = min(panel.bits, 8)
         self._byte = getattr(dr, mi.variant().split("_")[0]).ad.UInt8
         self._shape = (panel.height_px, panel.width_px, 3)
@@ -73,7 +72,6 @@ class Encoder:
 
         They may be Dr.Jit's memory, as in `radiance_of`.
         """
-        dr, mi = drjit(), mitsuba()
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         found = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -151,7 +149,6 @@ class LivePicture:
 
     def quick(self, placement: Placement) -> None:
         """Make the picture of the scene in another place, one ray for each block of pixels."""
-        dr = drjit()
         self._placement, self._passes = self._scene.placed(placement).placement, 0
         planes = self._drawn(1, lambda: False) or []
         if self.block > 1:
@@ -167,12 +164,12 @@ class LivePicture:
         if planes is None:
             return False
         self._planes = [a + b for a, b in zip(self._planes, planes, strict=True)] if self._passes else planes
-        drjit().eval(self._planes)
+        dr.eval(self._planes)
         self._passes += 1
         return True
 
     def _mean(self) -> list[Jit]:
-        passes = drjit().opaque(mitsuba().Float, float(max(self._passes, 1)))
+        passes = dr.opaque(mi.Float, float(max(self._passes, 1)))
         return [plane / passes for plane in self._planes]
 
     def _renderer(self, samples: int) -> Renderer:
@@ -201,7 +198,7 @@ class LivePicture:
             if interrupted():
                 return None
             parts.append(renderer.draw(band)[0])
-        return [drjit().concat(list(planes)) for planes in zip(*parts, strict=True)]
+        return [dr.concat(list(planes)) for planes in zip(*parts, strict=True)]
 
 
 def _coarse(source: RaySource, block: int) -> RaySource:
@@ -218,7 +215,6 @@ def _coarse(source: RaySource, block: int) -> RaySource:
 
 def _blocks(panel: Panel, block: int) -> Jit:
     """Return the number of each pixel's block, row by row (UInt32)."""
-    dr, mi = drjit(), mitsuba()
     pixel = dr.arange(mi.UInt32, panel.width_px * panel.height_px)
     row = pixel // panel.width_px
     found = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block

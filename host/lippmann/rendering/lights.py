@@ -10,7 +10,7 @@ shown by their own colours.
 from __future__ import annotations
 
 from lippmann.base.machine import has_avx512
-from lippmann.base.variant import Jit, drjit, mitsuba
+from lippmann.base.variant import Jit, dr, mi
 
 
 def coherence_hint(depth: Jit) -> Jit:
@@ -32,7 +32,6 @@ def needs_chance(scene: Jit) -> bool:
 
     It needs none under points, spots and directions, where each surface either scatters light or mirrors all of it.
     """
-    mi = mitsuba()
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():
@@ -53,7 +52,7 @@ def register_lights() -> None:
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
     default true; without them each light reaches every surface that faces it, as `tools.bench stages` asks for).
     """
-    base: Jit = mitsuba().SamplingIntegrator
+    base: Jit = mi.SamplingIntegrator
 
     class Lights(base):  # type: ignore[misc]
         def __init__(self, props: Jit) -> None:
@@ -71,12 +70,11 @@ def register_lights() -> None:
         def aov_names(self) -> list[str]:
             return []
 
-    mitsuba().register_integrator("lights", Lights)
+    mi.register_integrator("lights", Lights)
 
 
 def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, Jit, list[Jit]]:
     """Return what Mitsuba's integrator of splats returns, which are lit by themselves."""
-    dr, mi = drjit(), mitsuba()
     field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MOST_SPLATS})
     radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
     return radiance, mi.Bool(active), []
@@ -86,7 +84,6 @@ def _sample_lights(
     scene: Jit, sampler: Jit, ray: Jit, active: Jit, max_depth: int, shadows: bool
 ) -> tuple[Jit, Jit, list[Jit]]:
     """Return the light that rays bring from surfaces and emitters, and which of them met a surface."""
-    dr, mi = drjit(), mitsuba()
     emitters = list(scene.emitters())
     # Point, spot and directional lights are invisible: rays never meet them.
     visible_emitters = not all(_is_delta(emitter) for emitter in emitters)
@@ -124,7 +121,6 @@ def _sample_lights(
 
 def _light_of_all(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Jit, active: Jit, shadows: bool) -> Jit:
     """Return the light of all emitters that surfaces reflect along the rays that met them."""
-    dr, mi = drjit(), mitsuba()
     arrivals = [
         emitter.sample_direction(si, mi.Point2f(0.5) if _is_delta(emitter) else sampler.next_2d(active), active)
         for emitter in emitters
@@ -143,11 +139,10 @@ def _light_of_all(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: 
 
 
 def _reflectance_of_all(bsdf: Jit, si: Jit, directions: list[Jit], active: Jit) -> list[Jit]:
-    mi = mitsuba()
     if bsdf is None:  # in a scene without any surface, such as a sky alone
         return [mi.Spectrum(0.0) for _ in directions]
     return [bsdf.eval(mi.BSDFContext(), si, wo, active) for wo in directions]
 
 
 def _is_delta(emitter: Jit) -> bool:
-    return bool(mitsuba().has_flag(emitter.flags(), mitsuba().EmitterFlags.Delta))
+    return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))

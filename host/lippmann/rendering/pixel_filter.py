@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from lippmann.base.tones import BAND_ROWS
-from lippmann.base.variant import Jit, current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds
@@ -48,7 +48,6 @@ def share_of_noise(samples: int, colours: int) -> float:
 
 def weight(distance: Jit, soft: float) -> Jit:
     """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's middle."""
-    dr = drjit()
     return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
 
 
@@ -62,7 +61,6 @@ class PixelFilter:
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         assert source.owner is not None
-        dr, mi = drjit(), mitsuba()
         self._owner, self._samples, self._rows, self._width = source.owner, samples, rows, source.width_px
         pixels = len(rows) * source.width_px
         #: Red, green, blue and weight of each pixel, for itself and for each side.
@@ -71,7 +69,6 @@ class PixelFilter:
 
     def add(self, colour: Jit, pixel: Jit, inside: Jit, seeds: Seeds) -> None:
         """Add the samples of pixels, one pixel's after the other's, by the pixels' numbers in the image."""
-        dr, mi = drjit(), mitsuba()
         soft = softness(self._samples)
         number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
         sums = [mi.Vector4f(0.0)] * len(self._sums)
@@ -98,7 +95,6 @@ class PixelFilter:
 
         Nothing is given across rows that are multiples of `BAND_ROWS`, so that bands of any height are alike.
         """
-        dr, mi = drjit(), mitsuba()
         pixel = dr.arange(mi.UInt32, self._width * len(self._rows))
         # Opaque, so that bands of other heights need no compilation.
         height, width = (dr.opaque(mi.Int32, value) for value in (len(self._rows), self._width))

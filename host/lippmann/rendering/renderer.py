@@ -21,7 +21,7 @@ from lippmann.base import interrupts
 from lippmann.base.images import Radiance
 from lippmann.base.progress import Progress
 from lippmann.base.tones import psnr_db
-from lippmann.base.variant import Jit, current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.optics.rays import Engine, Model
@@ -87,7 +87,6 @@ class Rendered:
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:
     """Return the integrator that the settings name; raise InputError when there is none, or a ray is not enough."""
-    mi = mitsuba()
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
@@ -227,7 +226,6 @@ class Renderer:
         It is that of the part of the image, of `TRIAL_PARTS` x `TRIAL_PARTS`, where they are least alike. None: most
         samples meet surfaces without a lattice.
         """
-        dr, mi = drjit(), mitsuba()
         tiles = self._trial_tiles()
         side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
         # All at once, where the samples' numbers have 31 bits (programs take the 32nd for 0); they have not in large
@@ -267,7 +265,6 @@ class Renderer:
 
         Of so many tiles from the first on, or all; the others are black. `report_rows` is called as by `render`.
         """
-        dr, mi = drjit(), mitsuba()
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
@@ -296,7 +293,6 @@ class Renderer:
 
         If there are `sums`, the samples are added to them; if not, each pixel's mean is written into the planes.
         """
-        dr, mi = drjit(), mitsuba()
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
         # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
@@ -320,7 +316,6 @@ def radiance_of(planes: list[Jit], width: int) -> Radiance:
 
     Copy it for other threads: who lets go of it waits for Dr.Jit, which may wait for Python in the thread that renders.
     """
-    dr, mi = drjit(), mitsuba()
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 

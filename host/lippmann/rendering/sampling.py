@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.variant import Jit, current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.display.description import Display, Panel
 from lippmann.display.subpixels import COLOURS, Box, Layout, layout_of
 from lippmann.engines import trace
@@ -69,7 +69,6 @@ class RaySource:
 
 def owner_number(i: Jit, j: Jit) -> Jit:
     """Return a number (UInt32) for each lenslet (i, j); neighbouring lenslets have different ones."""
-    mi = mitsuba()
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
@@ -77,7 +76,6 @@ def lines_from_pixels(
     b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
 ) -> Lines:
     """Trace pixel coordinates (double) through a display's lenslets; aperture points as in `rays_from_pixels`."""
-    mi = mitsuba()
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
         mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -108,7 +106,6 @@ def display_source(
         if engine == "fast":
             return lines_from_pixels(b, display, u, v, aperture_points, model)
         # An engine that takes and gives numpy arrays.
-        mi = mitsuba()
         pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
         if samples > 1:
             steps = 1 << PIXEL_FRACTION
@@ -152,7 +149,6 @@ def eye_source(
     """
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
-        dr, mi = drjit(), mitsuba()
         # Opaque, so that another eye or window needs no compilation.
         wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
         x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
@@ -167,7 +163,7 @@ def eye_source(
         return Lines((x, y, z), (ray.x, ray.y, ray.z), mi.Bool(True))
 
     def owner(b: DrJitBackend, u: Jit, v: Jit) -> Jit:
-        return mitsuba().UInt32(0)
+        return mi.UInt32(0)
 
     return RaySource(window.width_px, window.height_px, lines, owner=owner)
 
@@ -183,7 +179,6 @@ def colours_of(panel: Panel) -> int:
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
     """Return the pixel number of a place in the order of tiles, and whether it lies inside the image."""
-    mi = mitsuba()
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -207,7 +202,6 @@ class Parts:
     @classmethod
     def of(cls, layout: Layout | None) -> Parts:
         """Return the parts of a layout; opaque, so that other places need no compilation."""
-        dr, mi = drjit(), mitsuba()
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
             boxes = [box for colour in COLOURS[:3] for box in layout.boxes(colour)]
@@ -230,7 +224,6 @@ def lines_of(
     source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
     """Return the lines of sight of samples, by the numbers of their pixels, their own, and their colours (UInt32)."""
-    dr, mi = drjit(), mitsuba()
     b = DrJitBackend(current_device())
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
@@ -257,7 +250,6 @@ class Pose:
     @classmethod
     def of(cls, placement: Placement) -> Pose:
         """Return the pose of a placement."""
-        dr, mi = drjit(), mitsuba()
         matrix = placement.scene_from_display
         moved = not np.array_equal(matrix, np.eye(4))
         rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
@@ -265,7 +257,6 @@ class Pose:
 
     def ray(self, lines: Lines) -> Jit:
         """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
-        dr, mi = drjit(), mitsuba()
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
@@ -281,7 +272,6 @@ class Pose:
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
     """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
-    dr, mi = drjit(), mitsuba()
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -290,7 +280,6 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
     """Return the depth z, mm, that an eye sees at each pixel's centre, (height, width); -infinity without a surface."""
-    dr, mi = drjit(), mitsuba()
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
@@ -305,7 +294,6 @@ def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
 
     However a picture is cut into chunks, bands and workers, it draws the same; so do the colours of a pixel.
     """
-    mi = mitsuba()
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)
     state, stream = mi.sample_tea_32(first ^ sample, second, HASH_ROUNDS)
@@ -315,7 +303,6 @@ def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
 
 @functools.cache
 def _sampler_class(variant: str) -> Jit:
-    mi = mitsuba()
     base: Jit = mi.Sampler
 
     class PixelSampler(base):  # type: ignore[misc]

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from lippmann.base.images import Radiance
-from lippmann.base.variant import Jit, current_device, drjit, mitsuba
+from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.rendering.lights import coherence_hint, has_splats
 from lippmann.rendering.sampling import Parts, Pose, RaySource, Seeds, lines_of, pixel_of, sampler_of
 from lippmann.rendering.surface_lattice import (
@@ -49,7 +49,7 @@ class Recorded:
         def call(*arguments: Jit) -> Jit:
             return held.function(*arguments)
 
-        frozen: Jit = drjit().freeze(call, state_fn=lambda *_: held.scene.mitsuba)
+        frozen: Jit = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
         self._function, self._frozen = function, frozen
         # Their Python objects belong to what tells one recording from another: made now, not in the first recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
@@ -119,7 +119,6 @@ class Irradiance:
 
         Of `most` points; the shapes that need most of them are left without.
         """
-        dr, mi = drjit(), mitsuba()
         self.lattices, self.points = laid(scene.mitsuba, spacing, most)
         # Of each point: red, green, blue, and the lamps' word; written before it is read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
@@ -138,7 +137,6 @@ class Irradiance:
 
     def at(self, place: Place) -> Jit:
         """Return the light at places themselves, divided by pi."""
-        dr, mi = drjit(), mitsuba()
         # Two, as in `between`: one for both would be another recording.
         known, seen = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
         light, _ = self._lit(place, known, seen, self.lattices)
@@ -146,7 +144,6 @@ class Irradiance:
 
     def find(self, points: list[Jit], wanted: Jit) -> None:
         """Find the light at points (each an array of numbers), where it is not known yet."""
-        dr, mi = drjit(), mitsuba()
 
         # A loop within one program: three scatters in turn would be three programs.
         def ask(corner: Jit) -> tuple[Jit]:
@@ -168,7 +165,6 @@ class Irradiance:
 
     def between(self, place: Place, wanted: Jit) -> Jit:
         """Return the light at places, divided by pi: between three points, or found there where a shadow's edge is."""
-        dr, mi = drjit(), mitsuba()
         points, weights = corners(self.lattices, place)
         self.find(points, wanted)
         known = [dr.gather(mi.Vector4f, self._light, point, wanted) for point in points]
@@ -200,7 +196,6 @@ def _lit(scene: Jit, emitters: list[Jit], place: Place, known: Jit, seen: Jit, l
 
     Of the lamps in `known` (bits) `seen` tells which are seen; to the others goes a shadow ray each.
     """
-    dr, mi = drjit(), mitsuba()
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
     centre, radius = dr.gather(mi.Point3f, lattices.centre, lattice), dr.gather(mi.Float, lattices.radius, lattice)
@@ -258,8 +253,6 @@ class SharedProgram(Program):
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
         """Return what a `Program` does."""
-        dr, mi = drjit(), mitsuba()
-
         weight, place, fate, *lost = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
         shared = fate == SHARED
         colour = dr.select(shared, weight * self.light_of(place, shared), 0.0)
@@ -279,8 +272,6 @@ class SharedProgram(Program):
         Samples without a lattice are black in both; the third value is their share. Each pixel, or each of its
         colours, has so many `samples`.
         """
-        dr, mi = drjit(), mitsuba()
-
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
         on = fate == SHARED
         found = []
@@ -292,7 +283,6 @@ class SharedProgram(Program):
 
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
     """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
-    dr = drjit()
     rays = samples * source.colours
 
     def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *given: Jit) -> tuple[Jit, ...]:
@@ -313,8 +303,6 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
 
 
 def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Callable[..., Jit]:
-    dr, mi = drjit(), mitsuba()
-
     def follow(index: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, ...]:
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
         # Not 0.0: where all is black, the recording would keep one tile's black for a picture of any size.
@@ -328,8 +316,6 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
 
     The function returns the share of the surface's light that is seen, the place, and what becomes of the sample.
     """
-    dr, mi = drjit(), mitsuba()
-
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
@@ -387,7 +373,6 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
 
 def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
     """Return the pixels' means of red, green and blue; of several colours each has the samples of its own."""
-    dr, mi = drjit(), mitsuba()
 
     def mean(values: Jit) -> Jit:
         return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.base.variant import Jit, drjit, mitsuba
+from lippmann.base.variant import Jit, dr, mi
 
 #: Diffuse surfaces, as Mitsuba writes their BSDFs: of one side, or of two alike in kind.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
@@ -64,7 +64,6 @@ class Place:
 
 def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     """Return the three points round places on lattices, and their weights."""
-    dr, mi = drjit(), mitsuba()
     lattice, back = place.lattice, place.back
     steps, row_steps = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps))
     kind = dr.gather(mi.UInt32, lattices.kind, lattice)
@@ -97,7 +96,6 @@ def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
 
     u and v are those of corners 1 and 2. Places of other kinds stay as they are.
     """
-    dr = drjit()
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     rest = 1.0 - u - v
     to_apex, one, other = (
@@ -111,7 +109,6 @@ def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
 
 def _from_fan(kind: Jit, s: Jit, t: Jit) -> tuple[Jit, Jit]:
     """Return the inverse of `_on_fan`."""
-    dr = drjit()
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     one, other = s * (1.0 - t), (1.0 - s) * (1.0 - t)
     u = dr.select(apex_1, t, dr.select(apex_2, other, one))
@@ -127,8 +124,6 @@ def _before(row: Jit, steps: Jit) -> Jit:
 
 def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
     """Return the place in the unit square of a direction (octahedral mapping)."""
-    dr = drjit()
-
     x, y, z = direction.x, direction.y, direction.z
     size = dr.abs(x) + dr.abs(y) + dr.abs(z)
     x, y = x / size, y / size
@@ -142,7 +137,6 @@ def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
 
 def from_octahedron(u: Jit, v: Jit) -> Jit:
     """Return the direction of a place in the unit square."""
-    dr, mi = drjit(), mitsuba()
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
     z = 1.0 - dr.abs(x) - dr.abs(y)
     x, y = (
@@ -154,7 +148,6 @@ def from_octahedron(u: Jit, v: Jit) -> Jit:
 
 def place_of(lattices: Lattices, point: Jit) -> Place:
     """Return the places of numbered points."""
-    dr, mi = drjit(), mitsuba()
     back = (point & 1) != 0
     place = point >> 1
     lattice = dr.binary_search(0, dr.width(lattices.first) - 1,
@@ -177,7 +170,6 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
 
 def laid(scene: Jit, spacing: float, most: int) -> tuple[Lattices, int]:
     """Return the lattices of a scene's shapes, and the number of their points."""
-    dr, mi = drjit(), mitsuba()
     parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())

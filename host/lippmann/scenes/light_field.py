@@ -8,11 +8,11 @@ eyes, of the outermost beyond them.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lippmann.base.variant import drjit, mitsuba
+from lippmann.base.variant import dr, mi
 from lippmann.optics.backend import Arr
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ def register_light_field() -> None:
     lowest eyes, column 0 of the leftmost; `x_mm` (columns,) and `y_mm` (rows,), the eyes' places before the window's
     middle; `distance_mm`, theirs from its plane; `size_mm`, width and height of the window, in the unit of the eyes.
     """
-    mi: Any = mitsuba()
-    dr = drjit()
 
     class LightField(mi.Emitter):  # type: ignore[misc]
         def __init__(self, props: Properties) -> None:
@@ -69,7 +67,6 @@ def register_light_field() -> None:
 
 def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, active: Arr) -> Arr:
     """Return the colour of a view of (height, width) pixels at u, v, linear between the four nearest pixels."""
-    mi, dr = mitsuba(), drjit()
     height, width = shape
     x, y = u * width - 0.5, v * height - 0.5
     x0, y0 = dr.floor(x), dr.floor(y)
@@ -86,7 +83,6 @@ def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, 
 
 def _neighbours(places: list[float], at: Arr) -> list[tuple[Arr, Arr]]:
     """Return the numbers of the places on both sides of a coordinate, in rising order, and their weights."""
-    mi, dr = mitsuba(), drjit()
     if len(places) == 1:
         return [(mi.Int32(0), mi.Float(1.0))]
     table = mi.Float(places)

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode, encode
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import mi
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes.mitsuba_xml import add_lights, new_scene, plugin, unique, value, write
@@ -393,7 +393,6 @@ def write_surface(
 
     The first row of a texture is at v = 0 in Mitsuba; colours are linear, its attribute `vertex_color`.
     """
-    mi = mitsuba()
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )

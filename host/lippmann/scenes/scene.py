@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 
 from lippmann.base.limits import check_xml
-from lippmann.base.variant import drjit, mitsuba
+from lippmann.base.variant import dr, mi
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error, likely_file, path_of
 from lippmann.optics.display_properties import display_properties
@@ -28,7 +28,7 @@ from lippmann.scenes.meshes import check_faces
 from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement, placement_beside, usual_arrange
 
 if TYPE_CHECKING:
-    import mitsuba as mi
+    import mitsuba as mts
 
 #: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
 SURROUNDS = 3.0
@@ -66,7 +66,7 @@ class Scene:
     """
 
     path: Path
-    mitsuba: mi.Scene
+    mitsuba: mts.Scene
     placement: Placement
     integrator: str | None = None
     has_camera: bool = False
@@ -134,7 +134,7 @@ def _check_files(path: Path) -> None:
 @contextmanager
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
-) -> Iterator[tuple[mi.parser.ParserConfig, mi.parser.ParserState]]:
+) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
     """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
 
     In the block Mitsuba finds files beside the scene file, as with its own loader. Another tool's file is converted;
@@ -143,7 +143,6 @@ def parsed(
     Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a
     file that cannot be read.
     """
-    mi = mitsuba()
     register_light_field()
     before = mi.file_resolver()
     try:
@@ -181,7 +180,6 @@ def load_scene(
     Raises InputError when the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape, or
     a part none or all of them.
     """
-    mi = mitsuba()
     path = check_scene_file(path)
     usual, notes = None, list[str]()
     if placement is None:
@@ -210,9 +208,8 @@ def load_scene(
     return replace(loaded.placed(placement), usual=usual)
 
 
-def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
+def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
     """Return the scene of a `mitsuba.Scene`, or of the dictionary of one; InputError where Mitsuba refuses it."""
-    mi = mitsuba()
     if isinstance(scene, dict):
         try:
             scene = mi.load_dict(scene)
@@ -226,9 +223,8 @@ def scene_of(scene: mi.Scene | dict[str, object], placement: Placement | None = 
     return Scene(Path("scene"), scene, placement, None, bool(scene.sensors())).placed(placement)
 
 
-def _check_lamps(scene: mi.Scene, where: str) -> None:
+def _check_lamps(scene: mts.Scene, where: str) -> None:
     """Raise InputError for a lamp with a number, but in a picture, that is not finite: all would be black."""
-    mi, dr = mitsuba(), drjit()
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
             numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
@@ -238,9 +234,8 @@ def _check_lamps(scene: mi.Scene, where: str) -> None:
                 raise input_error(where, f"{name} of {which} is not finite", "give finite numbers")
 
 
-def _keep(part: Part, state: mi.parser.ParserState, path: Path) -> None:
+def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
     """Remove the shapes of a parsed scene that do not belong to a part."""
-    mi = mitsuba()
     root, child = state.root.props, mi.Properties.ResolvedReference
     names = list(root.keys())
     inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
@@ -253,7 +248,7 @@ def _keep(part: Part, state: mi.parser.ParserState, path: Path) -> None:
         del root[name]
 
 
-def _matching(shapes: Sequence[mi.Properties], pattern: str, path: Path) -> list[mi.Properties]:
+def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> list[mts.Properties]:
     """Return the shapes of a scene file whose id matches a pattern; InputError, with the ids there, without any."""
     matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
     if not matches:
@@ -274,7 +269,6 @@ def digest_of(path: str | Path) -> str:
     InputError as for `load_scene`.
     """
     path = check_scene_file(path)
-    mi = mitsuba()
     digest = hashlib.sha256()
     with parsed(path) as (configuration, state):
         mi.parser.transform_resolve(configuration, state)
@@ -292,16 +286,15 @@ def digest_of(path: str | Path) -> str:
 
 def _file_of(name: str) -> Path:
     """Return the path of the file that the parsed scene names."""
-    mi = mitsuba()
     return Path(str(mi.file_resolver().resolve(mi.filesystem.path(name))))
 
 
-def _boxes(scene: mi.Scene) -> list[tuple[Matrix, Matrix]]:
+def _boxes(scene: mts.Scene) -> list[tuple[Matrix, Matrix]]:
     """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
     boxes = []
     for shape in scene.shapes():
         # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
-        if isinstance(shape, mitsuba().Mesh) and not shape.bbox().valid():
+        if isinstance(shape, mi.Mesh) and not shape.bbox().valid():
             shape.recompute_bbox()
         box = shape.bbox()
         low, high = (np.array(corner, np.float64).ravel() for corner in (box.min, box.max))
@@ -309,9 +302,9 @@ def _boxes(scene: mi.Scene) -> list[tuple[Matrix, Matrix]]:
     return boxes
 
 
-def _box_of_most_splats(shape: mi.Shape, lowest: Matrix, highest: Matrix) -> tuple[Matrix, Matrix]:
+def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> tuple[Matrix, Matrix]:
     """Return the box of most of the splats: a capture has stray ones, far around what was photographed."""
-    data = np.array(mitsuba().traverse(shape)["data"], np.float64).reshape(-1, 10)
+    data = np.array(mi.traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
     low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)
     high = np.percentile(centres + reach, STRAY_PERCENT[1], axis=0)
@@ -326,7 +319,7 @@ def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def bounds_of(scene: mi.Scene) -> tuple[Matrix, Matrix]:
+def bounds_of(scene: mts.Scene) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
 
     A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out, such as a
@@ -342,9 +335,8 @@ def bounds_of(scene: mi.Scene) -> tuple[Matrix, Matrix]:
     return _union(boxes)
 
 
-def _closed(scene: mi.Scene, low: Matrix, high: Matrix) -> bool:
+def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
     """Tell whether rays outwards from all six faces of a box hit something."""
-    mi = mitsuba()
     middle, half = (low + high) / 2, (high - low) / 2
     outwards = np.concatenate([np.eye(3), -np.eye(3)])
     starts = middle + (half + 1e-3 * half.max()) * outwards
@@ -421,7 +413,6 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
 
     The panel's middle is on the first surface on the camera's axis; without one, at the depth of the scene's middle.
     """
-    mi = mitsuba()
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:
