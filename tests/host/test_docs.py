@@ -28,8 +28,7 @@ from lippmann.capturing.capture_setup import load_setup
 from lippmann.cli import COMMANDS, cli, run
 from lippmann.conformance.comparison import load_bounds
 from lippmann.display.description import Panel, load_display
-from lippmann.layers.layers_folder import LayersFile
-from lippmann.layers.pictures_folder import PicturesFile
+from lippmann.layers.layers_folder import LayersFile, PicturesFile
 from lippmann.motion.film import load_film
 from lippmann.motion.layer_film import LayerFilmFile
 from lippmann.scenes.depth_picture import DepthPictureFile

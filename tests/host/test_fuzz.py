@@ -124,13 +124,13 @@ def layer_picture(path):
 
 
 def pictures_file(path):
-    from lippmann.layers.pictures_folder import cut_pictures
+    from lippmann.layers.layers_folder import cut_pictures
 
     cut_pictures(path, _display(), (32, 32))
 
 
 def placed_picture(path):
-    from lippmann.layers.pictures_folder import cut_pictures
+    from lippmann.layers.layers_folder import cut_pictures
 
     cut_pictures(path.parent, _display(), (32, 32))
 

@@ -11,7 +11,7 @@ import pytest
 from lippmann.base import images, limits, toml
 from lippmann.calibration import photographs
 from lippmann.eye import page_server
-from lippmann.layers import pictures_folder
+from lippmann.layers import layers_folder
 from lippmann.scenes import depth_picture, meshes, splats, window_views
 from lippmann.simulation.toolchain import repository
 from lippmann.simulation.virtual_board import IDLE_S
@@ -42,7 +42,7 @@ def test_the_limits_are_those_of_the_code():
     views, megabytes = window_views.MOST_VIEWS, window_views.MOST_BYTES >> 20
     told = f"{million} million pixels in all; {views} views; {megabytes} MB of `views.json`"
     assert row("quilt, folder of views") == told
-    most = pictures_folder.MAX_PIXELS // 10**6
+    most = layers_folder.MAX_PIXELS // 10**6
     assert row("layer's picture").endswith(f"; {most} million pixels of a picture that `layers` cuts")
     corners, large = meshes.MOST_CORNERS // 10**6, splats.MOST_BYTES >> 30
     texture = f"{corners} million corners of faces and {meshes.MOST_PIXELS // 10**6} million pixels a texture"

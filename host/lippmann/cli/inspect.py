@@ -41,7 +41,7 @@ FILES = {
     "layer_film": ("lippmann.motion.layer_film", "LayerFilmFile"),
     "placement": ("lippmann.scenes.placement", "PlacementFile"),
     "layers": ("lippmann.layers.layers_folder", "LayersFile"),
-    "pictures": ("lippmann.layers.pictures_folder", "PicturesFile"),
+    "pictures": ("lippmann.layers.layers_folder", "PicturesFile"),
     "depth_picture": ("lippmann.scenes.depth_picture", "DepthPictureFile"),
 }
 

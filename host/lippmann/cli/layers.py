@@ -23,8 +23,14 @@ from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.layer_choice import Row, measured_cuts, row_of
 from lippmann.layers.layer_drawing import Filter, scene_build_of
-from lippmann.layers.layers_folder import check_for_display, save_layers, warn_of_depths, warn_of_textures
-from lippmann.layers.pictures_folder import cut_pictures, is_pictures
+from lippmann.layers.layers_folder import (
+    check_for_display,
+    cut_pictures,
+    is_pictures,
+    save_layers,
+    warn_of_depths,
+    warn_of_textures,
+)
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.options import Settings

@@ -162,9 +162,8 @@ def check_folder(folder: Path, frames: int) -> None:
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:
-            raise input_error(
-                str(other), f"is beyond the film's {frames} frames", "remove it, or choose another folder"
-            )
+            what = f"is beyond the film's {frames} frames"
+            raise input_error(str(other), what, "remove it, or choose another folder")
 
 
 def is_rendered(folder: Path, plan: FramePlan) -> bool:
@@ -186,7 +185,7 @@ class FrameFolder:
         #: The frames that are to be rendered.
         self.missing_plans = [plan for plan in plans if not is_rendered(folder, plan)]
         self.bands = [band for plan in plans for band in bands_of_plan(plan)]
-        self._pictures: dict[int, tuple[MemorySink, set[int]]] = {}
+        self._pictures: dict[int, MemorySink] = {}
 
     def missing_bands(self) -> Sequence[Band]:
         """Return the bands of the frames that the folder lacks."""
@@ -197,11 +196,10 @@ class FrameFolder:
         plan = rendered.band.plan
         assert isinstance(plan, FramePlan)
         if plan.frame not in self._pictures:
-            self._pictures[plan.frame] = MemorySink(plan), set()
-        picture, numbers = self._pictures[plan.frame]
+            self._pictures[plan.frame] = MemorySink(plan)
+        picture = self._pictures[plan.frame]
         picture.take(rendered)
-        numbers.add(rendered.band.number)
-        if len(numbers) == len(plan.bands):
+        if not picture.missing_bands():
             picture.write(frame_path(self.folder, plan.frame))
             del self._pictures[plan.frame]
 

@@ -117,18 +117,20 @@ class MemorySink:
     def __init__(self, plan: Plan) -> None:
         panel = plan.display.panel
         self.bands, self.plan = bands_of_plan(plan), plan
+        self._missing = dict(enumerate(self.bands))
         self.radiance = np.empty((panel.height_px, panel.width_px, 3), np.float32)
         self.metadata = plan.metadata
 
     def missing_bands(self) -> Sequence[Band]:
-        """Return all bands."""
-        return self.bands
+        """Return the bands that it has not taken."""
+        return list(self._missing.values())
 
     def take(self, rendered: RenderedBand) -> None:
         """Copy a band."""
         rows = rendered.band.rows
         self.radiance[rows.start : rows.stop] = rendered.radiance
         self.metadata |= rendered.choices
+        self._missing.pop(rendered.band.number, None)
 
     def stop(self, done_rows: int) -> None:
         """Leave nothing."""
