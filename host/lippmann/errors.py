@@ -19,7 +19,7 @@ class LippmannError(Exception):
     exit_code = 2
 
     @classmethod
-    def at(cls, where: str, what: str, remedy: str) -> Self:
+    def at(cls, where: object, what: str, remedy: str) -> Self:
         """Return the error `where: what; remedy` on one line."""
         return cls(" ".join(f"{where}: {what}; {remedy}".split()))
 

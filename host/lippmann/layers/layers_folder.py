@@ -85,7 +85,7 @@ def load_named_layers(path: str | Path) -> tuple[LayerStack, tuple[str, ...]]:
     folder = path_of(path, "a folder of layers")
     file = folder / FILE if folder.is_dir() else folder
     if not file.exists():
-        raise input_error(str(path), "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
+        raise input_error(path, "is no folder of layers", f"give a folder with {FILE}; lippmann layers makes one")
     keys = toml.read(LayersFile, toml.load(file, "layers"), str(file))
     layers, names = [], []
     for place, one in enumerate(keys.layer):
@@ -118,17 +118,17 @@ def save_layers(path: str | Path, stack: LayerStack, names: Sequence[str] = ()) 
     names = tuple(names) or tuple(f"layer_{place}" for place in range(len(stack.layers)))
     if len(names) != len(stack.layers) or len({name.casefold() for name in names}) != len(names):
         what = f"{len(stack.layers)} layers are called {', '.join(names)}"
-        raise input_error(str(path), what, "give each a name of its own")
+        raise input_error(path, what, "give each a name of its own")
     for name in names:
         if not NAME.fullmatch(name):
-            raise input_error(str(path), f"'{name}' is not a layer's name", "take letters, digits, _ and - only")
+            raise input_error(path, f"'{name}' is not a layer's name", "take letters, digits, _ and - only")
     folder = Path(path)
     make_folder(folder)
     file = check_output(folder / FILE, (".toml",))
     pictures = [folder / f"{name}.png" for name in names]
     for picture in pictures:
         if picture.exists() and not _is_written(picture):
-            raise input_error(str(picture), "is there, and is no layer of an earlier run", "choose another folder")
+            raise input_error(picture, "is there, and is no layer of an earlier run", "choose another folder")
     former = _written_pictures(file)
     for picture, layer in zip(pictures, stack.layers, strict=True):
         _write_png(picture, layer)
@@ -188,14 +188,14 @@ def opened_png(path: Path, if_missing: str, if_broken: str) -> Iterator[PIL.Imag
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
-        raise input_error(str(path), not_there(path, "picture"), likely_file(path, (".png",)) or if_missing)
+        raise input_error(path, not_there(path, "picture"), likely_file(path, (".png",)) or if_missing)
     try:
         with Image.open(path, formats=("PNG",)) as picture:
             yield picture
     except UnidentifiedImageError:
-        raise input_error(str(path), "is not a whole PNG picture", if_broken) from None
+        raise input_error(path, "is not a whole PNG picture", if_broken) from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise input_error(str(path), f"cannot be read ({reason(error)})", "write it again") from None
+        raise input_error(path, f"cannot be read ({reason(error)})", "write it again") from None
 
 
 def _read_png(path: Path) -> tuple[Bytes, Bytes]:
@@ -203,11 +203,11 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
     with opened_png(path, "mend its name in layers.toml", "write it again") as picture:
         if max(picture.size) > MAX_SIDE:
             what = f"has {picture.width} x {picture.height} texels, more across or down than a board's slot can have"
-            raise input_error(str(path), what, f"make each side at most {MAX_SIDE}")
+            raise input_error(path, what, f"make each side at most {MAX_SIDE}")
         if picture.mode != "P" or picture.palette is None:
             kind = {"L": "grey", "1": "black and white"}.get(picture.mode, picture.mode)
             what = f"is a {kind} picture without a palette"
-            raise input_error(str(path), what, "cut it into a layer with lippmann layers, which gives it one")
+            raise input_error(path, what, "cut it into a layer with lippmann layers, which gives it one")
         clear = picture.info.get("transparency", b"")
         texels = np.asarray(picture, np.uint8)
         colours = np.array(picture.getpalette("RGB"), np.uint8).reshape(-1, 3)
@@ -219,7 +219,7 @@ def _read_png(path: Path) -> tuple[Bytes, Bytes]:
         palette[: len(clear), 3] = np.frombuffer(clear, np.uint8)[:COLOURS]
     if len(texels) and int(texels.max()) >= len(colours):
         what = f"uses colour {int(texels.max())} of a palette of {len(colours)}"
-        raise input_error(str(path), what, "write it again")
+        raise input_error(path, what, "write it again")
     return texels, palette
 
 
@@ -340,7 +340,7 @@ def _read(path: Path) -> Rgba:
     with opened_png(path, "mend its name in the file", "give a PNG") as picture:
         if picture.width * picture.height > MAX_PIXELS:
             what = f"has {picture.width} x {picture.height} pixels"
-            raise input_error(str(path), what, f"make it smaller, at most {MAX_PIXELS} pixels")
+            raise input_error(path, what, f"make it smaller, at most {MAX_PIXELS} pixels")
         if picture.mode.startswith("I"):  # grey of 16 bits, which Pillow's conversion would clip
             numbers, white = np.asarray(picture)[..., None], 65535.0
         else:

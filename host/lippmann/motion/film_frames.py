@@ -163,7 +163,7 @@ def check_folder(folder: Path, frames: int) -> None:
     for other in sorted(folder.glob("frame_*.exr")):
         if other not in ours:
             what = f"is beyond the film's {frames} frames"
-            raise input_error(str(other), what, "remove it, or choose another folder")
+            raise input_error(other, what, "remove it, or choose another folder")
 
 
 def is_rendered(folder: Path, plan: FramePlan) -> bool:

@@ -102,7 +102,7 @@ def load_layer_film(path: str | Path) -> LayerFilm:
         return LayerFilm(*load_named_layers(path))
     if not path.exists():
         remedy = likely_file(path, (".toml",)) or "give a film of layers (.toml), or a folder that lippmann layers made"
-        raise input_error(str(path), "no such file", remedy)
+        raise input_error(path, "no such file", remedy)
     film = LayerFilmFile(**values(toml.read(LayerFilmFile, toml.load(path, "film-of-layers"), str(path))))
     try:
         stack, names = load_named_layers(path.parent / film.layers)

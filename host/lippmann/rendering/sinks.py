@@ -198,7 +198,7 @@ class KeptBands:
             if first in band.rows:
                 radiance = self._read(band.number)
                 if radiance is None:
-                    raise input_error(str(self._path(band.number)), "is gone or broken", "render again")
+                    raise input_error(self._path(band.number), "is gone or broken", "render again")
                 return np.array(radiance[first - band.rows.start : stop - band.rows.start])
         return np.empty((0, *self.shape[1:]), np.float32)
 
@@ -285,7 +285,7 @@ def _check_disk(folder: Path, plan: Plan) -> None:
     free = shutil.disk_usage(folder.parent).free
     if needed > free:
         what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
-        raise NoSpaceError.at(str(folder), what, "free space or choose another place with -o")
+        raise NoSpaceError.at(folder, what, "free space or choose another place with -o")
 
 
 def bands_folder(path: Path) -> Path:

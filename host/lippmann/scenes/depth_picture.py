@@ -67,10 +67,10 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     depth = _depths(path.parent / form.depth) * form.unit_mm
     if depth.shape != colours.shape[:2]:
         sizes = [f"{shape[1]} x {shape[0]}" for shape in (depth.shape, colours.shape)]
-        raise input_error(str(path), f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give two of one size")
+        raise input_error(path, f"depth has {sizes[0]} pixels, colour {sizes[1]}", "give two of one size")
     has_depth = np.isfinite(depth) & (depth > 0.0)
     if not has_depth.any():
-        raise input_error(str(path), "no pixel has a depth above 0", "check depth and unit_mm")
+        raise input_error(path, "no pixel has a depth above 0", "check depth and unit_mm")
     if not has_depth.all():
         holes = depth.size - int(has_depth.sum())
         notes.append(f"note: {holes} of {depth.size} pixels have no depth; each takes that of the nearest with one")
@@ -97,7 +97,7 @@ def _depths(path: Path) -> npt.NDArray[np.float64]:
         return np.asarray(read_light(path)[0][..., 0], np.float64)
     numbers = read_numbers(path, MOST_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
     if numbers.ndim == 3 and (numbers[..., :3] != numbers[..., :1]).any():
-        raise input_error(str(path), "has colours, not depths", "give a picture of one channel, 16 bits or float")
+        raise input_error(path, "has colours, not depths", "give a picture of one channel, 16 bits or float")
     return np.asarray(numbers[..., 0] if numbers.ndim == 3 else numbers, np.float64)
 
 

@@ -71,7 +71,7 @@ def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iter
                 read_views = window_views.read_quilt if kind == "quilt" else window_views.read_folder
                 scene_file = read_views(path).write_scene(folder)
         except OSError as error:
-            raise input_error(str(path), f"cannot be read ({error.strerror or error})", "check file and disk") from None
+            raise input_error(path, f"cannot be read ({error.strerror or error})", "check file and disk") from None
         yield scene_file
 
 

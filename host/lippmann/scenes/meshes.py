@@ -99,13 +99,13 @@ def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Flo
             continue
         corners += 3 * len(mesh.faces)
         if corners > MOST_CORNERS:
-            raise input_error(str(path), f"has more than {MOST_CORNERS // 3} faces", "reduce it in a mesh editor")
+            raise input_error(path, f"has more than {MOST_CORNERS // 3} faces", "reduce it in a mesh editor")
         if not (np.isfinite(mesh.vertices).all() and np.isfinite(matrix).all()):
-            raise input_error(str(path), f"mesh '{name}' has places that are not finite", REMEDY)
+            raise input_error(path, f"mesh '{name}' has places that are not finite", REMEDY)
         area += float(mesh.area)
         yield node, mesh, matrix
     if not corners or not area > 0.0:
-        raise input_error(str(path), "has no faces" if not corners else "has no area", "give a file with a surface")
+        raise input_error(path, "has no faces" if not corners else "has no area", "give a file with a surface")
 
 
 def _load(path: Path, notes: list[str]) -> trimesh.Scene:
@@ -125,7 +125,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
     kind = path.suffix.lower()
     data = read_limited(path, MOST_BYTES, "reduce it in a mesh editor")
     if not data:
-        raise input_error(str(path), "is empty", REMEDY)
+        raise input_error(path, "is empty", REMEDY)
     if kind in (".glb", ".gltf"):
         _check_gltf(path, kind, data, notes)
     with _recorded_losses() as losses:
@@ -135,10 +135,10 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
             raise
         except Exception as error:  # trimesh's readers raise what they stumble over
             reason = _brief(str(error)) or type(error).__name__
-            raise input_error(str(path), f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
+            raise input_error(path, f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if losses:
         remedy = "put it there, or take its name out of the file"
-        raise input_error(str(path), f"lacks a texture or material that can be read ({_brief(losses[0])})", remedy)
+        raise input_error(path, f"lacks a texture or material that can be read ({_brief(losses[0])})", remedy)
     return loaded
 
 
@@ -187,14 +187,14 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
             if name in primitive["attributes"]
         }
     except (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError, RecursionError, struct.error):
-        raise input_error(str(path), f"is no {kind[1:]}, or cut off", "export it again") from None
+        raise input_error(path, f"is no {kind[1:]}, or cut off", "export it again") from None
     if sum(counts) > MOST_CORNERS or min(counts, default=0) < 0:
-        raise input_error(str(path), f"has more than {MOST_CORNERS} numbered vertices", "reduce it in a mesh editor")
+        raise input_error(path, f"has more than {MOST_CORNERS} numbered vertices", "reduce it in a mesh editor")
     for name in required:
         if not name.startswith(MATERIALS):
-            raise input_error(str(path), f"requires {name}", "export it without compression and extensions")
+            raise input_error(path, f"requires {name}", "export it without compression and extensions")
     if places - {FLOAT32}:
-        raise input_error(str(path), "has places or texture coordinates in integers", "export it with 32-bit numbers")
+        raise input_error(path, "has places or texture coordinates in integers", "export it with 32-bit numbers")
     left_out = [name for name in used if name in LEFT_OUT]
     if left_out:
         notes.append(f"note: {path.name} is shown without its {', '.join(left_out)}")
@@ -224,11 +224,11 @@ class _Textures:
             return self._written[key][0]
         if picture.width * picture.height > MOST_PIXELS:
             what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
-            raise input_error(str(self.source), f"{what} are allowed", "make it smaller")
+            raise input_error(self.source, f"{what} are allowed", "make it smaller")
         try:
             pixels = np.array(picture.convert("RGBA"))
         except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
-            raise input_error(str(self.source), f"has a texture that cannot be read ({error})", REMEDY) from None
+            raise input_error(self.source, f"has a texture that cannot be read ({error})", REMEDY) from None
         values = pixels[..., :3] if part == "colour" else pixels[..., "RGBA".index(part[0].upper())]
         if (factor != 1.0).any() and part == "colour":
             for first in range(0, len(values), PART_ROWS):
@@ -277,7 +277,7 @@ def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Pat
 
     if len(colours) != len(mesh.faces):
         what = f"has {len(colours)} colours of faces, and {len(mesh.faces)} triangles"
-        raise input_error(str(source), what, "split its faces into triangles in a mesh editor")
+        raise input_error(source, what, "split its faces into triangles in a mesh editor")
     corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
     faces = np.arange(len(corners)).reshape(-1, 3)
     return trimesh.Trimesh(corners, faces, vertex_colors=np.repeat(colours, 3, axis=0), process=False)
@@ -435,6 +435,6 @@ def check_faces(path: Path) -> None:
         worst = next((number for number in numbers if not 0 <= number < vertices), None)
     except (plyfile.PlyParseError, KeyError, ValueError, OverflowError, MemoryError) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise input_error(str(path), f"cannot be read as ply ({reason})", "export it again") from None
+        raise input_error(path, f"cannot be read as ply ({reason})", "export it again") from None
     if worst is not None:
-        raise input_error(str(path), f"a face names vertex {worst} of {vertices}", "export it again")
+        raise input_error(path, f"a face names vertex {worst} of {vertices}", "export it again")

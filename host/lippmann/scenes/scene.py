@@ -115,10 +115,10 @@ def check_scene_file(path: str | Path) -> Path:
     """Return the path of a scene file; raise InputError when it is missing or of no known format."""
     path = path_of(path, "a scene")
     if not path.exists():
-        raise input_error(str(path), "no such scene", likely_file(path, SUFFIXES) or FORMATS)
+        raise input_error(path, "no such scene", likely_file(path, SUFFIXES) or FORMATS)
     if kind_of(path) is None:
         layers = "; for layers, a folder with layers.toml or pictures.toml" if path.is_dir() else ""
-        raise input_error(str(path), "is a folder" if path.is_dir() else "is no scene", f"{FORMATS}{layers}")
+        raise input_error(path, "is a folder" if path.is_dir() else "is no scene", f"{FORMATS}{layers}")
     return path
 
 
@@ -158,9 +158,9 @@ def parsed(
         raise
     except OSError as error:
         what = f"names {error.filename}, which cannot be read ({error.strerror})"
-        raise input_error(str(path), what, "mend the scene file") from None
+        raise input_error(path, what, "mend the scene file") from None
     except Exception as error:  # Mitsuba's errors have no common base
-        raise input_error(str(path), without_places(error)[:400], "mend the scene file") from None
+        raise input_error(path, without_places(error)[:400], "mend the scene file") from None
     finally:
         mi.set_file_resolver(before)
 
@@ -202,7 +202,7 @@ def load_scene(
                 check_faces(_file_of(str(node.props["filename"])))
         scene = mi.parser.instantiate(configuration, state)
     if not isinstance(scene, mi.Scene):
-        raise input_error(str(path), "contains no scene", "make <scene> its outermost element")
+        raise input_error(path, "contains no scene", "make <scene> its outermost element")
     _check_lamps(scene, str(path))
     loaded = Scene(path, scene, placement, integrator, bool(cameras), notes=tuple(notes))
     return replace(loaded.placed(placement), usual=usual)
@@ -243,7 +243,7 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
     ids = {props.id() for props in _matching(list(shapes.values()), part.shapes, path)}
     matches = {name for name, props in shapes.items() if props.id() in ids}
     if len(matches) == len(shapes):
-        raise input_error(str(path), f"every shape's id matches '{part.shapes}'", "leave some for the rest")
+        raise input_error(path, f"every shape's id matches '{part.shapes}'", "leave some for the rest")
     for name in matches ^ (set(shapes) if part.kept else set()):
         del root[name]
 
@@ -256,7 +256,7 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
         more = f" and {len(ids) - LISTED_IDS} more" if len(ids) > LISTED_IDS else ""
         listed = f"there are {', '.join(ids[:LISTED_IDS])}{more}"
         remedy = listed if ids else 'give the shapes ids in the file: <shape type="ply" id="...">'
-        raise input_error(str(path), f"no shape's id matches '{pattern}'", remedy)
+        raise input_error(path, f"no shape's id matches '{pattern}'", remedy)
     return matches
 
 
@@ -419,7 +419,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
         what = "contains no camera with a field of view"
         own = scene.path.suffix.lower() == ".xml"
         remedy = "place it with --fit, --scale and --offset"
-        raise input_error(str(scene.path), what, f'add a <sensor type="perspective">, or {remedy}' if own else remedy)
+        raise input_error(scene.path, what, f'add a <sensor type="perspective">, or {remedy}' if own else remedy)
     x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
     matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)
     origin, ahead, up = matrix[:3, 3], *(matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in (2, 1))
@@ -429,7 +429,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
         low, high = scene.box(Placement())
         distance = float((0.5 * (low + high) - origin) @ ahead)
     if not 0.0 < distance < math.inf:
-        raise input_error(str(scene.path), "the camera does not look at the scene", "turn the camera, or use --fit")
+        raise input_error(scene.path, "the camera does not look at the scene", "turn the camera, or use --fit")
     eye = 0.5 * display.panel.width_mm / math.tan(0.5 * x_fov)
     scale = eye / distance
     moved = np.eye(4)

@@ -56,20 +56,20 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     import plyfile
 
     if path.stat().st_size > MOST_BYTES:
-        raise input_error(str(path), f"is larger than {MOST_BYTES >> 30} GiB", "reduce it in an editor of splats")
+        raise input_error(path, f"is larger than {MOST_BYTES >> 30} GiB", "reduce it in an editor of splats")
     try:
         vertex = plyfile.PlyData.read(str(path), mmap=False)["vertex"]
     except (plyfile.PlyParseError, KeyError, ValueError, UnicodeDecodeError, OverflowError, MemoryError) as error:
         reason = " ".join(str(error).split())[:200]
-        raise input_error(str(path), f"cannot be read as ply ({reason})", REMEDY) from None
+        raise input_error(path, f"cannot be read as ply ({reason})", REMEDY) from None
     there = [one.name for one in vertex.properties]
     missing = [name for name in (*PLACE, *COLOUR, *SHAPE) if name not in there]
     if missing:
         what = "has splats without colours" if set(missing) & set(COLOUR) else "has points that are no splats"
-        raise input_error(str(path), f"{what}: no property {', '.join(missing)}", REMEDY)
+        raise input_error(path, f"{what}: no property {', '.join(missing)}", REMEDY)
     harmonics = [name for name in (f"f_rest_{k}" for k in range(3 * (DEGREES[-1] + 1) ** 2 - 3)) if name in there]
     if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
-        raise input_error(str(path), f"has {len(harmonics)} properties f_rest_*, of no degree of harmonics", REMEDY)
+        raise input_error(path, f"has {len(harmonics)} properties f_rest_*, of no degree of harmonics", REMEDY)
     names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
     # Mitsuba wants normals, too, and does not look at them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])
@@ -77,16 +77,16 @@ def _read(path: Path) -> npt.NDArray[np.void]:
         try:
             table[name] = vertex[name]
         except (ValueError, TypeError):
-            raise input_error(str(path), f"property {name} is no number", REMEDY) from None
+            raise input_error(path, f"property {name} is no number", REMEDY) from None
     if not vertex.count:
-        raise input_error(str(path), "has no splats", "give a file with some")
+        raise input_error(path, "has no splats", "give a file with some")
     wrong = ~np.all([np.isfinite(table[name]) for name in names], axis=0)
     if wrong.any():
         what = f"{wrong.sum()} splats have numbers that are not finite"
-        raise input_error(str(path), what, "remove them in an editor of splats")
+        raise input_error(path, what, "remove them in an editor of splats")
     sizes = np.array([table[name] for name in SHAPE if name.startswith("scale")])
     if np.abs(sizes).max() > MOST_LOG:
         what = f"has splats whose size is e to the {sizes.max():.3g}"
-        raise input_error(str(path), what, "remove them in an editor of splats")
+        raise input_error(path, what, "remove them in an editor of splats")
     table["opacity"] = np.maximum(table["opacity"], LEAST_LOGIT)
     return table

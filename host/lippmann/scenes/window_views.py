@@ -87,21 +87,21 @@ def read_folder(folder: Path) -> Views:
         views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in keys["views"]]
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)[:100]
-        raise input_error(str(path), f"does not tell the views ({reason})", f"write {FORM}") from None
+        raise input_error(path, f"does not tell the views ({reason})", f"write {FORM}") from None
     eyes = np.array([eye for _, eye in views if len(eye) == 3])
     if not (min(size) > 0.0 and math.isfinite(sum(size))):
-        raise input_error(str(path), f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
+        raise input_error(path, f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
     if not 0 < len(views) <= MOST_VIEWS:
-        raise input_error(str(path), f"has {len(views)} views", f"give 1 to {MOST_VIEWS}")
+        raise input_error(path, f"has {len(views)} views", f"give 1 to {MOST_VIEWS}")
     if len(eyes) != len(views) or not np.isfinite(eyes).all():
-        raise input_error(str(path), "has an eye_mm that is no three numbers", f"write {FORM}")
+        raise input_error(path, "has an eye_mm that is no three numbers", f"write {FORM}")
     if not eyes[:, 2].min() > 0.0 or np.ptp(eyes[:, 2]) > 1e-3 * eyes[0, 2]:
         what = "has eyes at several distances, or behind the window"
-        raise input_error(str(path), what, "give all eyes one z above 0")
+        raise input_error(path, what, "give all eyes one z above 0")
     (x, columns), (y, rows) = _steps(path, eyes[:, 0]), _steps(path, eyes[:, 1])
     if len(x) * len(y) != len(views) or len(set(zip(rows.tolist(), columns.tolist(), strict=True))) != len(views):
         what = f"has {len(views)} eyes at {len(x)} places across and {len(y)} up"
-        raise input_error(str(path), what, "give one view for each place of a row or grid")
+        raise input_error(path, what, "give one view for each place of a row or grid")
     pictures: npt.NDArray[np.float16] | None = None
     for (name, _), row, column in zip(views, rows, columns, strict=True):
         one, _ = read_light(folder / name, len(views))
@@ -109,7 +109,7 @@ def read_folder(folder: Path) -> Views:
             pictures = np.zeros((len(y), len(x), *one.shape), np.float16)
         if one.shape != pictures.shape[2:]:
             what = f"has {one.shape[1]} x {one.shape[0]} pixels, the first view {pictures.shape[3]} x "
-            raise input_error(str(folder / name), f"{what}{pictures.shape[2]}", "give views of one size")
+            raise input_error(folder / name, f"{what}{pictures.shape[2]}", "give views of one size")
         pictures[row, column] = one
     assert pictures is not None
     return Views(pictures, x, y, float(eyes[0, 2]), size)
@@ -127,14 +127,14 @@ def _steps(path: Path, places: npt.NDArray[np.float64]) -> tuple[list[float], np
     number = np.abs(places[:, None] - lines).argmin(axis=1)
     step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
     if np.abs(places - lines[number]).max() > ASIDE * step:
-        raise input_error(str(path), "has eyes that are off a row or grid", "give eyes in equal rows")
+        raise input_error(path, "has eyes that are off a row or grid", "give eyes in equal rows")
     return lines.tolist(), number
 
 
 def _check_size(path: Path, pixels: int) -> None:
     if pixels > MOST_PIXELS:
         what = f"the views have {pixels / 1e6:.0f} million pixels; {MOST_PIXELS // 1_000_000} are allowed"
-        raise input_error(str(path), what, "give fewer or smaller views")
+        raise input_error(path, what, "give fewer or smaller views")
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
@@ -158,9 +158,9 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
             _check_size(path, count * opened.width * opened.height)
             return decode(np.asarray(opened.convert("RGB"), np.float32) / np.float32(255.0), "srgb")
     except FileNotFoundError:
-        raise input_error(str(path), "no such picture", "put it there, or leave it out of the list") from None
+        raise input_error(path, "no such picture", "put it there, or leave it out of the list") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise input_error(str(path), f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None
+        raise input_error(path, f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None
 
 
 #: The tiling in a quilt's name: columns, rows, aspect.
@@ -181,7 +181,7 @@ def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
     if tiling is None:
         return path.with_name(f"{path.stem}{ending}{path.suffix}")
     if (int(tiling[1]), int(tiling[2])) != (columns, rows) or abs(float(tiling[3]) - aspect) > 0.01 * aspect:
-        raise input_error(str(path), f"names another tiling than {ending}", "leave the tiling out of the name")
+        raise input_error(path, f"names another tiling than {ending}", "leave the tiling out of the name")
     return path
 
 
@@ -214,7 +214,7 @@ def read_quilt(path: Path) -> Views:
     height, width = quilt.shape[0] // rows, quilt.shape[1] // columns
     if not (height and width and aspect > 0.0):
         what = f"has {quilt.shape[1]} x {quilt.shape[0]} pixels, too few for {columns} x {rows} views"
-        raise input_error(str(path), what, "correct the tiling in its name")
+        raise input_error(path, what, "correct the tiling in its name")
     tiles = quilt[: rows * height, : columns * width].reshape(rows, height, columns, width, 3)
     # The first view is at the bottom left.
     views = tiles[::-1].transpose(0, 2, 1, 3, 4).reshape(1, rows * columns, height, width, 3)
@@ -227,6 +227,6 @@ def read_quilt(path: Path) -> Views:
             size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
             (left, y, distance), right = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
         except (ValueError, TypeError, KeyError, IndexError):
-            raise input_error(str(path), "its note of the eyes is broken", "export it again") from None
+            raise input_error(path, "its note of the eyes is broken", "export it again") from None
     x = np.linspace(left, right, rows * columns).tolist()
     return Views(np.ascontiguousarray(views, np.float16), x, [y], distance, size)
