@@ -15,7 +15,6 @@ dynamic programming over a histogram.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -301,7 +300,10 @@ def peel(
     surroundings = math.isinf(back) and scene.mitsuba.environment() is not None
     light, coverage = np.empty((width * height, 3)), np.empty(width * height)
     seeds = Seeds(dr.opaque(mi.UInt32, settings.seed), dr.opaque(mi.UInt32, 0))
-    for first, count in _chunks(width * height, samples):
+    step = max(1, CHUNK_SAMPLES[current_device()] // samples)
+    for first in range(0, width * height, step):
+        interrupts.check()
+        count = min(step, width * height - first)
         index = dr.arange(mi.UInt32, count * samples)
         texel = dr.opaque(mi.UInt32, first) + index // samples
         lines = _lines(area, eye_mm, size, texel, index % samples, settings)
@@ -344,13 +346,6 @@ def seen_depths(
         detail[other] += np.where(nearer, 0.0, square)
     there = np.isfinite(depths) | (scene.mitsuba.environment() is not None)
     return depths[there], detail[there]
-
-
-def _chunks(texels: int, samples: int) -> Iterator[tuple[int, int]]:
-    step = max(1, CHUNK_SAMPLES[current_device()] // samples)
-    for first in range(0, texels, step):
-        interrupts.check()
-        yield first, min(step, texels - first)
 
 
 def _lines(area: Area, eye_mm: Point, size: tuple[int, int], texel: Arr, sample: Arr, settings: Settings) -> Lines:

@@ -333,11 +333,7 @@ def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: P
     radiance, lost = np.empty((source.height_px, source.width_px, 3), np.float32), []
     started, cpu_before = time.perf_counter(), time.process_time()
     for number, rows in enumerate(renderer.bands):
-
-        def report(done: int, rows: range = rows) -> None:
-            if progress is not None:
-                progress(rows.start + done, source.height_px)
-
+        report = None if progress is None else lambda done, first=rows.start: progress(first + done, source.height_px)
         radiance[rows.start : rows.stop], counts = renderer.render(number, report)
         lost.append(counts)
     finished, cpu_after = time.perf_counter(), time.process_time()
