@@ -278,7 +278,6 @@ class LiveShow:
     #: What the screens show, and what the picture has before it.
     _shown: Moment | None = None
     _drawn: Moment | None = None
-    _frame: int = -1
     #: Pictures of a film's frames, as long as the hand does not move and there is room.
     _kept: dict[Moment, list[Pixels]] = field(default_factory=dict)
     #: When the first picture was shown, by time.perf_counter, and the seconds of each further one.
@@ -341,11 +340,10 @@ class LiveShow:
     def _draw(self, moment: Moment) -> None:
         """Draw the quick picture of a moment whose motion is the hand's."""
         frame, _ = moment
-        if self.reel is not None and frame != self._frame:
+        if self.reel is not None and (self._drawn is None or frame != self._drawn[0]):
             scene, self.hand.base = self.reel.stage(frame)
             if scene is not None:
                 self.picture.stage(scene)
-            self._frame = frame
         self.picture.quick(self.hand.placement())
         self._drawn = moment
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -181,9 +181,5 @@ class Screens:
 @contextmanager
 def screens() -> Iterator[Screens]:
     """Give the desktop's screens; all windows are closed after the block. DeviceError when there is no desktop."""
-    with desktop("a window") as pygame:
-        made = Screens(pygame)
-        try:
-            yield made
-        finally:
-            made.close()
+    with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
+        yield windows
