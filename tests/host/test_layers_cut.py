@@ -394,7 +394,7 @@ def test_bad_pictures_are_one_line(place, capfd, find, put, message):
     [
         (["layers", "book", "--display", "tiny.toml", "-o", "o", "--scale", "2"], "pictures have their places"),
         (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "64"], "'64' is not WIDTHxHEIGHT"),
-        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "give a power of two"),
+        (["layers", "cards.xml", "--display", "tiny.toml", "-o", "o", "--slot", "60x64"], "choose 32, 64, 128"),
         (
             ["layers", "book", "--display", "tiny.toml", "-o", "o", "--count", "3"],
             "its 2 pictures make 2 layers, not 3; ",
