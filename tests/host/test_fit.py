@@ -375,7 +375,7 @@ def test_decibels_that_miss_a_tolerance_show_less_than_it():
     [
         (0.0, SMALL, 161, "not positive and finite"),
         (math.inf, SMALL, 161, "not positive and finite"),
-        (25.0, ((60, 48),), 161, "give a power of two"),
+        (25.0, ((60, 48),), 161, "choose 32, 64, 128"),
         (25.0, SMALL, 17, "no layer fits 17 block RAMs and 99 multipliers; give at least 18 and 22"),
     ],
 )
@@ -400,7 +400,7 @@ def test_the_command_chooses_layers_and_says_what_was_tried(cards, capfd):
     out = capfd.readouterr().out
     assert "none of those tried is within 40 dB; limit: larger builds, not tried, need more than --block-rams" in out
     assert sum(line.endswith("best") for line in out.splitlines()) == 1
-    for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "a power of two")):
+    for more, what in ((["--tolerance-db", "-1"], "finite"), (["--slot", "60x64"], "choose 32, 64, 128")):
         assert run([*words, *more]) == 2
         assert what in capfd.readouterr().err
     assert run(["fit", "tiny.toml", "--scale", "2"]) == 2
