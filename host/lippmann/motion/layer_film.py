@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key, values
-from lippmann.display.description import Display, Pair
+from lippmann.display.description import Display
 from lippmann.errors import InputError, did_you_mean, input_error, likely_file
 from lippmann.layers.layers_folder import Light, check_depth, is_layers, load_named_layers
 from lippmann.layers.stack import Layer, LayerStack
@@ -21,6 +21,7 @@ from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
 #: Frames a second of a folder of layers, which stands still.
 STILL_RATE = 12.0
+Pair = tuple[Number, Number]
 
 
 @documented
