@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from lippmann.calibration import check
 from lippmann.calibration import solve as solver
-from lippmann.calibration.bundle_adjustment import WITHIN, Problem, SmoothErrors, Weights, jacobian, seam_powers
+from lippmann.calibration.bundle_adjustment import WITHIN, Problem, SmoothErrors, Weights, jacobian
 from lippmann.calibration.coded_patterns import PatternSet, read_patterns, write_patterns
 from lippmann.calibration.lattice_search import find_lattice, steps_of, within
 from lippmann.calibration.lens_projection import fit_projection, inner_rays, movement
@@ -223,7 +223,7 @@ def test_the_movement_over_a_cell_is_that_of_exact_rays(request, grid):
     turn = display.array.rotation_deg
     rng = np.random.default_rng(7)
     slopes = np.array([0.1, -0.05]) + rng.uniform(-0.15, 0.15, (100, 2))
-    moves = movement_of(display, turn, slopes, 300.0)
+    moves = movement_of(display, slopes, 300.0)
     new = np.array([0.1, -0.05]) + rng.uniform(-0.12, 0.12, (20, 2))
     inner, at, seen = inner_rays(display, new, 300.0)
     assert seen.all()
@@ -257,17 +257,18 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
                     rng.normal(0.0, 0.1, (len(index), 2, 2)), np.eye(2), 1.0, 1.0)  # fmt: skip
     problem = Problem(display, [fit_projection(display, 0.3, 350.0)], [view], (600, 800))
     pitch = display.array.pitches_mm[0]
-    seams = np.full(len(seam_powers("square")), 0.01)
-    x = np.array([pitch, pitch, 0.0, 0.0, 0.0, 0.0, display.gap_mm, *seams, 900.0, 400.0, 300.0, 0, 0, *camera])
+    seams = np.full(len(problem.seam_powers), 0.01)
+    array, lens = [pitch, pitch, 0.0, 0.0, 0.0, 0.0], [900.0, 400.0, 300.0, 0.0, 0.0]
+    x = problem.packed(array=array, gap=display.gap_mm, seams=seams, lens=lens, pose=camera)
     panel, photo = problem.seen(x, 0)
     half = rng.uniform(0.0, 0.3, (len(index), 2))
     ends = half * rng.choice([-1.0, 1.0], half.shape) + rng.normal(0.0, 1e-7, half.shape)
     near = dataclasses.replace(view, half_px=half, panel_mm=panel - ends * display.panel.pitches_mm, photo_px=photo)
     problem = dataclasses.replace(problem, views=[near])
     weights = Weights.equal(problem, (1.0, 1.0))
-    found = jacobian(problem, x, weights)[: 4 * len(index)].reshape(-1, 4, len(x))
+    found = jacobian(problem, x, weights)[: 4 * len(index)].reshape(-1, 4, len(problem.free))
     far = dataclasses.replace(problem, views=[dataclasses.replace(near, half_px=zeros)])
-    smooth = jacobian(far, x, weights)[: 4 * len(index)].reshape(-1, 4, len(x))
+    smooth = jacobian(far, x, weights)[: 4 * len(index)].reshape(-1, 4, len(problem.free))
     within = abs(problem.offsets(x, 0)[:, :2]) < half
     assert 0.3 < within.mean() < 0.7
     np.testing.assert_allclose(found[:, :2], smooth[:, :2] * np.where(within, WITHIN, 1.0)[..., None], rtol=1e-12)
@@ -281,11 +282,12 @@ def test_three_positions_give_the_display(case, solved):
     folder, said = solved
     assert said["outliers"] < 0.1
     assert len(said["cameras"]) == 3
-    display, summary, field, text = load_calibration(folder / "calibrated.toml")
-    assert summary["identity"] == display.identity == said["identity"]
-    assert text == display_text(case.nominal)
-    assert len(field) == said["lenslets"] > 200
-    judged = judge(display, case.built)
+    loaded = load_calibration(folder / "calibrated.toml")
+    assert loaded.display.identity == said["identity"]
+    assert json.loads(json.dumps(loaded.summary())) == {name: said[name] for name in loaded.summary()}
+    assert display_text(loaded.nominal) == display_text(case.nominal)
+    assert len(loaded.field) == said["lenslets"] > 200
+    judged = judge(loaded.display, case.built)
     assert judged.rms_px < 0.1
     assert judged.worst_px < 0.3
     assert judged.rotation_deg < 0.002
@@ -650,9 +652,8 @@ def test_the_report_of_a_calibration(solved, tmp_path, capfd):
     text = (page / "calibration.md").read_text()
     for name in ("pitch_x", "rotation", "gap"):
         assert name in text
-    summary = load_calibration(out)[1]
-    (gap,) = [one for one in summary["parameters"] if one["name"] == "gap"]
-    assert f"| gap | {digits(gap['value'], gap['uncertainty'])} |" in text
+    gap = load_calibration(out).parameter("gap")
+    assert f"| gap | {digits(gap.value, gap.uncertainty)} |" in text
     out.write_text(out.read_text().replace("gap_mm = ", "gap_mm = 1"))
     assert run(["calibrate", "report", str(out), "-o", str(page)]) == 2
     assert "belongs to another display file" in capfd.readouterr().err

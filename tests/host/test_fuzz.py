@@ -279,7 +279,7 @@ def make_seeds(place):
         name="a", place_mm=(0, 0, 600), uncertainty_mm=(1, 1, 1), lenslets=2, agree=1.0, modulation=0.5
     )
     parameter = Parameter("gap", 3.0, 0.1, "mm", 3.1, True)
-    found = Calibration(lp.load_display("c.toml"), vga, (parameter,), (), (camera,), {}, 0.1, 0.1, 0.0, np.ones((2, 8)))
+    found = Calibration((parameter,), (), (camera,), {}, 0.1, 0.1, 0.0, lp.load_display("c.toml"), vga, np.ones((2, 8)))
     found.save(Path("c.toml"))
 
 

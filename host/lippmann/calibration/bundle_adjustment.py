@@ -17,9 +17,11 @@ coarse, so that single lenslets would promise too much.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import cv2
@@ -30,7 +32,7 @@ from scipy.optimize import least_squares
 from lippmann.base import interrupts
 from lippmann.calibration.lens_projection import FOLDS, LensProjection, powers
 from lippmann.calibration.lenslet_measurement import Lenslets, regular
-from lippmann.display.description import Display, Grid
+from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
 #: The array's parameters, and the step of each for differences: mm, radians, shares.
@@ -47,6 +49,8 @@ POSE = {"turn_x": 1e-6, "turn_y": 1e-6, "turn_z": 1e-6, "place_x": 1e-2, "place_
 ZOOM = 1e-5
 #: Beginnings of the names of parameters that change where a photograph shows a point, and not which rays it sees.
 STILL = "seams_", "turn_", "zoom_", *LENS
+#: Beginnings of the names of parameters that change their own view only.
+OWN_VIEW = "turn_", "place_", "zoom_"
 #: Priors: standard deviations of the pitches (shares of the file's), of the gap and of the bow (shares of D), ...
 PRIOR_PITCH, PRIOR_GAP, PRIOR_BOW = 0.01, 0.3, 0.1
 #: ... of the focal length (of its logarithm), principal point (share of the photograph's longer side), and distortion.
@@ -55,8 +59,6 @@ PRIOR_FOCAL, PRIOR_MIDDLE, PRIOR_DISTORTION = 0.7, 0.02, 0.3
 PRIOR_ZOOM = 0.1
 #: Prior of the numbers of the seams: their standard deviation, pitches.
 PRIOR_SEAMS = 0.03
-#: That of a gap that is held.
-HELD_GAP = 1e-5
 #: Most lenslets of a position in the least squares.
 MOST_LENSLETS = 8000
 #: Residuals beyond this many standard deviations are outliers.
@@ -128,25 +130,16 @@ class SmoothErrors:
         return cls(modes, shares, basis, 1.0 - 1.0 / np.sqrt(1.0 + np.outer(shares, values) ** 2))
 
     def whitened(self, values: Floats) -> Floats:
-        """Return W times values (N, 4) or (N, 4, M)."""
-        flat = values.reshape(len(values), 4, -1)
+        """Return W times values (N, 4), or (N, 4, M), or (4 N, M), whose rows are four for each lenslet."""
+        flat = values.reshape(len(self.basis), 4, -1)
         part = np.einsum("nk,ncm->kcm", self.basis, flat) * self.lost.T[..., None]
         return np.asarray((flat - np.einsum("nk,kcm->ncm", self.basis, part)).reshape(values.shape))
-
-    def whitened_rows(self, rows: Floats) -> Floats:
-        """Return W times the rows (4 N, M) of a matrix of derivatives, four for each lenslet."""
-        return self.whitened(rows.reshape(-1, 4, rows.shape[1])).reshape(rows.shape)
 
 
 def spread_out(places: Floats) -> Floats:
     """Return places (N, 2) from 0 to 1 across all of them."""
     low, size = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
     return np.asarray((places - low) / size)
-
-
-def seam_powers(grid: Grid) -> tuple[tuple[int, int], ...]:
-    """Return the powers (j, k) of slopes by which seams move the lenslets' middles in a photograph."""
-    return powers(FOLDS[grid], SEAMS)
 
 
 class Rays(NamedTuple):
@@ -162,44 +155,56 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: a nominal display, and of each position the lenslets' projection and the lenslets."""
+    """What is fitted: a nominal display, and of each position the lenslets' projection and the lenslets.
+
+    The parameters x are one vector of blocks, whose order is that of `blocks`.
+    """
 
     display: Display
     projections: Sequence[LensProjection]
     views: Sequence[Lenslets]
     shape: tuple[int, int]
-    bow: bool = False
-    #: The gap stays that of the file: the photographs do not determine it.
-    held: bool = False
-    #: Each position has a focal length of its own.
-    zoom: bool = False
+    #: Blocks that keep their values: no bow, one focal length for all positions, and perhaps the file's gap.
+    held: frozenset[str] = frozenset({"bow", "zoom"})
+
+    def without(self, *held: str) -> Problem:
+        """Return the problem in which some blocks are fitted too."""
+        return replace(self, held=self.held.difference(held))
 
     @cached_property
-    def names(self) -> list[str]:
-        """Names of the parameters, in order."""
-        return list(self.steps)
-
-    @property
-    def zooms(self) -> list[str]:
-        """Names of the zooms, which come last."""
-        return [f"zoom_{k}" for k in range(1, len(self.views))] if self.zoom else []
+    def seam_powers(self) -> tuple[tuple[int, int], ...]:
+        """The powers (j, k) of slopes by which seams move the lenslets' middles in a photograph."""
+        return powers(FOLDS[self.display.array.grid], SEAMS)
 
     @cached_property
-    def array_steps(self) -> dict[str, float]:
-        """Names and steps of the parameters before the lens's."""
-        seams = {f"seams_{j}{k}": SEAMS_STEP for j, k in seam_powers(self.display.array.grid)}
-        return {**ARRAY, **GAP, **(BOW if self.bow else {}), **seams}
+    def blocks(self) -> dict[str, dict[str, float]]:
+        """Names of the parameters of each block, and their steps for differences, in order."""
+        views = range(len(self.views))
+        seams = {f"seams_{j}{k}": SEAMS_STEP for j, k in self.seam_powers}
+        poses = {f"{name}_{k}": step for k in views for name, step in POSE.items()}
+        zooms = {f"zoom_{k}": ZOOM for k in views[1:]}
+        return {"array": ARRAY, "gap": GAP, "bow": BOW, "seams": seams, "lens": LENS, "pose": poses, "zoom": zooms}
 
     @cached_property
     def steps(self) -> dict[str, float]:
         """The step of each parameter for differences, in order."""
-        poses = {f"{name}_{k}": step for k in range(len(self.views)) for name, step in POSE.items()}
-        return {**self.array_steps, **LENS, **poses, **dict.fromkeys(self.zooms, ZOOM)}
+        return {name: step for block in self.blocks.values() for name, step in block.items()}
 
     @cached_property
-    def shared(self) -> int:
-        """Number of parameters before those of the poses."""
-        return len(self.array_steps) + len(LENS)
+    def free(self) -> list[int]:
+        """Places of the parameters that are fitted."""
+        fitted = {name for block, names in self.blocks.items() if block not in self.held for name in names}
+        return [at for at, name in enumerate(self.steps) if name in fitted]
+
+    def part(self, x: Floats, block: str) -> Floats:
+        """Return the parameters of a block."""
+        ends = dict(zip(self.blocks, accumulate(map(len, self.blocks.values())), strict=True))
+        return x[ends[block] - len(self.blocks[block]) : ends[block]]
+
+    def packed(self, **parts: npt.ArrayLike) -> Floats:
+        """Return the parameters x of some blocks; those of the other blocks are 0."""
+        zeros = {block: np.zeros(len(names)) for block, names in self.blocks.items()}
+        return np.concatenate([np.ravel(part) for part in (zeros | parts).values()])
 
     @cached_property
     def places(self) -> list[Floats]:
@@ -208,31 +213,22 @@ class Problem:
 
     def centres(self, x: Floats, places: Floats) -> Floats:
         """Return lenslets' centres (N, 2), mm in the panel's frame."""
-        px, py, shear, turn, ox, oy = x[:6]
+        px, py, shear, turn, ox, oy = self.part(x, "array")
         down = py * places[:, 1]
         along = px * places[:, 0] + shear * down
         c, s = np.cos(turn), np.sin(turn)
         return np.stack([c * along - s * down + ox, s * along + c * down + oy], axis=1)
 
-    def heights(self, x: Floats, centres: Floats) -> Floats | float:
+    def heights(self, x: Floats, centres: Floats) -> Floats:
         """Return the heights of lenslets over the array's mean, mm."""
-        if not self.bow:
-            return 0.0
-        panel = self.display.panel
-        u, v = 2.0 * centres[:, 0] / panel.width_mm, 2.0 * centres[:, 1] / panel.height_mm
-        return np.asarray(x[7:12] @ np.stack([u, v, u * u - 1.0 / 3.0, v * v - 1.0 / 3.0, u * v]))
-
-    def seams(self, x: Floats) -> Floats:
-        """Return the numbers of `seam_powers`."""
-        end = self.shared - len(LENS)
-        return x[end - len(seam_powers(self.display.array.grid)) : end]
+        u, v = 2.0 * centres.T / [[self.display.panel.width_mm], [self.display.panel.height_mm]]
+        return np.asarray(self.part(x, "bow") @ [u, v, u * u - 1.0 / 3.0, v * v - 1.0 / 3.0, u * v])
 
     def pose(self, x: Floats, k: int) -> tuple[Floats, Floats, Floats]:
         """Return the lens, and the turn and the place of view k."""
-        lens, pose = x[self.shared - len(LENS) : self.shared], x[self.shared + 6 * k : self.shared + 6 * (k + 1)]
-        if self.zoom and k > 0:
-            lens = lens * [1.0 + x[self.names.index(f"zoom_{k}")], 1.0, 1.0, 1.0, 1.0]
-        return lens, pose[:3], pose[3:]
+        turn, place = self.part(x, "pose").reshape(-1, 2, 3)[k]
+        zoom = self.part(x, "zoom")[k - 1] if k > 0 else 0.0
+        return self.part(x, "lens") * [1.0 + zoom, 1.0, 1.0, 1.0, 1.0], turn, place
 
     def rays(self, x: Floats, k: int) -> Rays:
         """Trace the rays of view k, which need neither the lens nor the camera's turn."""
@@ -240,10 +236,9 @@ class Problem:
         projection, centres = self.projections[k], self.centres(x, self.places[k])
         high = self.heights(x, centres)
         z = projection.outline_mm + high
-        slope = (place[:2] - centres) / np.reshape(place[2] - z, (-1, 1))
-        outline, point, seam_terms = projection.traced(slope, x[6] + high, seam_powers(self.display.array.grid))
-        middles = np.column_stack([centres + outline, np.broadcast_to(z, len(centres))])
-        return Rays(middles, centres + point, seam_terms)
+        slope = (place[:2] - centres) / (place[2] - z)[:, None]
+        outline, point, seam_terms = projection.traced(slope, self.part(x, "gap") + high, self.seam_powers)
+        return Rays(np.column_stack([centres + outline, z]), centres + point, seam_terms)
 
     def aside(self, x: Floats, k: int, middles: Floats) -> Floats:
         """Return how far the places that were read are from the outlines' middles (N, 3), in cells of pitch 1."""
@@ -254,7 +249,7 @@ class Problem:
         rays = rays or self.rays(x, k)
         moved = np.einsum("np,npa->na", self.aside(x, k, rays.middles), self.views[k].moves)
         middles = rays.middles.copy()
-        middles[:, :2] += x[0] * (rays.seam_terms @ self.seams(x))
+        middles[:, :2] += x[0] * (rays.seam_terms @ self.part(x, "seams"))
         return rays.points + moved, projected(middles, *self.pose(x, k))
 
     def residuals(self, x: Floats, k: int) -> Floats:
@@ -278,16 +273,18 @@ class Problem:
         """Return the residuals to the priors, in standard deviations."""
         display, longer = self.display, float(max(self.shape))
         depth = display.aperture_distance_mm
-        focal, mx, my, k1, k2 = x[self.shared - len(LENS) : self.shared]
-        bow = list(x[7:12] / (PRIOR_BOW * depth)) if self.bow else []
-        return np.array([
-            *(x[:2] / display.array.pitches_mm - 1.0) / PRIOR_PITCH,
-            (x[6] - display.gap_mm) / ((HELD_GAP if self.held else PRIOR_GAP) * depth), *bow,
-            np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL,
-            (mx - 0.5 * self.shape[1]) / (PRIOR_MIDDLE * longer), (my - 0.5 * self.shape[0]) / (PRIOR_MIDDLE * longer),
-            k1 / PRIOR_DISTORTION, k2 / PRIOR_DISTORTION,
-            *(self.seams(x) / PRIOR_SEAMS), *(x[len(x) - len(self.zooms) :] / PRIOR_ZOOM),
-        ])  # fmt: skip
+        focal, *middle = self.part(x, "lens")[:3]
+        parts: list[npt.ArrayLike] = [
+            (x[:2] / display.array.pitches_mm - 1.0) / PRIOR_PITCH,
+            (self.part(x, "gap") - display.gap_mm) / (PRIOR_GAP * depth),
+            self.part(x, "bow") / (PRIOR_BOW * depth),
+            [np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL],
+            np.subtract(middle, np.multiply(0.5, self.shape[::-1])) / (PRIOR_MIDDLE * longer),
+            self.part(x, "lens")[3:] / PRIOR_DISTORTION,
+            self.part(x, "seams") / PRIOR_SEAMS,
+            self.part(x, "zoom") / PRIOR_ZOOM,
+        ]
+        return np.concatenate([np.asarray(part) for part in parts])
 
     def thinned(self, most: int) -> Problem:
         """Return the problem with at most so many lenslets of each view, chosen at random."""
@@ -314,32 +311,42 @@ class Weights(NamedTuple):
         """Return the weights with the scatter that the residuals have."""
         return self._replace(scatter=[_scatter(problem.residuals(x, k)) for k in range(len(problem.views))])
 
+    def rows(self) -> list[slice]:
+        """Return the rows of each view's residuals among those of all, four for each lenslet that counts."""
+        ends = [0, *accumulate(4 * int(one.sum()) for one in self.kept)]
+        return [slice(*both) for both in pairwise(ends)]
+
 
 @dataclass(frozen=True)
 class Solution:
-    """Parameters, their covariance, and the weights of the lenslets."""
+    """Parameters, their covariance (0 for those that are held), and the weights of the lenslets."""
 
     problem: Problem
     x: Floats
     covariance: Floats
     weights: Weights
-    #: Root mean squares of the residuals that were kept, pixels.
-    rms_panel_px: float
-    rms_photo_px: float
 
     def value(self, name: str) -> float:
         """Return a parameter."""
-        return float(self.x[self.problem.names.index(name)])
+        return float(self.x[self._at(name)])
 
     def deviation(self, name: str) -> float:
         """Return the standard deviation of a parameter."""
-        at = self.problem.names.index(name)
-        return float(np.sqrt(self.covariance[at, at]))
+        return math.sqrt(self.covariance[self._at(name), self._at(name)])
 
     def correlation(self, one: str, other: str) -> float:
         """Return the correlation of two parameters."""
-        i, j = self.problem.names.index(one), self.problem.names.index(other)
-        return float(self.covariance[i, j] / np.sqrt(self.covariance[i, i] * self.covariance[j, j]))
+        shared = float(self.covariance[self._at(one), self._at(other)])
+        return shared / (self.deviation(one) * self.deviation(other))
+
+    def _at(self, name: str) -> int:
+        return list(self.problem.steps).index(name)
+
+    def rms_px(self) -> tuple[float, float]:
+        """Return the root mean squares of the residuals that count: panel's pixels, and photograph's."""
+        counting = [self.problem.residuals(self.x, k)[kept] for k, kept in enumerate(self.weights.kept)]
+        columns, rows, *photo = (np.concatenate(counting) ** 2).mean(axis=0)
+        return math.sqrt(columns + rows), math.sqrt(sum(photo))
 
 
 def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
@@ -356,19 +363,13 @@ def solve(problem: Problem, x: Floats, robust_only: bool = False) -> Solution:
         x = _minimised(problem, x, weights, False)
         weights = weights.measured(problem, x)
         x = _minimised(problem, x, weights, False)
-    return _judged(problem, x, weights)
-
-
-def released(solution: Solution) -> Solution:
-    """Return a solution with the covariance that its gap has when it is not held."""
-    problem = replace(solution.problem, held=False)
-    return _judged(problem, solution.x, solution.weights)
+    return judged(problem, x, weights)
 
 
 def first_fit(problem: Problem, x: Floats) -> Floats:
     """Fit lens and poses alone to the photographs, the array held at its first values."""
-    first = problem.shared - len(LENS)
-    return _minimised(problem, x, Weights.equal(problem, (1e3, 1.0)), True, np.arange(len(x)) >= first)
+    lens_only = replace(problem, held=frozenset(problem.blocks) - {"lens", "pose"})
+    return _minimised(lens_only, x, Weights.equal(problem, (1e3, 1.0)), True)
 
 
 def _scatter(residuals: Floats) -> tuple[float, float]:
@@ -378,22 +379,19 @@ def _scatter(residuals: Floats) -> tuple[float, float]:
 
 
 def _weighted(problem: Problem, x: Floats, weights: Weights, k: int) -> Floats:
-    return np.asarray((problem.residuals(x, k)[weights.kept[k]] / np.repeat(weights.scatter[k], 2)).ravel())
+    return np.asarray(problem.residuals(x, k)[weights.kept[k]] / np.repeat(weights.scatter[k], 2))
 
 
-def _minimised(
-    problem: Problem, x: Floats, weights: Weights, robust: bool, free: npt.NDArray[np.bool_] | None = None
-) -> Floats:
+def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> Floats:
     """Return the parameters of least squares; `robust` weighs a large residual by its size, not by its square.
 
     Otherwise smooth errors are in the weights. Robust weights are those of single lenslets.
     """
-    chosen = np.arange(len(x)) if free is None else np.flatnonzero(free)
     smooth = [] if robust else [_smooth(problem, weights, k) for k in range(len(problem.views))]
 
     def whole(part: Floats) -> Floats:
         at = x.copy()
-        at[chosen] = part
+        at[problem.free] = part
         return at
 
     def residuals(part: Floats) -> Floats:
@@ -401,19 +399,17 @@ def _minimised(
         at = whole(part)
         parts = [_weighted(problem, at, weights, k) for k in range(len(problem.views))]
         if smooth:
-            parts = [one.whitened(part.reshape(-1, 4)).ravel() for one, part in zip(smooth, parts, strict=True)]
-        return np.concatenate([*parts, problem.priors(at)])
+            parts = [one.whitened(part) for one, part in zip(smooth, parts, strict=True)]
+        return np.concatenate([*map(np.ravel, parts), problem.priors(at)])
 
     def slopes(part: Floats) -> Floats:
-        matrix = jacobian(problem, whole(part), weights)[:, chosen]
-        row = 0
-        for one in smooth:
-            rows = slice(row, row := row + 4 * len(one.modes))
-            matrix[rows] = one.whitened_rows(matrix[rows])
+        matrix = jacobian(problem, whole(part), weights)
+        for rows, one in zip(weights.rows(), smooth, strict=False):
+            matrix[rows] = one.whitened(matrix[rows])
         return matrix
 
     fit = least_squares(
-        residuals, x[chosen], slopes, x_scale="jac",
+        residuals, x[problem.free], slopes, x_scale="jac",
         loss="soft_l1" if robust else "linear", f_scale=ROBUST, ftol=SETTLED, xtol=1e-12, gtol=1e-12,
         max_nfev=MOST_STEPS,
     )  # fmt: skip
@@ -429,65 +425,57 @@ def _smooth(problem: Problem, weights: Weights, k: int) -> SmoothErrors:
 
 
 def jacobian(problem: Problem, x: Floats, weights: Weights) -> Floats:
-    """Return the derivatives by central differences; a pose and a zoom change their own view only.
+    """Return the derivatives by the free parameters, by central differences.
 
     The differences are those of the offsets: across an end of an interval, they would be those of neither side.
     """
     scatter, kept = weights
-    sizes = [4 * int(one.sum()) for one in kept]
-    factors = [problem.gains(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in range(len(sizes))]
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    matrix = np.zeros((first[-1] + len(problem.priors(x)), len(x)))
-    base_rays = [problem.rays(x, k) for k in range(len(sizes))]
-    for at, (name, step) in enumerate(problem.steps.items()):
-        up, down = x.copy(), x.copy()
+    every = range(len(kept))
+    factors = [problem.gains(x, k)[kept[k]] / np.repeat(scatter[k], 2) for k in every]
+    base_rays, steps = [problem.rays(x, k) for k in every], list(problem.steps.items())
+    columns = []
+    for at in problem.free:
+        (name, step), up, down = steps[at], x.copy(), x.copy()
         up[at] += step
         down[at] -= step
-        own = range(len(sizes)) if at < problem.shared else [int(name.rpartition("_")[2])]
+        own = [int(name.rpartition("_")[2])] if name.startswith(OWN_VIEW) else every
+        changes = [np.zeros_like(one) for one in factors]
         for k in own:
             rays = base_rays[k] if name.startswith(STILL) else None
-            change = problem.offsets(up, k, rays)[kept[k]] - problem.offsets(down, k, rays)[kept[k]]
-            matrix[first[k] : first[k + 1], at] = (factors[k] * change / (2.0 * step)).ravel()
-        if at < problem.shared or problem.zoom:
-            matrix[first[-1] :, at] = (problem.priors(up) - problem.priors(down)) / (2.0 * step)
-    return matrix
+            offsets = problem.offsets(up, k, rays) - problem.offsets(down, k, rays)
+            changes[k] = factors[k] * offsets[kept[k]]
+        changes.append(problem.priors(up) - problem.priors(down))
+        columns.append(np.concatenate([one.ravel() for one in changes]) / (2.0 * step))
+    return np.stack(columns, axis=1)
 
 
-def _judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
+def judged(problem: Problem, x: Floats, weights: Weights) -> Solution:
     """Return the solution with its covariance by blocks of lenslets."""
     matrix = jacobian(problem, x, weights)
     scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     matrix /= scale
-    priors = matrix[matrix.shape[0] - len(problem.priors(x)) :]
-    meat, row, groups = priors.T @ priors, 0, 0
-    squares, count = np.zeros(2), 0
-    for k in range(len(problem.views)):
-        residual = _weighted(problem, x, weights, k).reshape(-1, 4)
-        rows = slice(row, row := row + residual.size)
-        plain = residual * np.repeat(weights.scatter[k], 2)
-        squares += (plain[:, :2] ** 2).sum(), (plain[:, 2:] ** 2).sum()
-        count += len(plain)
+    count = len(problem.free)
+    priors = matrix[weights.rows()[-1].stop :]
+    meat, groups = priors.T @ priors, 0
+    for k, rows in enumerate(weights.rows()):
         smooth = _smooth(problem, weights, k)
-        matrix[rows] = smooth.whitened_rows(matrix[rows])
-        part = matrix[rows].reshape(-1, 4, len(x))
-        scores = (part * smooth.whitened(residual)[..., None]).sum(axis=1)
+        matrix[rows] = smooth.whitened(matrix[rows])
+        part = matrix[rows].reshape(-1, 4, count)
+        residual = smooth.whitened(_weighted(problem, x, weights, k))
         places = spread_out(problem.places[k][weights.kept[k]])
         block = np.minimum((BLOCKS * places).astype(int), BLOCKS - 1) @ [BLOCKS, 1]
-        for one in np.unique(block):
-            score = scores[block == one].sum(axis=0)
-            meat += np.outer(score, score)
-            groups += 1
-        for mode in smooth.modes.T:
-            errors = smooth.whitened(np.outer(mode, smooth.shares))
-            moved = np.einsum("nr,nrp->rp", errors, part)
-            meat += moved.T @ moved
+        scores = np.zeros((BLOCKS * BLOCKS, count))
+        np.add.at(scores, block, (part * residual[..., None]).sum(axis=1))
+        errors = smooth.whitened(smooth.modes[:, None] * smooth.shares[:, None])
+        moved = np.einsum("nrm,nrp->rmp", errors, part).reshape(-1, count)
+        meat += scores.T @ scores + moved.T @ moved
+        groups += len(np.unique(block))
     inverse = np.linalg.pinv(matrix.T @ matrix, hermitian=True)
-    correction = groups / max(1.0, groups - float(len(x)))
-    sandwich = correction * inverse @ meat @ inverse
+    sandwich = groups / max(1.0, groups - float(count)) * inverse @ meat @ inverse
     # Never less than the scatter of single lenslets promises.
     promised = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     estimated = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
-    raised = np.maximum(promised, estimated) / np.maximum(estimated, 1e-300)
-    covariance = sandwich * np.outer(raised, raised) / np.outer(scale, scale)
-    rms_panel_px, rms_photo_px = np.sqrt(squares / max(1, count)).tolist()
-    return Solution(problem, x, covariance, weights, rms_panel_px, rms_photo_px)
+    raised = np.maximum(promised, estimated) / np.maximum(estimated, 1e-300) / scale
+    covariance = np.zeros((len(x), len(x)))
+    covariance[np.ix_(problem.free, problem.free)] = sandwich * np.outer(raised, raised)
+    return Solution(problem, x, covariance, weights)

@@ -37,6 +37,10 @@ PERIOD_PX = 16
 STEPS = 8
 #: Name of the file that describes a set of patterns.
 FILE = "patterns.toml"
+#: Least amplitude of the cosine, as a share of the black to white range's, of a pixel that counts.
+LEAST_MODULATION = 0.2
+#: A bit is doubtful when its light is this close to the middle between black and white, as a share of their range.
+DOUBTFUL = 0.12
 Floats = npt.NDArray[np.floating]
 Pixels = npt.NDArray[np.uint8]
 
@@ -119,6 +123,10 @@ class PatternSet:
         half = np.floor(at_px / self.half_px).astype(np.int64)
         return np.asarray(((half ^ (half >> 1)) >> pattern.number) & 1, np.float32)
 
+    def turn(self, pattern: Pattern) -> complex:
+        """Return exp(2 pi i n / N) of a phase picture."""
+        return complex(np.exp(2j * np.pi * pattern.number / self.steps))
+
     def half_of(self, code: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
         """Return the half periods that Gray codes number."""
         half = code.copy()
@@ -150,11 +158,44 @@ class PatternSet:
         values = encoded_values(self.light(pattern), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
         return np.ascontiguousarray(np.broadcast_to(values[..., None], (*values.shape, 3)))
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the pictures' files, in their order."""
+        return tuple(f"{one.stem}.png" for one in self.patterns)
+
     def text(self, display: Display) -> str:
         """Return the text of `patterns.toml`."""
-        keys = {"display": display.name, "identity": display.identity, "width_px": self.width_px}
-        keys |= {"height_px": self.height_px, "code": "gray+phase", "period_px": self.period_px, "steps": self.steps}
-        return toml_text({**keys, "files": [f"{one.stem}.png" for one in self.patterns]}, one_line=False)
+        named = display.name, display.identity, self.width_px, self.height_px
+        file = PatternsFile(*named, "gray+phase", self.period_px, self.steps, self.files)
+        return toml_text(vars(file), one_line=False)
+
+
+class AxisCode:
+    """What the pictures of one direction tell of each camera pixel: Gray code, doubtful bits, the phase's wave."""
+
+    def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
+        self.patterns, self.axis = patterns, axis
+        self.code, self.doubtful = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
+        self.wave = np.zeros(shape, np.complex64)
+
+    def add(self, pattern: Pattern, share: Floats) -> None:
+        """Add a photograph, whose light is 0 in the middle between black and white."""
+        if pattern.kind == "gray":
+            self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
+            self.doubtful += abs(share) < DOUBTFUL
+        else:
+            self.wave += share * np.complex64(self.patterns.turn(pattern))
+
+    @property
+    def amplitude(self) -> npt.NDArray[np.float32]:
+        """Amplitude of the cosine, as a share of the black to white range's."""
+        return abs(self.wave) * np.float32(4.0 / self.patterns.steps)
+
+    def points(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+        """Return the coordinate that each pixel sees, pixels of the panel, and whether it can be trusted."""
+        points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
+        good = (self.amplitude > LEAST_MODULATION) & (self.doubtful <= 1)
+        return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
 
 def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
@@ -174,11 +215,10 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
     Raises InputError when the file system refuses.
     """
     make_folder(folder)
-    files = []
-    for pattern in patterns.patterns:
-        files.append(folder / f"{pattern.stem}.png")
+    files = [folder / name for name in patterns.files]
+    for pattern, file in zip(patterns.patterns, files, strict=True):
         light = np.broadcast_to(patterns.light(pattern)[..., None], (patterns.height_px, patterns.width_px, 3))
-        IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__}).save(files[-1])
+        IntegralImage(light, display, {"pattern": pattern.stem, "version": __version__}).save(file)
     with replacing(folder / FILE) as partial:
         partial.write_text(patterns.text(display), encoding="utf-8")
     return files
@@ -195,7 +235,6 @@ def read_patterns(path: Path, display: Display) -> PatternSet:
         )
         raise input_error(str(path), what, "name the display file that the patterns were drawn for")
     patterns = PatternSet(raw.width_px, raw.height_px, raw.period_px, raw.steps)
-    expected = [f"{one.stem}.png" for one in patterns.patterns]
-    if list(raw.files) != expected:
+    if raw.files != patterns.files:
         raise InputError(f"{path}: files: the list is not that of its code; draw the patterns again")
     return patterns

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from lippmann.calibration.bundle_adjustment import rotation_of, seam_powers
+from lippmann.calibration.bundle_adjustment import Problem, rotation_of
 from lippmann.calibration.lattice_search import SeenLattice
-from lippmann.calibration.lens_projection import LensProjection, fit_projection
+from lippmann.calibration.lens_projection import fit_projection
 from lippmann.calibration.lenslet_measurement import Lenslets
-from lippmann.display.description import Display
+from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import Floats
 
@@ -59,15 +59,7 @@ MOST_NUMBERINGS = 3
 WORSE = 0.2
 
 
-@dataclass(frozen=True)
-class Start:
-    """A numbering of the lenslets in all positions, and first values of a `Problem`'s parameters, without a bow."""
-
-    views: list[Lenslets]
-    x: Floats
-
-
-def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:
+def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
     """Return pitch x and y, shear, rotation (radians) and offset of a lattice with steps in i and j as columns."""
     turn = math.atan2(steps[1, 0], steps[0, 0])
     c, s = math.cos(turn), math.sin(turn)
@@ -81,8 +73,8 @@ def array_of(grid: str, steps: Floats, offset: Floats) -> Floats:
 
 def starts(
     display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice], shape: tuple[int, int]
-) -> tuple[list[Start], LensProjection]:
-    """Return the likeliest numberings with first values, the best first, and the lenslets' projection that all use."""
+) -> list[tuple[Problem, Floats]]:
+    """Return the problems of the likeliest numberings, and first values of their parameters, the best first."""
     planes = [np.column_stack([one.points(view.index), np.zeros(len(view.index))])
               for one, view in zip(seen, views, strict=True)]  # fmt: skip
     lens = first_lens(planes, [view.photo_px for view in views], shape)
@@ -91,39 +83,34 @@ def starts(
     slopes = [(place[:2] - plane[:, :2]) / place[2] for plane, place in zip(planes, places, strict=True)]
     steepest = 1.1 * max(float(np.hypot(*slope.T).max()) for slope in slopes)
     projection = fit_projection(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
-
-    found: dict[tuple[int, ...], tuple[float, Start]] = {}
-    for share in GAPS:
-        gap = max(0.0, display.gap_mm + share * display.aperture_distance_mm)
-        zeros, steps, true_places = [], [], []
-        for one, place in zip(seen, places, strict=True):
-            slope = ((place[:2] - one.origin) / place[2])[None]
-            moved = projection.traced(slope, gap, ())[1][0]
-            small = projection.traced(np.array([[1e-3, 0.0]]), gap, ())[1][0, 0] / -1e-3 / place[2]
-            zeros.append(one.origin - moved)
-            steps.append(one.basis / (1.0 + small))
-            # The camera as far from the lenslet's centre as from the point seen, but for the lattice's growth.
-            aside = (place[:2] - one.origin) / (1.0 + small)
-            true_places.append(np.array([*(zeros[-1] + aside), place[2] / (1.0 + small)]))
-        basis = np.mean(steps, axis=0)
-        inverse = np.linalg.inv(basis)
-        off = np.array([inverse @ (zero - zeros[0]) for zero in zeros])
-        shift = np.round(off).astype(np.int64)
-        rest = float(np.sqrt(((off - shift) ** 2).sum(axis=1).mean()))
-        first = np.round(inverse @ (np.array(display.array.offset_mm) - zeros[0])).astype(np.int64)
-        # Of all that agree as well, the nearest to the nominal gap.
-        rank = rest + 0.02 * abs(share)
-        key = tuple(shift.ravel().tolist())
-        if key in found and found[key][0] <= rank:
-            continue
-        offset = np.mean(zeros - shift @ basis.T, axis=0) + basis @ first
-        renumbered = [replace(view, index=view.index + shift[k] - first) for k, view in enumerate(views)]
-        array = array_of(display.array.grid, basis, offset)
-        seams = np.zeros(len(seam_powers(display.array.grid)))
-        camera_poses = [
-            number for (turn, _), place in zip(poses, true_places, strict=True) for number in (*turn, *place)
-        ]
-        found[key] = rank, Start(renumbered, np.array([*array, gap, *seams, *lens, *camera_poses]))
-    ranked = sorted(found.values(), key=lambda one: one[0])
-    likely = [start for rank, start in ranked[:MOST_NUMBERINGS] if rank < ranked[0][0] + WORSE]
-    return likely, projection
+    gaps = np.maximum(0.0, display.gap_mm + GAPS * display.aperture_distance_mm)
+    lattices = []
+    for one, place in zip(seen, places, strict=True):
+        aside = place[:2] - one.origin
+        moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
+        grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
+        zero = one.origin - moved
+        # The camera as far from the lenslet's centre as from the point seen, but for the lattice's growth.
+        true_place = np.hstack([zero + aside / grown, place[2] / grown])
+        lattices.append((zero, one.basis / grown[..., None], true_place))
+    zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))
+    basis = bases.mean(axis=1)
+    inverse = np.linalg.inv(basis)
+    off = (zeros - zeros[:, :1]) @ inverse.swapaxes(1, 2)
+    shift = np.round(off).astype(np.int64)
+    # Of all gaps that agree as well, the nearest to the nominal one.
+    rank = np.sqrt(((off - shift) ** 2).sum(axis=2).mean(axis=1)) + 0.02 * abs(GAPS)
+    order = np.argsort(rank)
+    _, first_of_each = np.unique(shift[order].reshape(len(gaps), -1), axis=0, return_index=True)
+    likely = []
+    for g in order[np.sort(first_of_each)[:MOST_NUMBERINGS]]:
+        if rank[g] >= rank.min() + WORSE:
+            break
+        first = np.round(inverse[g] @ (display.array.offset_mm - zeros[g, 0])).astype(np.int64)
+        renumbered = [replace(view, index=view.index + shift[g, k] - first) for k, view in enumerate(views)]
+        problem = Problem(display, [projection] * len(views), renumbered, shape)
+        offset = np.mean(zeros[g] - shift[g] @ basis[g].T, axis=0) + basis[g] @ first
+        array = array_of(display.array.grid, basis[g], offset)
+        camera_poses = [[turn, place] for (turn, _), place in zip(poses, true_places[g], strict=True)]
+        likely.append((problem, problem.packed(array=array, gap=gaps[g], lens=lens, pose=camera_poses)))
+    return likely

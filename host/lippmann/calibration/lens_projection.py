@@ -22,10 +22,10 @@ import numpy.typing as npt
 
 from lippmann.calibration.lattice_search import NEAR, within
 from lippmann.calibration.lenslet_measurement import INNER, MIDDLE
-from lippmann.display.description import Display
+from lippmann.display.description import MAX_SIDE_PX, Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.rays import Floats, Hits, Status, gets_through
+from lippmann.optics.rays import Floats, Hits, gets_through
 from lippmann.optics.sample_points import R2_STEPS, square_to_cell
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import trace_to_panel
@@ -113,20 +113,28 @@ def fit_projection(display: Display, steepest: float, distance_mm: float) -> Len
     fits = []
     for gap in gaps:
         seen, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
-        means = (at * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None]
-        fits.append(np.linalg.lstsq(-parts, means.T.ravel(), rcond=None)[0])
+        fits.append(np.linalg.lstsq(-parts, means(at, seen).T.ravel(), rcond=None)[0])
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
     fixed = fits[0] - gaps[0] * per_gap
     return LensProjection(fixed, per_gap, aside, folds, display.array.rotation_deg, height, radii[-1])
 
 
+def means(points: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
+    """Return the means (N, 2) of those of points (N, M, 2) that are seen, (N, M)."""
+    return np.asarray((points * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])
+
+
+def axes_at(angle_deg: float) -> Floats:
+    """Return the matrix (2, 2) by which rows (x, y) become coordinates along axes at an angle."""
+    c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
+    return np.array([[c, -s], [s, c]])
+
+
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
     """Return how far panel points move over the inner cell, mm a mm, for cameras in directions of slopes (N, 2)."""
     inner, at, seen = inner_rays(display, slopes, distance_mm)
-    number = np.maximum(seen.sum(axis=1), 1)
-    across = [one - (one * seen[..., None]).sum(axis=1, keepdims=True) / number[:, None, None]
-              for one in (np.broadcast_to(inner, at.shape), at)]  # fmt: skip
-    moves = np.linalg.lstsq(across[0][seen], across[1][seen], rcond=None)[0]
+    inner, at = (one - means(one, seen)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
+    moves = np.linalg.lstsq(inner[seen], at[seen], rcond=None)[0]
     return 0.5 * float(np.trace(moves))
 
 
@@ -137,19 +145,22 @@ def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Fl
     axes, and which do, (N, M).
     """
     plain, height = _plain(display), outline_mm(display)
-    turn = np.deg2rad(display.array.rotation_deg)
-    c, s = np.cos(turn), np.sin(turn)
-    slopes = slopes @ [[c, -s], [s, c]]  # in the array's axes
+    axes = axes_at(display.array.rotation_deg)
+    slopes = slopes @ axes
     inner = _cell(plain, INNER, ACROSS)
     through = _middles(plain, slopes, height, distance_mm)[:, None] + inner[None]
     seen, at = _traced(plain, slopes, through, height, distance_mm)
-    return inner @ [[c, s], [-s, c]], at @ [[c, s], [-s, c]], seen
+    return inner @ axes.T, at @ axes.T, seen
 
 
 def _plain(display: Display) -> Display:
-    """Return the display whose lenslet (0, 0) is in the middle, not turned, its image right behind it."""
+    """Return the display whose lenslet (0, 0) is in the middle, not turned, its image right behind it.
+
+    Its panel is as large as panels are, so that every ray that leaves the glass meets it.
+    """
+    panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
-    return replace(display, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
+    return replace(display, panel=panel, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
@@ -223,10 +234,5 @@ def _traced(
     origin = np.broadcast_to(camera, direction.shape)
     hits: Hits = trace_to_panel(display, origin.reshape(-1, 3), direction.reshape(-1, 3))
     x, y = PanelFrame.of(display).panel_from_pixel(*hits.pixel.T)
-    # A ray that misses the panel counts as blocked; here the panel has no end. One lost within the glass never lands.
-    panel = display.panel
-    off = (abs(x) >= 0.5 * panel.width_mm) | (abs(y) >= 0.5 * panel.height_mm)
-    beside = (hits.status == int(Status.BLOCKED)) & off
-    lands = gets_through(hits.status) | beside
-    seen = lands & (hits.lenslet == 0).all(axis=1)
+    seen = gets_through(hits.status) & (hits.lenslet == 0).all(axis=1)
     return seen.reshape(through.shape[:2]), np.stack([x, y], axis=1).reshape(through.shape)

@@ -20,7 +20,7 @@ from lippmann.calibration.pattern_decoding import Decoded
 from lippmann.display.description import Display, Grid
 from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import HALF_SQRT3, Lattice
+from lippmann.optics.lattice import HALF_SQRT3, Lattice, number_lenslets
 from lippmann.optics.rays import Floats, Indices
 from lippmann.optics.system import PanelFrame
 
@@ -32,28 +32,33 @@ OUTLINE_SEED = 1910
 LEAST_AGREEING = 0.5
 #: Most distance of a pixel from its lenslet's centre, in pitches: a cell's corner.
 CORNER = 0.75
+#: About by how much the numbers of a map change.
+SCALES = (10.0, 10.0, 1.0, 10.0, 10.0, 1.0, 0.1, 0.1, 0.1, 0.1)
 
 
-def regular(grid: str, index: npt.NDArray[np.number]) -> Floats:
+def regular(grid: Grid, index: npt.NDArray[np.number]) -> Floats:
     """Return the centres of lenslets (N, 2) of the lattice of pitch 1."""
-    i, j = index[:, 0].astype(float), index[:, 1].astype(float)
-    return np.stack([i + 0.5 * j, HALF_SQRT3 * j] if grid == "hex" else [i, j], axis=1)
+    return np.stack(Lattice(grid, 1.0).centre(*index.T.astype(float)), axis=1)
 
 
 @dataclass(frozen=True)
 class Outline:
-    """The map of one position: `size_px` is the photograph's longer side, `numbers` homography and radial terms."""
+    """The map of one position: `size_px` is the photograph's longer side, `numbers` homography and radial terms.
+
+    The map leads to the lattice's points from `origin`.
+    """
 
     lattice: Lattice
     middle_px: Floats
     size_px: float
     numbers: Floats
+    origin: Floats
     #: Share of pixels whose point belongs to the lenslet in whose outline they lie.
     agree: float = 1.0
 
     def cells(self, photo_px: Values) -> Floats:
         """Return pixels (N, 2) as points of the lattice of pitch 1."""
-        return _mapped(self.numbers, (photo_px - self.middle_px) / self.size_px)
+        return self.origin + _mapped(self.numbers, (photo_px - self.middle_px) / self.size_px)
 
     def steps(self, photo_px: Values) -> Floats:
         """Return pixels (N, 2) in steps (i, j) of the lattice, not rounded."""
@@ -74,13 +79,11 @@ def _mapped(numbers: Floats, at: Values) -> Floats:
     """Apply a map: (8 of a homography, 2 radial) to points whose longer side is 1."""
     square = (at**2).sum(axis=1)
     scale = 1.0 + square * (numbers[8] + square * numbers[9])
-    x, y = at[:, 0] * scale, at[:, 1] * scale
-    h = numbers
-    depth = h[6] * x + h[7] * y + 1.0
-    return np.stack([(h[0] * x + h[1] * y + h[2]) / depth, (h[3] * x + h[4] * y + h[5]) / depth], axis=1)
+    homography = np.append(numbers[:8], 1.0).reshape(3, 3)
+    return np.asarray(cv2.perspectiveTransform((at * scale[:, None])[None], homography)[0], np.float64)
 
 
-def fit_outline(name: str, grid: str, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
+def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
     """Fit the map to pixels (N, 2) that see lenslets (i, j), (N, 2), which are whole in the photograph.
 
     Raises InputError when the pixels of neighbouring lenslets are not neighbours in the photograph.
@@ -95,15 +98,22 @@ def fit_outline(name: str, grid: str, photo_px: Values, index: Indices, shape: t
     _check_agreement(name, share)
     numbers = np.concatenate([(homography / homography[2, 2]).ravel()[:8], np.zeros(2)])
     for reach in (1.5 * CORNER, CORNER):
-        off = abs(_mapped(numbers, at) + origin - cells).max(axis=1)
-        numbers = _fitted(numbers, *_middles(at[off < reach], index[off < reach]), grid, origin)
-    # The origin of the cells back: a homography's rows add it times the depth.
-    numbers[0:3] += origin[0] * np.array([numbers[6], numbers[7], 1.0])
-    numbers[3:6] += origin[1] * np.array([numbers[6], numbers[7], 1.0])
-    made = Outline(Lattice("hex" if grid == "hex" else "square", 1.0), middle, size, numbers)
-    agree = float((made.located(photo_px[some])[0] == index[some]).all(axis=1).mean())
+        near = abs(_mapped(numbers, at) + origin - cells).max(axis=1) < reach
+        names, groups = number_lenslets(index[near])
+        count = np.bincount(groups)
+        usual = count >= 0.5 * np.median(count)
+        middles = _sums(at[near], groups, len(names)) / count[:, None]
+        pairs = middles[usual], regular(grid, names[usual]) - origin
+        numbers = least_squares(_off, numbers, loss="soft_l1", f_scale=0.05, x_scale=SCALES, args=pairs).x
+    outline = Outline(Lattice(grid, 1.0), middle, size, numbers, origin)
+    agree = float((outline.located(photo_px[some])[0] == index[some]).all(axis=1).mean())
     _check_agreement(name, agree)
-    return replace(made, agree=agree)
+    return replace(outline, agree=agree)
+
+
+def _off(numbers: Floats, at: Values, wanted: Values) -> Floats:
+    """Return how far a map brings points from where they belong, (2 N,)."""
+    return np.ravel(_mapped(numbers, at) - wanted)
 
 
 def _check_agreement(name: str, share: float) -> None:
@@ -111,38 +121,6 @@ def _check_agreement(name: str, share: float) -> None:
     if share < LEAST_AGREEING:
         what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
-
-
-def grouped(index: Indices) -> tuple[Indices, Indices]:
-    """Return the different (i, j) of pixels, (M, 2), and the number of each pixel's one, (N,)."""
-    low = index.min(axis=0)
-    rows = int(index[:, 1].max() - low[1]) + 1
-    flat = (index[:, 0] - low[0]) * rows + (index[:, 1] - low[1])
-    there = np.flatnonzero(np.bincount(flat))
-    number = np.zeros(there[-1] + 1, np.int64)
-    number[there] = np.arange(len(there))
-    return np.stack([there // rows, there % rows], axis=1) + low, number[flat]
-
-
-def _middles(at: Values, index: Indices) -> tuple[Floats, Indices]:
-    """Return the middles of the pixels of each lenslet, and its (i, j)."""
-    names, groups = grouped(index)
-    count = np.bincount(groups)
-    middles = np.stack([np.bincount(groups, weights=column) / count for column in at.T], axis=1)
-    usual = count >= 0.5 * np.median(count)
-    return middles[usual], names[usual]
-
-
-def _fitted(numbers: Floats, middles: Values, index: Indices, grid: str, origin: Values) -> Floats:
-    """Fit a map to the middles of lenslets."""
-    wanted = regular(grid, index) - origin
-    scale = np.array([10.0, 10.0, 1.0, 10.0, 10.0, 1.0, 0.1, 0.1, 0.1, 0.1])
-
-    def residuals(free: Floats) -> Floats:
-        return (_mapped(free, middles) - wanted).ravel()
-
-    found = least_squares(residuals, numbers, loss="soft_l1", f_scale=0.05, x_scale=scale)
-    return np.array(found.x)
 
 
 #: Part of a cell whose pixels count: beyond, a camera pixel sees through two lenslets.
@@ -225,7 +203,7 @@ def _match_pixels(
     index, near = seen.near(points_mm)
     for _ in range(ROUNDS):
         # At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
-        names, groups = grouped(index[near])
+        names, groups = number_lenslets(index[near])
         complete = np.flatnonzero(near)[whole(names, np.bincount(groups))[groups]]
         outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)
         at = outline.steps(decoded.photo_px)
@@ -246,7 +224,7 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     outline, index, own_pixels = _match_pixels(decoded, seen, points, display.array.grid)
     home, local = outline.located(decoded.photo_px)
     # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent.
-    names, both = grouped(np.concatenate([home, index[own_pixels]]))
+    names, both = number_lenslets(np.concatenate([home, index[own_pixels]]))
     groups, of_own = both[: len(home)], both[len(home) :]
     counts = np.bincount(of_own, minlength=len(names))
     sums = _sums(decoded.photo_px[own_pixels].astype(np.float64), of_own, len(names))
@@ -292,7 +270,7 @@ def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
     Points seen aside are off by aberrations that a whole view's lattice does not have.
     """
     home = np.round(at).astype(np.int64)
-    names, groups = grouped(home)
+    names, groups = number_lenslets(home)
     number = np.bincount(groups[some], minlength=len(names))
     off = _sums((own - home)[some], groups[some], len(names)) / np.maximum(number, 1)[:, None]
     return np.asarray(own - np.where(number[:, None] >= FEW, off, 0.0)[groups])

@@ -15,17 +15,13 @@ import numpy.typing as npt
 
 from lippmann.base import interrupts
 from lippmann.base.progress import Progress
-from lippmann.calibration.coded_patterns import Pattern, PatternSet
+from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples
 from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph
 from lippmann.errors import input_error
 
 #: Least light of white over black, as a share of the brightest twentieth's, of a pixel that counts.
 LEAST_CONTRAST = 0.1
-#: Least amplitude of the cosine, as a share of the black to white range's, of a pixel that counts.
-LEAST_MODULATION = 0.2
-#: A bit is doubtful when its light is this close to the middle between black and white, as a share of their range.
-DOUBTFUL = 0.12
 #: A photograph of white is too bright when this share of the panel is clipped, ...
 MOST_CLIPPED = 0.2
 #: ... and too dark when the brightest twentieth of its pixels has less light than this, white being 1.
@@ -49,33 +45,6 @@ class Decoded:
     photo_px: npt.NDArray[np.float32]
     panel_px: npt.NDArray[np.float32]
     modulation: float
-
-
-class AxisCode:
-    """What the photographs of the patterns of one direction have given: Gray code, doubtful bits, the phase's wave."""
-
-    def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
-        self.patterns, self.axis = patterns, axis
-        self.code, self.doubtful = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
-        self.wave = np.zeros((2, *shape), np.float32)
-
-    def add(self, pattern: Pattern, share: Light) -> None:
-        """Add a photograph, whose light is 0 in the middle between black and white."""
-        if pattern.kind == "gray":
-            self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
-            self.doubtful += abs(share) < DOUBTFUL
-        else:
-            angle = 2.0 * np.pi * pattern.number / self.patterns.steps
-            self.wave[0] += share * np.float32(np.cos(angle))
-            self.wave[1] += share * np.float32(np.sin(angle))
-
-    def points(self) -> tuple[Light, npt.NDArray[np.bool_]]:
-        """Return the coordinate that each pixel sees, pixels of the panel, and whether it can be trusted."""
-        real, imaginary = self.wave
-        amplitude = np.hypot(real, imaginary) * np.float32(4.0 / self.patterns.steps)
-        points = self.patterns.point(np.arctan2(imaginary, real), self.patterns.half_of(self.code))
-        good = (amplitude > LEAST_MODULATION) & (self.doubtful <= 1)
-        return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
 
 def decode_position(

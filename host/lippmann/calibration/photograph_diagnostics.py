@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.calibration.coded_patterns import Pattern, PatternSet
+from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 
@@ -78,26 +78,21 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
     patterns, points, modulations, disagree = samples.patterns, [], [], []
     residuals: dict[Pattern, float] = {}
     for axis in (0, 1):
-        phases = [one for one in patterns.patterns if one.kind == "phase" and one.axis == axis]
-        angles = 2.0 * np.pi * np.arange(len(phases)) / len(phases)
-        light = np.stack([shares[one] for one in phases])
-        wave = 2.0 / len(phases) * (np.exp(1j * angles) @ light)
-        amplitude = abs(wave)
-        modulations.append(2.0 * float(np.median(amplitude)))
-        strong = amplitude > 0.5 * np.median(amplitude)
-        expected = light.mean(axis=0) + (np.exp(-1j * angles)[:, None] * wave).real
-        # By the median: a part of the pixels may see dust or a reflection.
-        typical = np.median(abs((light - expected) / np.maximum(amplitude, 1e-6))[:, strong], axis=1)
-        residuals.update(zip(phases, map(float, 1.4826 * typical), strict=True))
-        code = np.zeros(light.shape[1], np.int64)
-        for one in patterns.patterns:
-            if one.kind == "gray" and one.axis == axis:
-                code |= (shares[one] > 0.5).astype(np.int64) << one.number
-        half = patterns.half_of(code)
-        point = patterns.point(np.angle(wave), half)
-        inside = abs(point - (half + 0.5) * patterns.half_px) / patterns.half_px
-        disagree.append(float((inside[strong] > 0.75).mean()) if strong.any() else 1.0)
-        points.append(point)
+        code = AxisCode(patterns, axis, samples.rows.shape)
+        phases = {one: light for one, light in shares.items() if (one.kind, one.axis) == ("phase", axis)}
+        for one, light in shares.items():
+            if one.axis == axis:
+                code.add(one, light - np.float32(0.5))
+        mean, strong = np.mean([*phases.values()], axis=0), code.amplitude > 0.5 * np.median(code.amplitude)
+        for one, light in phases.items():
+            expected = mean + 2.0 / patterns.steps * (code.wave / patterns.turn(one)).real
+            # By the median: a part of the pixels may see dust or a reflection.
+            off = abs(light - expected) / np.maximum(0.5 * code.amplitude, 1e-6)
+            residuals[one] = 1.4826 * float(np.median(off[strong]))
+        modulations.append(float(np.median(code.amplitude)))
+        points.append(code.points()[0])
+        middle = (patterns.half_of(code.code) + 0.5) * patterns.half_px
+        disagree.append(float((abs(points[-1] - middle)[strong] > 0.75 * patterns.half_px).mean()))
     panel = np.stack(points, axis=1).astype(np.float32)
     photo = np.stack([samples.columns + 0.5, samples.rows + 0.5], axis=1).astype(np.float32)
     plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
@@ -153,8 +148,8 @@ def _check_light(samples: Samples) -> None:
 def _exchanged(samples: Samples, found: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
     """Return the two photographs whose exchange makes all agree; None without such a pair."""
     step = max(1, len(samples.rows) // FEW)
-    few = replace(samples, rows=samples.rows[::step], columns=samples.columns[::step])
-    few.shares = {one: share[::step] for one, share in samples.shares.items()}
+    shares = {one: share[::step] for one, share in samples.shares.items()}
+    few = replace(samples, rows=samples.rows[::step], columns=samples.columns[::step], shares=shares)
     best, pair = EXCHANGED * found.bad, None
     for one, other in itertools.combinations(few.shares, 2):
         if one.kind != other.kind:

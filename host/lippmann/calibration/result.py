@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
@@ -16,7 +16,7 @@ from scipy.stats import t as students_t
 from lippmann.base.files import replacing
 from lippmann.base.limits import load_arrays
 from lippmann.calibration.bundle_adjustment import BOW, Solution
-from lippmann.display.description import Array, Display, check_radius, display_text, load_display
+from lippmann.display.description import Array, Display, check_radius, display_text, load_display, parse_display
 from lippmann.errors import InputError, LippmannError, input_error, reason
 from lippmann.optics.rays import Floats
 
@@ -59,44 +59,34 @@ class FoundCamera(TypedDict):
     modulation: float
 
 
-class Summary(TypedDict):
-    """What `Calibration.summary` holds, as it is read again."""
+@dataclass(frozen=True)
+class Findings:
+    """What the photographs told beside the display, as a calibration's .npz keeps it."""
 
-    display: str
-    identity: str
-    parameters: list[Parameter]
-    remarks: list[str]
-    cameras: Annotated[list[FoundCamera], msgspec.Meta(min_length=1)]
-    lens: dict[str, float]
-    rms_panel_px: float
-    rms_photo_px: float
-    outliers: float
-    lenslets: int
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """The display as mounted, and how well it is known."""
-
-    display: Display
-    nominal: Display
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]
-    cameras: tuple[FoundCamera, ...]
+    cameras: Annotated[tuple[FoundCamera, ...], msgspec.Meta(min_length=1)]
     #: The lens: focal length and principal point, px, and distortion.
     lens: dict[str, float]
     rms_panel_px: float
     rms_photo_px: float
     outliers: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Findings):
+    """The display as mounted, and how well it is known."""
+
+    display: Display
+    nominal: Display
     #: A row for each lenslet and position: position, i, j, centre x and y, mm, residual right and down, px, kept.
     field: Floats
 
     def summary(self) -> dict[str, Any]:
-        """Return all but the field, for JSON: the keys of `Summary`."""
-        same = ("parameters", "remarks", "cameras", "lens", "rms_panel_px", "rms_photo_px", "outliers")
-        summary = {"display": self.display.name, "identity": self.display.identity}
-        summary |= {name: msgspec.to_builtins(getattr(self, name)) for name in same}
-        return {**summary, "lenslets": len(self.field)}
+        """Return all but the field, for JSON."""
+        findings = {one.name: msgspec.to_builtins(getattr(self, one.name)) for one in fields(Findings)}
+        named = {"display": self.display.name, "identity": self.display.identity}
+        return {**named, **findings, "lenslets": len(self.field)}
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by its name."""
@@ -124,24 +114,28 @@ def _text(array: npt.NDArray[Any]) -> str:
     return array.tobytes().decode()
 
 
-def load_calibration(path: Path) -> tuple[Display, dict[str, Any], Floats, str]:
-    """Return a calibrated file's display, and from its .npz the summary, the field, and the nominal file's text."""
+def load_calibration(path: Path) -> Calibration:
+    """Return what `Calibration.save` wrote: a calibrated file's display, and the rest from its .npz.
+
+    Raises InputError for a .npz that cannot be read, or that belongs to another display.
+    """
     display = load_display(path)
     sidecar = path.with_suffix(".npz")
     remedy = "give a display file that lippmann calibrate solve wrote"
     arrays, _ = load_arrays(sidecar, ("summary", "nominal", "field"), remedy)
     try:
         summary = json.loads(_text(arrays["summary"]))
-        msgspec.convert(summary, Summary)
+        findings = msgspec.convert(summary, Findings)
         field, nominal = np.asarray(arrays["field"], np.float64), _text(arrays["nominal"])
         if field.ndim != 2 or field.shape[1] != FIELD_COLUMNS or len(field) != summary["lenslets"]:
             raise ValueError(f"the field has the shape {field.shape}")
+        identity = summary["identity"]
     except (KeyError, ValueError, RecursionError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else reason(error)
         raise input_error(str(sidecar), f"cannot be read ({why})", remedy) from None
-    if summary["identity"] != display.identity:
+    if identity != display.identity:
         raise input_error(str(sidecar), "belongs to another display file", "solve again, and keep both files together")
-    return display, summary, field, nominal
+    return Calibration(**vars(findings), display=display, nominal=parse_display(nominal, "nominal"), field=field)
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
@@ -150,23 +144,18 @@ def display_of(nominal: Display, solution: Solution) -> Display:
     Raises ContradictionError when it cannot be built: the file's optics contradict the photographs.
     """
     value, array = solution.value, nominal.array
-    px, py = value("pitch_x"), value("pitch_y")
-    old = array.pitches_mm
+    pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
     extent = array.extent_mm
     if extent is not None:
-        extent = extent[0] * px / old[0], extent[1] * py / old[1]
-    gap = value("gap")
-    if gap < 0.0:
-        limit = 3.0 * solution.deviation("gap")
-        if gap < -limit:
-            raise ContradictionError(
-                f"the gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct thickness_mm or "
-                "index in the display file"
-            )
-        gap = 0.0
+        extent = tuple(np.multiply(extent, pitch_mm) / array.pitches_mm)
+    if gap < -3.0 * solution.deviation("gap"):
+        raise ContradictionError(
+            f"the gap is {gap:.4f} +- {1.96 * solution.deviation('gap'):.4f} mm, below 0; correct thickness_mm or "
+            "index in the display file"
+        )
     mounted: Array = replace(
         array,
-        pitch_mm=(px, py),
+        pitch_mm=pitch_mm,
         shear=value("shear"),
         rotation_deg=math.degrees(value("rotation")),
         offset_mm=(value("offset_x"), value("offset_y")),
@@ -177,26 +166,27 @@ def display_of(nominal: Display, solution: Solution) -> Display:
         mounted = replace(mounted, thickness_mm=max(mounted.thickness_mm, mounted.sag_mm))
     except InputError as error:
         raise ContradictionError(f"the array that was found cannot be built ({error})") from None
-    return replace(nominal, array=mounted, gap_mm=gap)
+    return replace(nominal, array=mounted, gap_mm=max(0.0, gap))
 
 
 def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]:
     """Return the array's numbers with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
-    depth = nominal.aperture_distance_mm
-    rows: list[tuple[str, str, float, float, float]] = [
-        ("pitch_x", "mm", 1.0, array.pitches_mm[0], OPEN["pitch_x"] * array.pitches_mm[0]),
-        ("pitch_y", "mm", 1.0, array.pitches_mm[1], OPEN["pitch_y"] * array.pitches_mm[1]),
-        ("shear", "", 1.0, array.shear, OPEN["pitch_x"]),
-        ("rotation", "deg", math.degrees(1.0), array.rotation_deg, OPEN["rotation"]),
-        ("offset_x", "mm", 1.0, array.offset_mm[0], OPEN["offset"] * array.pitches_mm[0]),
-        ("offset_y", "mm", 1.0, array.offset_mm[1], OPEN["offset"] * array.pitches_mm[1]),
-        ("gap", "mm", 1.0, nominal.gap_mm, OPEN["gap"] * depth),
-    ]
-    if solution.problem.bow:
-        rows += [(name, "mm", 1.0, 0.0, 0.01 * depth) for name in BOW]
+    (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
+    # Unit and its size, the file's value, and the uncertainty from which on the parameter is not determined.
+    rows = {
+        "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
+        "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),
+        "shear": ("", 1.0, array.shear, OPEN["pitch_x"]),
+        "rotation": ("deg", degree, array.rotation_deg, OPEN["rotation"]),
+        "offset_x": ("mm", 1.0, array.offset_mm[0], OPEN["offset"] * px),
+        "offset_y": ("mm", 1.0, array.offset_mm[1], OPEN["offset"] * py),
+        "gap": ("mm", 1.0, nominal.gap_mm, OPEN["gap"] * depth),
+    }
+    if "bow" not in solution.problem.held:
+        rows |= dict.fromkeys(BOW, ("mm", 1.0, 0.0, 0.01 * depth))
     parameters = []
-    for name, label, unit, before, most in rows:
+    for name, (label, unit, before, most) in rows.items():
         half = unit * factor * solution.deviation(name)
         parameters.append(Parameter(name, unit * solution.value(name), half, label, before, half < most))
     return tuple(parameters)

@@ -19,12 +19,12 @@ from lippmann.calibration.bundle_adjustment import (
     Problem,
     Solution,
     first_fit,
-    released,
+    judged,
     solve,
 )
 from lippmann.calibration.initial_estimate import starts
 from lippmann.calibration.lattice_search import SeenLattice, find_lattice
-from lippmann.calibration.lens_projection import LensProjection, fit_projection, movement, outline_mm
+from lippmann.calibration.lens_projection import axes_at, fit_projection, movement, outline_mm
 from lippmann.calibration.lenslet_measurement import Lenslets, measure_lenslets
 from lippmann.calibration.pattern_decoding import decode_position
 from lippmann.calibration.photographs import pattern_set, positions
@@ -56,10 +56,11 @@ SEED = 1913
 
 
 class Radius(NamedTuple):
-    """A radius and its standard deviation, mm."""
+    """A radius and its standard deviation, mm; `effect` is what this deviation changes in the parameters."""
 
     value_mm: float
     deviation_mm: float
+    effect: Floats = np.zeros(0)
 
 
 def radius_of(display: Display, solution: Solution) -> Radius:
@@ -79,10 +80,10 @@ def _of_position(display: Display, solution: Solution, k: int, view: Lenslets) -
     centres = solution.problem.centres(solution.x, solution.problem.places[k])
     some = np.random.default_rng(SEED).permutation(len(centres))[:TRACED]
     slopes = (place[:2] - centres[some]) / place[2]
-    old, turn = display.array.radius_mm, np.deg2rad(display.array.rotation_deg)
-    c, s = np.cos(turn), np.sin(turn)
+    old = display.array.radius_mm
     # The movement of the panel points over the aperture, mm a mm, the same in both directions.
-    measured = float(np.trace(view.spread @ [[c, -s], [s, c]])) / (2.0 * float(np.mean(display.array.pitches_mm)))
+    across = np.trace(view.spread @ axes_at(display.array.rotation_deg)) / 2.0
+    measured = float(across / np.mean(display.array.pitches_mm))
 
     def off(radius_mm: float) -> float:
         array = replace(display.array, radius_mm=radius_mm)
@@ -150,21 +151,24 @@ def calibrate(
         points = np.stack(frame.panel_from_pixel(*decoded.panel_px[some].astype(np.float64).T), axis=1)
         seen.append(find_lattice(position.name, points, nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
-    whole, x, projection = _number_lenslets(nominal, views, seen, progress)
+    whole, x = _number_lenslets(nominal, views, seen, progress)
     logger.info("least squares")
     progress(0, 3)
-    whole, solution = _refine(whole, x, projection)
-    round_lens, radius_effect = None, np.zeros_like(solution.x)
+    whole, solution = _refine(whole, x)
+    round_lens = None
     if radius:
-        whole, solution, round_lens, radius_effect = _fit_radius(whole, solution, projection)
+        whole, solution, round_lens = _fit_radius(whole, solution)
     progress(1, 3)
-    bowed = solve(replace(solution.problem, bow=True), np.insert(solution.x, 7, np.zeros(len(BOW))))
+    bowed = solve(solution.problem.without("bow"), solution.x)
     _check_zoom(bowed)
     progress(2, 3)
-    if whole.held:
-        solution, bowed = released(solution), released(bowed)
+    if "gap" in whole.held:
+        solution, bowed = (judged(one.problem.without("gap"), one.x, one.weights) for one in (solution, bowed))
     if round_lens is not None:
-        solution, bowed = (_widened(one, radius_effect) for one in (solution, bowed))
+        solution, bowed = (
+            replace(one, covariance=one.covariance + np.outer(round_lens.effect, round_lens.effect))
+            for one in (solution, bowed)
+        )
     remarks = _bow_remarks(bowed, bow)
     solution = bowed if bow else solution
     result = _result(nominal, replace(solution.problem, views=whole.views), solution, remarks, round_lens)
@@ -174,31 +178,30 @@ def calibrate(
 
 def _number_lenslets(
     nominal: Display, views: list[Lenslets], seen: list[SeenLattice], progress: Progress
-) -> tuple[Problem, Floats, LensProjection]:
-    """Return the problem with the likeliest numbering, its first values, and the projection of the nominal lenslets."""
-    shape = views[0].shape
+) -> tuple[Problem, Floats]:
+    """Return the problem with the likeliest numbering, and its first values."""
     logger.info("numbering")
-    likely, projection = starts(nominal, views, seen, shape)
+    likely = starts(nominal, views, seen, views[0].shape)
     trials = []
-    for number, start in enumerate(likely):
+    for number, (problem, start) in enumerate(likely):
         progress(number, len(likely))
-        problem = Problem(nominal, [projection] * len(views), start.views, shape)
         sample = problem.thinned(TRIAL)
-        trial = solve(sample, first_fit(sample, start.x), robust_only=True)
+        trial = solve(sample, first_fit(sample, start), robust_only=True)
         trials.append((_cost(trial), problem, trial.x))
     _, problem, x = min(trials, key=lambda one: one[0])
-    return problem, x, projection
+    return problem, x
 
 
-def _refine(whole: Problem, x: Floats, projection: LensProjection) -> tuple[Problem, Solution]:
+def _refine(whole: Problem, x: Floats) -> tuple[Problem, Solution]:
     """Solve, and make the panel points finer than pixels by what was found, as long as the fit gets no worse."""
     solution = solve(whole, x, robust_only=True)
     if 1.96 * solution.deviation("gap") > GAP_KNOWN * whole.display.aperture_distance_mm:
         # Left alone, it would follow what the model lacks, and take pitch and offset with it.
-        whole = replace(whole, held=True)
-        solution = solve(whole, solution.x, robust_only=True)
+        whole, x = replace(whole, held=whole.held | {"gap"}), solution.x.copy()
+        whole.part(x, "gap")[:] = whole.display.gap_mm
+        solution = solve(whole, x, robust_only=True)
     for _ in range(REFINEMENTS):
-        finer = seen_again(solution, whole, projection)
+        finer = seen_again(solution, whole)
         again = solve(finer, solution.x)
         if _scatter(again) > COARSER * _scatter(solution) + FINE_PX:
             break
@@ -206,46 +209,40 @@ def _refine(whole: Problem, x: Floats, projection: LensProjection) -> tuple[Prob
     return whole, solution
 
 
-def _fit_radius(
-    whole: Problem, solution: Solution, projection: LensProjection
-) -> tuple[Problem, Solution, Radius, Floats]:
-    """Fit the radius too; return the problem, its solution, the radius, and what its uncertainty changes there."""
+def _fit_radius(whole: Problem, solution: Solution) -> tuple[Problem, Solution, Radius]:
+    """Fit the radius too; return the problem, its solution, and the radius."""
+
+    def with_radius(radius_mm: float) -> Problem:
+        array = replace(nominal.array, radius_mm=radius_mm)
+        return seen_again(solution, replace(whole, display=replace(nominal, array=array)))
+
     nominal = whole.display
     for _ in range(RADIUS_ROUNDS):
         found = radius_of(display_of(whole.display, solution), solution)
-        whole = _with_radius(whole, nominal, found.value_mm, solution, projection)
+        whole = with_radius(found.value_mm)
         solution = solve(whole, solution.x)
     # What the radius leaves open, the other numbers leave open with it.
-    wider = _with_radius(whole, nominal, found.value_mm + found.deviation_mm, solution, projection)
-    return whole, solution, found, solve(wider, solution.x).x - solution.x
+    wider = solve(with_radius(found.value_mm + found.deviation_mm), solution.x)
+    return whole, solution, found._replace(effect=wider.x - solution.x)
 
 
-def _with_radius(
-    whole: Problem, nominal: Display, radius_mm: float, solution: Solution, projection: LensProjection
-) -> Problem:
-    array = replace(nominal.array, radius_mm=radius_mm)
-    return seen_again(solution, replace(whole, display=replace(nominal, array=array)), projection)
-
-
-def seen_again(solution: Solution, whole: Problem, projection: LensProjection) -> Problem:
+def seen_again(solution: Solution, whole: Problem) -> Problem:
     """Return the problem with rays traced through the display that was found, from where each camera stands.
 
     The panel points become finer than pixels, too. The problem stays as it is when there can be no such display.
-    Rays are traced for slopes as steep as those of `projection`.
     """
     try:
         built = display_of(whole.display, solution)
     except ContradictionError:
         return whole
-    turn, height = np.rad2deg(solution.value("rotation")), outline_mm(built)
-    projections, views = [], []
+    height, projections, views = outline_mm(built), [], []
     for k, view in enumerate(whole.views):
         place = whole.pose(solution.x, k)[2]
         distance = max(1.0, float(place[2]))
-        projections.append(fit_projection(built, projection.steepest, distance))
+        projections.append(fit_projection(built, whole.projections[k].steepest, distance))
         slopes = (place[:2] - whole.centres(solution.x, whole.places[k])) / (place[2] - height)
         aside = whole.aside(solution.x, k, whole.rays(solution.x, k).middles)
-        views.append(refined(view, built, slopes, aside, movement_of(built, turn, slopes, distance)))
+        views.append(refined(view, built, slopes, aside, movement_of(built, slopes, distance)))
     return replace(whole, projections=projections, views=views)
 
 
@@ -262,9 +259,9 @@ def _cost(solution: Solution) -> float:
 
 def _check_zoom(solution: Solution) -> None:
     """Refuse positions whose photographs are magnified otherwise: one lens for all would put it into pitch and gap."""
-    problem = replace(solution.problem, zoom=True)
-    zoomed = solve(problem, np.concatenate([solution.x, np.zeros(len(problem.zooms))]))
-    zooms = {name: zoomed.value(name) for name in problem.zooms}
+    problem = solution.problem.without("zoom")
+    zoomed = solve(problem, solution.x)
+    zooms = {name: zoomed.value(name) for name in problem.blocks["zoom"]}
     sure = [
         name for name, zoom in zooms.items() if abs(zoom) > max(ZOOM_DEVIATIONS * zoomed.deviation(name), LEAST_ZOOM)
     ]
@@ -274,17 +271,11 @@ def _check_zoom(solution: Solution) -> None:
     # When all others differ from the first alike, it is the first.
     first = len(sure) == len(zooms) > 1 and len({zooms[name] > 0.0 for name in sure}) == 1
     worst = max(sure, key=lambda name: abs(zooms[name]))
-    odd, zoom = (views[0], -zooms[worst]) if first else (views[problem.zooms.index(worst) + 1], zooms[worst])
+    odd, zoom = (views[0], -zooms[worst]) if first else (views[list(zooms).index(worst) + 1], zooms[worst])
     raise ContradictionError(
         f"{odd}: the lens magnifies {100.0 * abs(zoom):.1f} % {'more' if zoom > 0.0 else 'less'} than in "
         f"{'the other positions' if first else views[0]}; fix zoom and focus, and take all positions again"
     )
-
-
-def _widened(solution: Solution, off: Floats) -> Solution:
-    """Return a solution whose covariance has one more source: the parameters without bow change by `off` with it."""
-    more = np.concatenate([off[:7], np.zeros(len(solution.x) - len(off)), off[7:]])
-    return replace(solution, covariance=solution.covariance + np.outer(more, more))
 
 
 def _bow_remarks(solution: Solution, asked: bool) -> tuple[str, ...]:
@@ -320,25 +311,20 @@ def _result(
         known = half < OPEN["radius"] * radius.value_mm
         parameters += (Parameter("radius", radius.value_mm, half, "mm", nominal.array.radius_mm, known),)
     lens = {name: solution.value(name) for name in LENS}
-    cameras = tuple(
-        FoundCamera(
-            name=view.name,
-            place_mm=[solution.value(f"place_{axis}_{k}") for axis in "xyz"],
-            uncertainty_mm=[1.96 * solution.deviation(f"place_{axis}_{k}") for axis in "xyz"],
-            lenslets=len(view.index),
-            agree=view.agree,
-            modulation=view.modulation,
-        )
-        for k, view in enumerate(whole.views)
-    )
-    rows = []
+    cameras, rows = [], []
     for k, view in enumerate(whole.views):
+        axes = [f"place_{axis}_{k}" for axis in "xyz"]
+        place, uncertainty = ([factor * number(axis) for axis in axes]
+                              for factor, number in ((1.0, solution.value), (1.96, solution.deviation)))  # fmt: skip
+        cameras.append(FoundCamera(
+            name=view.name, place_mm=place, uncertainty_mm=uncertainty, lenslets=len(view.index), agree=view.agree,
+            modulation=view.modulation,
+        ))  # fmt: skip
         centres, residual = whole.centres(solution.x, whole.places[k]), whole.residuals(solution.x, k)
         kept = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.weights.scatter[k][0]).all(axis=1))
         # Seen less expected; pixel rows count down.
         off = residual[:, :2] * [-1.0, 1.0]
         rows.append(np.column_stack([np.full(len(kept), k), view.index, centres, off, kept]))
-    return Calibration(
-        display, nominal, parameters, (*remarks, *remarks_of(parameters, solution)), cameras, lens,
-        solution.rms_panel_px, solution.rms_photo_px, outliers, np.concatenate(rows),
-    )  # fmt: skip
+    remarks = (*remarks, *remarks_of(parameters, solution))
+    findings = parameters, remarks, tuple(cameras), lens, *solution.rms_px(), outliers
+    return Calibration(*findings, display, nominal, np.concatenate(rows))

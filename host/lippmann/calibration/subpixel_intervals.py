@@ -28,7 +28,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-from lippmann.calibration.lens_projection import inner_rays
+from lippmann.calibration.lens_projection import axes_at, inner_rays, means
 from lippmann.calibration.lenslet_measurement import Lenslets, Readings
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats, Indices
@@ -50,7 +50,7 @@ NEAREST = 4
 BISECTIONS = 11
 #: Lenslets of a view through which rays are traced.
 TRACED = 60
-#: Readings whose movement is computed at once.
+#: Readings whose movement is computed at once, about.
 CHUNK = 1 << 16
 #: Lenslets from which the blur is found.
 MOST_BLURRED = 60
@@ -62,12 +62,8 @@ SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
 def _derivative(axis: int) -> Floats:
     """Return the matrix that makes the factors of `PLACE` those of the derivative along the cell's axis."""
-    matrix = np.zeros((len(PLACE), len(PLACE)))
-    for number, powers in enumerate(PLACE):
-        if powers[axis] > 0:
-            lower = (powers[0] - 1, powers[1]) if axis == 0 else (powers[0], powers[1] - 1)
-            matrix[PLACE.index(lower), number] = powers[axis]
-    return matrix
+    powers, step = np.array(PLACE), np.arange(2) == axis
+    return np.where((powers[:, None] + step == powers).all(axis=2), powers[:, axis], 0.0)
 
 
 ALONG = (_derivative(0), _derivative(1))
@@ -102,24 +98,19 @@ class Movement:
         The cells are those of lenslets with slopes (N, 2), and are moved `aside` (N, 2). The lenslets `group` (M,)
         ascend.
         """
-        own, (x, y) = self._own(slopes), (one[:, None, None] for one in aside.T)
-        along_x, along_y = (one @ own for one in ALONG)
-        second = x * x * (ALONG[0] @ along_x) + 2.0 * x * y * (ALONG[0] @ along_y) + y * y * (ALONG[1] @ along_y)
-        here = own + x * along_x + y * along_y + 0.5 * second
-        here[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
-        ways = [one @ here for one in ALONG]
+        own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
+        own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
+        ways = [one @ own for one in ALONG]
         bent = ALONG[0] @ ways[0] + ALONG[1] @ ways[1]
-        factors = np.concatenate([here, *ways, bent], axis=2).astype(np.float32)
+        factors = np.concatenate([own, *ways, bent], axis=2).astype(np.float32)
         ends = np.searchsorted(group, np.arange(len(slopes) + 1))
-        moved = np.empty((len(local), 8), np.float32)
-        first = 0
-        while first < len(slopes):  # as many lenslets as fill a chunk, one at least
-            last = max(first + 1, int(np.searchsorted(ends, ends[first] + CHUNK, side="right")) - 1)
-            powers = _place_powers(local[ends[first] : ends[last]])
-            for k in range(first, last):
-                low, high = ends[k : k + 2] - ends[first]
+        moved = np.empty((len(at), 8), np.float32)
+        for lenslets in np.array_split(np.arange(len(slopes)), min(len(slopes), 1 + len(at) // CHUNK)):
+            first = ends[lenslets[0]]
+            powers = _place_powers(at[first : ends[lenslets[-1] + 1]])
+            for k in lenslets:
+                low, high = ends[k : k + 2] - first
                 moved[ends[k] : ends[k + 1]] = powers[:, low:high].T @ factors[k]
-            first = last
         return Moved(moved[:, :2], np.hypot(moved[:, 2:4], moved[:, 4:6]), moved[:, 6:])
 
 
@@ -154,23 +145,17 @@ def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
     return np.stack([x**a * y**b for a, b in exponents], axis=1)
 
 
-def movement_of(display: Display, turn_deg: float, slopes: Floats, distance_mm: float) -> Movement:
-    """Trace the movement of a view, whose lenslets see the camera at slopes (N, 2).
-
-    `turn_deg` is the direction of the cells' first axis on the panel.
-    """
+def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movement:
+    """Trace the movement of a view, whose lenslets see the camera at slopes (N, 2)."""
     some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:TRACED]]
     inner, at, seen = inner_rays(display, some, distance_mm)
-    c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
-    local = inner @ [[c, -s], [s, c]] / display.array.pitches_mm[0]
-    number = np.maximum(seen.sum(axis=1), 1)[:, None, None]
-    at = at - (at * seen[..., None]).sum(axis=1, keepdims=True) / number
-    pixels = at / display.panel.pitches_mm * [1.0, -1.0]
+    local = inner @ axes_at(display.array.rotation_deg) / display.array.pitches_mm[0]
+    pixels = (at - means(at, seen)[:, None]) / display.panel.pitches_mm * [1.0, -1.0]
     middle = slopes.mean(axis=0)
     powers = _powers(some - middle, SLOPE)[:, None, :, None] * _powers(local, PLACE)[None, :, None, :]
     design = powers.reshape(len(some), len(local), -1)[seen]
     factors = np.linalg.lstsq(design, pixels[seen], rcond=None)[0]
-    return Movement(factors.reshape(len(SLOPE), len(PLACE), 2), middle, local)
+    return Movement(np.reshape(factors, (len(SLOPE), len(PLACE), 2)), middle, local)
 
 
 def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:

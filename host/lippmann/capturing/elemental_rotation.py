@@ -11,8 +11,7 @@ The centre of rotation is at most half a pixel off the lenslet's centre in x and
 rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
 
 **Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
-tried with every pair. On upright square cells m depends on the column only and n on the row only, so both are found
-from one row and one column of pixels.
+tried with every pair.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ import numpy.typing as npt
 
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
+from lippmann.optics.lattice import number_lenslets
+from lippmann.optics.rays import Indices
 from lippmann.optics.system import System
 
 #: Rounding of pixel coordinates, pixels.
 ROUNDING = 1e-9
-
-Indices = npt.NDArray[np.int64]
 
 
 class Cells(NamedTuple):
@@ -44,62 +43,39 @@ class Cells(NamedTuple):
     rim: npt.NDArray[np.bool_]
 
 
-def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice(None)) -> Cells:
-    """Return the elemental images of a display, or of some rows and columns: the panel's cells, one of each lenslet."""
+def cells_of(display: Display) -> Cells:
+    """Return the elemental images of a display: the panel's cells, one of each lenslet."""
     panel, system = display.panel, System.of(display)
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
-    row, column = np.arange(panel.height_px)[rows, np.newaxis], np.arange(panel.width_px)[np.newaxis, columns]
+    row, column = np.arange(panel.height_px)[:, np.newaxis], np.arange(panel.width_px)
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
     i, j, x, y = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
-    # Numbers the cells that occur, in the order of (i, j).
-    first_i, first_j = int(i.min()), int(j.min())
-    span = int(np.ptp(j)) + 1
-    key = (i.astype(np.int64) - first_i) * span + (j.astype(np.int64) - first_j)
-    occurs = np.zeros(int(key.max()) + 1, bool)
-    occurs[key] = True
-    i, j = np.divmod(np.flatnonzero(occurs), span)
-    cx, cy = lattice.centre(i + float(first_i), j + float(first_j))
+    lenslets, cell = number_lenslets(np.stack(np.broadcast_arrays(i, j), axis=-1).reshape(-1, 2).astype(np.int64))
+    cx, cy = lattice.centre(*lenslets.T.astype(float))
     x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
     centre = frame.panel_from_array(cx + x0, cy + y0)
-    rim = np.zeros(key.shape, bool)
+    rim = np.zeros((panel.height_px, panel.width_px), bool)
     for ax, ay in lattice.axes:
         step = float(np.abs(frame.turn(ax, ay)) @ panel.pitches_mm) * (1.0 + ROUNDING)
-        across = x if (ax, ay) == (1.0, 0.0) else y if (ax, ay) == (0.0, 1.0) else ax * x + ay * y
-        rim |= np.abs(across) > lattice.half_mm - step
-    return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
+        rim |= np.abs(ax * x + ay * y) > lattice.half_mm - step
+    return Cells(cell, np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
 
 def rotation_map(display: Display) -> Indices:
     """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
-    system = System.of(display)
-    if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
-        across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
-        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of a picture that is one pixel high, or wide
-        of_columns, fixed_columns = _pairs(display, across, width, 1)
-        of_rows, fixed_rows = _pairs(display, up, 1, height)
-        column, row = np.arange(width), np.arange(height)[:, np.newaxis]
-        to_column = of_columns[across.cell, 0] - column
-        to_row = of_rows[up.cell, 1][:, np.newaxis] - row
-        table: Indices = to_row * width + to_column
-        table[fixed_rows] = row[fixed_rows] * width + column
-        table[:, fixed_columns] = row * width + column[fixed_columns]
-        return table.ravel()
     cells = cells_of(display)
-    pairs, fixed = _pairs(display, cells, width, height)
+    pairs, fixed = _pairs(display, cells)
     # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
-    partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
-    by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
-    by_row -= np.arange(width)
-    by_row -= np.arange(height)[:, np.newaxis] * width
+    partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell] - np.arange(height * width)
     partner[fixed] = fixed
     return partner
 
 
-def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Indices, Indices]:
-    """Return (m, n) of each cell in a picture of this size, (cells, 2), and the numbers of the pixels that stay."""
+def _pairs(display: Display, cells: Cells) -> tuple[Indices, Indices]:
+    """Return (m, n) of each cell, (cells, 2), and the numbers of the pixels that stay."""
     cell, centre, rim = cells
-    size = np.array([width, height])
+    width, height = size = np.array([display.panel.width_px, display.panel.height_px])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
     # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.

@@ -5,14 +5,13 @@ The images are linear (`assumed_gamma 1.0`, OpenEXR), as Lippmann's.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lippmann.base import interrupts
-from lippmann.base.files import moved, partial_folder, refused
+from lippmann.base.files import make_folder, moved, partial_folder, refused
 from lippmann.capturing.povray_scene import write_scene
 from lippmann.capturing.povray_text import SPARE_ROWS, plain, write_rays
 from lippmann.display.description import Display
@@ -67,7 +66,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
     Raises InputError when POV-Ray cannot express a part of the scene, or the folder cannot be written.
     """
-    check_folder(folder)
+    make_folder(folder)
     name = plain(scene.path.stem)
     spare_rows = 0 if view.rays is None else SPARE_ROWS
     try:
@@ -91,24 +90,12 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
             for file in files:
                 if (folder / file).is_dir():
                     raise input_error(str(folder / file), "is a folder", "choose another place for the export")
-            folder.mkdir(exist_ok=True)
             with interrupts.held():
                 for file in files:
                     moved(partial / file, folder / file)
     except OSError as error:
         raise refused(folder, error) from None
     return Exported(folder / f"{name}.ini", tuple(files), spare_rows)
-
-
-def check_folder(folder: Path) -> Path:
-    """Check that a folder can be written to."""
-    if folder.exists() and not folder.is_dir():
-        raise input_error(str(folder), "is not a folder", "give the name of a folder")
-    if not folder.parent.is_dir():
-        raise input_error(str(folder), f"the folder {folder.parent} does not exist", "make it first")
-    if not os.access(folder if folder.exists() else folder.parent, os.W_OK):
-        raise input_error(str(folder), "cannot be written", "choose another place or change permissions")
-    return folder
 
 
 def export_display(scene: Scene, display: Display, model: Model, folder: Path) -> Exported:

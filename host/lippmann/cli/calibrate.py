@@ -277,7 +277,7 @@ def report_command(
     with own_variant(device):
         page = calibration_page(
             provenance(f"lippmann calibrate report {path.name}", ("numpy", "scipy", "opencv-python-headless")),
-            *load_calibration(path), eye,
+            load_calibration(path), eye,
         )  # fmt: skip
     files = page.write(Path(output), as_html=True)
     emit({"folder": output, "files": [one.name for one in files]}, f"{output}: {', '.join(one.name for one in files)}")

@@ -18,7 +18,7 @@ from lippmann.base.progress import report_each
 from lippmann.base.variant import start_mitsuba
 from lippmann.capturing.capture import check_placement, placement_before
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.capturing.povray_export import POVRAY, check_folder, export_display, write_folder
+from lippmann.capturing.povray_export import POVRAY, export_display, write_folder
 from lippmann.capturing.povray_optics import setup_view
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
@@ -75,7 +75,8 @@ def povray(
         raise InputError("give one of --display and --setup, which POV-Ray shall render through")
     if model is not None and setup_path is not None:
         raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
-    folder = check_folder(Path(output))
+    folder = Path(output)
+    make_folder(folder)
     path = check_scene_file(scene_path)
     if kind_of(path) != "mitsuba":
         raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")

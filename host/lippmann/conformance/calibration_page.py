@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from lippmann.base.tones import psnr_db
 from lippmann.calibration.check import rings
-from lippmann.conformance.figures import Row, Rows
+from lippmann.calibration.result import Calibration
+from lippmann.conformance.figures import Rows
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
-from lippmann.display.description import Display, parse_display
+from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe, whole_window
 
 #: Columns of the field of residuals (`calibration.result.Calibration.field`).
@@ -79,29 +80,24 @@ def digits(number: float, half: float) -> str:
 
 
 def calibration_page(
-    origin: Mapping[str, str],
-    display: Display,
-    summary: Row,
-    field: Floats,
-    nominal_text: str,
-    eye_mm: tuple[float, float, float] | None = None,
+    origin: Mapping[str, str], found: Calibration, eye_mm: tuple[float, float, float] | None = None
 ) -> Page:
     """Return the page of a calibration; the eye is the first camera's place, unless it is given."""
-    nominal = parse_display(nominal_text, "nominal")
+    summary = found.summary()
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
-    views_plot = draw_views(nominal, display, Eye((place[0], place[1], place[2])))
+    views_plot = draw_views(found.nominal, found.display, Eye((place[0], place[1], place[2])))
     rows = []
     for one in summary["parameters"]:
         half = one["uncertainty"]
         numbers = {"value": one["value"], "nominal": one["nominal"], "change": one["value"] - one["nominal"]}
         texts = {name: digits(number, half) for name, number in numbers.items()}
-        rows.append({**one, **texts, "uncertainty": digits(half, half), "determined": bool(one["determined"])})
+        rows.append({**one, **texts, "uncertainty": digits(half, half)})
     cameras = []
     for one in summary["cameras"]:
         sides = zip(one["place_mm"], one["uncertainty_mm"], strict=True)
         cameras.append({**one, "place": ", ".join(f"{digits(x, half)} +- {digits(half, half)}" for x, half in sides)})
-    table = [dict(zip(FIELD, map(float, row), strict=True)) for row in field]
-    described = {"summary": summary, "display": display, "nominal": nominal, "eye": place}
-    plots = [views_plot, draw_residuals(field, summary["cameras"]), draw_histogram(field)]
+    table = [dict(zip(FIELD, map(float, row), strict=True)) for row in found.field]
+    described = {"summary": summary, "display": found.display, "nominal": found.nominal, "eye": place}
+    plots = [views_plot, draw_residuals(found.field, summary["cameras"]), draw_histogram(found.field)]
     context = {**described, "rows": rows, "cameras": cameras}
     return Page("calibration", origin, plots, {"calibration-residuals": table}, context)

@@ -35,19 +35,16 @@ PLACES, MAP_RAYS = 41, 256
 @contextmanager
 def _drawing(path: Path, down: int, across: int, size: tuple[float, float]) -> Iterator[npt.NDArray[np.object_]]:
     """Provide the axes of a picture of `size` inches, and write it to the path."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
 
     # Text stays text, and the same display gives the same file.
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
-        figure, axes = plt.subplots(down, across, figsize=size, squeeze=False, layout="constrained")
-        yield axes
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "lippmann", "font.size": 9}):
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure.subplots(down, across, squeeze=False)
         kind = path.suffix.lower()[1:]
         with replacing(path) as temporary:
             figure.savefig(temporary, format=kind, dpi=150, metadata={"Date": None} if kind == "svg" else None)
-        plt.close(figure)
 
 
 def draw_zones(display: Display, path: Path, eye_mm: Sequence[float] | None = None) -> None:

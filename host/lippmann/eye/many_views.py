@@ -13,7 +13,6 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.viewer_page import Direct
-from lippmann.optics.display_properties import display_properties
 from lippmann.optics.zones import middle_eye, viewing_distance, zones
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import Settings
@@ -27,14 +26,11 @@ ZONE_SHARE = 0.95
 CONE_DEG = 20.0
 #: Widest cone, degrees.
 MAX_CONE_DEG = 120.0
-
-#: Eyes of the grid, across and down; the middle one is on the axis.
+#: Eyes of direct views, across and down; the middle one is on the axis.
 GRID = (7, 3)
 #: Width of a render, pixels, and its samples.
 WIDTH_PX = 400
 SAMPLES = 16
-#: Half width of the grid for a display without a viewing zone, as a share of the viewing distance.
-LEAST_REACH = 0.05
 #: Returns what an eye sees.
 Viewer = Callable[[Eye], Radiance]
 
@@ -79,15 +75,7 @@ def eyes_of(
         if not 0.0 <= cone_deg <= MAX_CONE_DEG:
             raise InputError(f"the cone of {cone_deg:g} degrees is out of range; give 0 to {MAX_CONE_DEG:g}")
         reach_x = reach_y = math.tan(math.radians(0.5 * cone_deg)) * distance
-    return _grid((x, y, z), (across, down), (reach_x, reach_y))
-
-
-def _grid(
-    middle_mm: tuple[float, float, float], counts: tuple[int, int], reaches_mm: tuple[float, float]
-) -> list[tuple[float, float, float]]:
-    """Return eyes around a middle one, row by row from the bottom, up to a reach to each side."""
-    (x, y, z), (reach_x, reach_y) = middle_mm, reaches_mm
-    rights, ups = _spaced(-reach_x, reach_x, counts[0]), _spaced(-reach_y, reach_y, counts[1])
+    rights, ups = _spaced(-reach_x, reach_x, across), _spaced(-reach_y, reach_y, down)
     return [(x + right, y + up, z) for up in ups for right in rights]
 
 
@@ -104,14 +92,7 @@ def _spaced(first: float, last: float, count: int) -> list[float]:
     return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
-def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
-    """Return eyes across the viewing zone, mm, at the viewing distance."""
-    middle = middle_eye(display, viewing_distance(display))
-    reach = max(display_properties(display).viewing_zone_mm, LEAST_REACH * middle[2])
-    return _grid(middle, GRID, (reach, reach))
-
-
 def render_directs(scene: Scene, display: Display, seed: int = 0, progress: Progress | None = None) -> list[Direct]:
-    """Render a scene from the grid's eyes."""
+    """Render a scene from eyes all over the viewing zone, at the viewing distance."""
     view = scene_viewer(scene, whole_window(display, WIDTH_PX), Settings(samples=SAMPLES, seed=seed))
-    return [Direct(eye, view(Eye(eye))) for eye in report_each(grid_of_eyes(display), progress)]
+    return [Direct(eye, view(Eye(eye))) for eye in report_each(eyes_of(display, *GRID), progress)]

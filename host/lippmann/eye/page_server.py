@@ -15,6 +15,12 @@ LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")
 #: Most requests at once, and the longest silence of one, s.
 MAX_REQUESTS, SILENCE_S = 8, 10.0
+HEADERS = {
+    "Content-Type": "text/html; charset=utf-8",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Frame-Options": "DENY",
+}
 
 
 class PageServer(ThreadingHTTPServer):
@@ -39,16 +45,9 @@ class PageServer(ThreadingHTTPServer):
         self.hosts = [f"{host}:{port}" for host in HOSTS]
         self.origins = [f"http://{host}" for host in self.hosts]
 
-    def process_request(self, request: socket.socket | tuple[bytes, socket.socket], client_address: object) -> None:
-        """Answer a request in a thread of its own; close it when there are too many."""
-        if not self._free.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
-        try:
-            super().process_request(request, client_address)
-        except BaseException:
-            self._free.release()
-            raise
+    def verify_request(self, request: object, client_address: object) -> bool:
+        """Let a request in, to be answered in a thread of its own, unless there are too many."""
+        return self._free.acquire(blocking=False)
 
     def process_request_thread(
         self, request: socket.socket | tuple[bytes, socket.socket], client_address: object
@@ -76,11 +75,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
         else:
             self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
+            for name, value in HEADERS.items():
+                self.send_header(name, value)
             self.send_header("Content-Length", str(len(self.server.page)))
-            self.send_header("Referrer-Policy", "no-referrer")
-            self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-            self.send_header("X-Frame-Options", "DENY")
             self.end_headers()
             self.wfile.write(self.server.page)
 

@@ -23,7 +23,7 @@ from lippmann.display.description import Display
 from lippmann.display.subpixels import COLOURS, layout_of
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import check_size
-from lippmann.optics.display_properties import DisplayProperties, display_properties
+from lippmann.optics.display_properties import depth_reach_mm
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.zones import middle_eye, viewing_distance
 
@@ -78,23 +78,23 @@ class Slider:
         return filled("slider.html", id=self.id, label=html.escape(self.label), unit=self.unit, **numbers)
 
 
-def eye_reach_mm(display: Display, derived: DisplayProperties) -> float:
+def eye_reach_mm(display: Display) -> float:
     """Return the eye's largest offset, where even the panel's far edge shows the neighbours' elemental images."""
     distance = viewing_distance(display)
-    zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / derived.aperture_distance_mm
+    zone = distance * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
     aside = max(abs(x) for x in middle_eye(display, distance)[:2])
     return _neat(aside + 0.5 * (zone + max(display.panel.width_mm, display.panel.height_mm)))
 
 
-def focus_reach_mm(display: Display, derived: DisplayProperties) -> float:
+def focus_reach_mm(display: Display) -> float:
     """Return the largest focus depth: twice the depth range, but less than the shortest viewing distance."""
-    return _neat(min(2.0 * derived.depth_range_mm[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
+    return _neat(min(2.0 * depth_reach_mm(display)[1], 0.9 * DISTANCES[0] * viewing_distance(display)))
 
 
-def sliders(display: Display, derived: DisplayProperties) -> dict[str, list[Slider]]:
+def sliders(display: Display) -> dict[str, list[Slider]]:
     """Return the sliders by group."""
     array = display.array
-    reach, focus = eye_reach_mm(display, derived), focus_reach_mm(display, derived)
+    reach, focus = eye_reach_mm(display), focus_reach_mm(display)
     x, y, distance = middle_eye(display, viewing_distance(display))
     near, far = (share * distance for share in DISTANCES)
     shift, lift = _neat(0.5 * array.coarsest_mm), _neat(0.5 * array.focal_length_mm)
@@ -121,11 +121,11 @@ def sliders(display: Display, derived: DisplayProperties) -> dict[str, list[Slid
     }
 
 
-def controls_html(display: Display, derived: DisplayProperties) -> str:
+def controls_html(display: Display) -> str:
     """Return the groups of sliders."""
     return "".join(
         f"<fieldset>\n<legend>{html.escape(group)}</legend>\n{''.join(one.html() for one in members)}</fieldset>\n"
-        for group, members in sliders(display, derived).items()
+        for group, members in sliders(display).items()
     )
 
 
@@ -218,10 +218,9 @@ def page_html(
     shown = [
         {"eye_mm": direct.eye_mm, "png": "data:image/png;base64," + png_base64(direct.radiance)} for direct in directs
     ]
-    derived = display_properties(display)
-    focus = focus_reach_mm(display, derived)
+    focus = focus_reach_mm(display)
     scale = focus / DRAWN
-    reach = derived.depth_range_mm[1] / scale
+    reach = depth_reach_mm(display)[1] / scale
     head = "#version 300 es\n" + "".join(f"#define {key} {value}\n" for key, value in _defines(display).items())
     return filled(
         "page.html",
@@ -230,7 +229,7 @@ def page_html(
         style=read("style.css"),
         aspect=aspect,
         direct=filled("direct.html", aspect=aspect) if directs else "",
-        controls=controls_html(display, derived),
+        controls=controls_html(display),
         depth=filled("depth.svg", mm_per_unit=f"{scale:.9g}", reach=f"{reach:.6g}", left_mm=f"−{focus:g}"),
         display=script_json(described),
         shaders=script_json({name: head + shader(name) for name in SHADERS}),

@@ -16,6 +16,7 @@ import numpy as np
 
 from lippmann.display.description import Array, Grid, Pair
 from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.rays import Indices
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
 
@@ -169,3 +170,12 @@ class Lattice:
             di, dj = b.where(first, sign * si, di), b.where(first, sign * sj, dj)
             cx, cy = b.where(first, nx, cx), b.where(first, ny, cy)
         return t, (di, dj), (cx, cy)
+
+
+def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
+    """Return the different lenslets (i, j) of pixels (N, 2), ascending (M, 2), and the number of each pixel's (N,)."""
+    low = index.min(axis=0)
+    span = int(np.ptp(index[:, 1])) + 1
+    flat = (index - low) @ [span, 1]
+    occurs = np.bincount(flat) > 0
+    return np.stack(np.divmod(np.flatnonzero(occurs), span), axis=1) + low, (np.cumsum(occurs) - 1)[flat]
