@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from lippmann.calibration.simulated_camera import Camera, CameraValues, Light, Point
+from lippmann.calibration.simulated_camera import Camera, CameraValues, Light, Point, Sensor
 from lippmann.calibration.simulated_photographs import Bench, Projection, Tracer, trace_projection
 from lippmann.display.description import Display
 from lippmann.optics.rays import Engine, Floats, Hits, Indices, Status
@@ -57,24 +57,21 @@ class Disturbances(Bench):
         aim = np.add(camera.look_at_mm, self.moved_mm).tolist()
         return replace(camera, position_mm=(x, y, z), look_at_mm=(aim[0], aim[1], aim[2]))
 
-    def disturb_panel(self, light: Light) -> Light:
-        """Return the light that the panel emits, with its dead pixels, which stay black."""
+    def photograph(
+        self, seen: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
+    ) -> CameraValues:
+        """Return the values that the camera stores: with dead pixels, reflections, a blur, and outliers."""
         dead = np.random.default_rng((self.seed, 0xDEAD)).random(light.shape[:2]) < self.dead_pixels
-        return np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light)
-
-    def disturb_picture(self, picture: Light, white: float, seed: int) -> Light:
-        """Return the light in the camera with reflections, and blurred."""
+        picture = seen.photograph(np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light))
         added = reflected(picture.shape[:2], self.reflection, self.bright_spot, seed)
-        added *= white
+        added *= sensor.exposure / max(gain, 1e-30)
         picture = picture + (added if picture.ndim == 2 else added[..., None])
-        if self.blur_px == 0.0:
-            return picture
-        return np.asarray(ndimage.gaussian_filter(picture, (self.blur_px, self.blur_px, 0.0)[: picture.ndim]))
-
-    def disturb_values(self, values: CameraValues, seed: int, rng: np.random.Generator) -> CameraValues:
-        """Return a photograph in which some pixels, the same in all photographs, have arbitrary values."""
+        if self.blur_px > 0.0:
+            picture = ndimage.gaussian_filter(picture, (self.blur_px, self.blur_px, 0.0)[: picture.ndim])
+        values = sensor.values(picture, gain, rng)
         if self.outliers == 0.0:
             return values
+        # The same camera pixels in all photographs.
         chosen = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < self.outliers
         noise = rng.integers(0, np.iinfo(values.dtype).max, values.shape, values.dtype, endpoint=True)
         return np.where(chosen if values.ndim == 2 else chosen[..., None], noise, values)

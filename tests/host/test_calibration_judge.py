@@ -76,7 +76,7 @@ def test_errors_are_told_in_units_of_the_intervals(display):
         "rotation": 2.0 + 1.5e-4, "offset_x": aside[0] + 1e-5, "offset_y": aside[1] - 3e-5, "gap": truth.gap_mm,
     }  # fmt: skip
     parameters = tuple(Parameter(name, value, 1e-4, "", 0.0, True) for name, value in values.items())
-    found = Calibration(truth, display, parameters, (), (), {}, 0.0, 0.0, 0.0, np.zeros((0, 8)))
+    found = Calibration(parameters, (), (), {}, 0.0, 0.0, 0.0, truth, display, np.zeros((0, 8)))
     expected = {
         "pitch_x": 0.5, "pitch_y": -2.0, "shear": 0.0, "rotation": 1.5, "offset_x": 0.1, "offset_y": -0.3, "gap": 0.0,
     }  # fmt: skip

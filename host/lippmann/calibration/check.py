@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from lippmann.calibration.photographs import SUFFIXES, Light, read_photograph
 from lippmann.display.description import Display
@@ -102,8 +103,7 @@ def judge(white: Light, dark: Light) -> Verdict:
     if float(both.max()) < 1e-3:
         raise InputError("the photographs of white and dark are both black; expose longer, both alike")
     # Blocks on the panel's edge see the mount too.
-    padded = np.pad(panel, 1)
-    inside = panel & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    inside = ndimage.binary_erosion(panel)
     if inside.sum() < 9:
         raise InputError("the photographs show too little of the panel; come nearer")
     share = means[1][inside] / both[inside]

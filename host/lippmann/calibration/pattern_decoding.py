@@ -74,12 +74,12 @@ def decode_position(
     span, seen = _seen(position.of(white_pattern), white, black, white_photograph.clipped)
     middle = 0.5 * (white + black)
     inverse = np.float32(1.0) / np.maximum(span, np.float32(1e-6))
-    samples = Samples(patterns, position, *_chosen(seen), white, black)
+    samples = Samples(patterns, position, shape, *_chosen(seen), {})
     axes = [AxisCode(patterns, axis, shape) for axis in (0, 1)]
     for pattern in coded:
-        light = read(pattern).light
-        samples.add(pattern, light)
-        axes[pattern.axis].add(pattern, np.asarray((light - middle) * inverse, np.float32))
+        share = np.asarray((read(pattern).light - middle) * inverse, np.float32)
+        samples.shares[pattern] = share[samples.rows, samples.columns]
+        axes[pattern.axis].add(pattern, share)
     check_marks(position, marks, marks_again, first_marks, read(marks_again).light, seen)
 
     (columns, good_columns), (rows, good_rows) = (axis.points() for axis in axes)

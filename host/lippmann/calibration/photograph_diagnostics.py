@@ -6,7 +6,7 @@ They use some thousand camera pixels, whose values in all photographs are kept.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -36,22 +36,19 @@ EXCHANGED = 0.5
 FEW = 800
 
 
-@dataclass
+@dataclass(frozen=True)
 class Samples:
-    """Light of some pixels (at `rows`, `columns`) in all photographs, as shares of the black to white range."""
+    """Light of some pixels (at `rows`, `columns`) of the photographs of the coded patterns.
+
+    It is a share of the black to white range, 0 in the middle. `shape` is the photographs' (height, width).
+    """
 
     patterns: PatternSet
     position: Position
+    shape: tuple[int, int]
     rows: npt.NDArray[np.intp]
     columns: npt.NDArray[np.intp]
-    white: Light
-    black: Light
-    shares: dict[Pattern, npt.NDArray[np.float32]] = field(default_factory=dict)
-
-    def add(self, pattern: Pattern, light: Light) -> None:
-        """Keep the pixels' light in the photograph of a pattern."""
-        black, white = (one[self.rows, self.columns] for one in (self.black, self.white))
-        self.shares[pattern] = (light[self.rows, self.columns] - black) / np.maximum(white - black, 1e-6)
+    shares: dict[Pattern, npt.NDArray[np.float32]]
 
 
 class Fit(NamedTuple):
@@ -82,7 +79,7 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
         phases = {one: light for one, light in shares.items() if (one.kind, one.axis) == ("phase", axis)}
         for one, light in shares.items():
             if one.axis == axis:
-                code.add(one, light - np.float32(0.5))
+                code.add(one, light)
         mean, strong = np.mean([*phases.values()], axis=0), code.amplitude > 0.5 * np.median(code.amplitude)
         for one, light in phases.items():
             expected = mean + 2.0 / patterns.steps * (code.wave / patterns.turn(one)).real
@@ -137,7 +134,7 @@ def _check_light(samples: Samples) -> None:
     for pattern, share in samples.shares.items():
         along = np.arange(patterns.sides_px[pattern.axis]) + 0.5
         expected = float(patterns.level(pattern, along).mean())
-        got = float(np.clip(share, -0.5, 1.5).mean())
+        got = float(np.clip(share, -1.0, 1.0).mean()) + 0.5
         if abs(got - expected) > MOST_OFF * (1.0 if pattern.kind == "phase" else 1.5):
             name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
             what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
@@ -169,7 +166,7 @@ def _check_view(samples: Samples, found: Fit) -> None:
     path = position.of(patterns.patterns[0])
     if np.linalg.det(found.panel_from_photo[:2, :2]) < 0.0:
         raise input_error(str(path), "is mirrored", "give the photographs as the camera took them")
-    height, width = samples.white.shape
+    height, width = samples.shape
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * patterns.sides_px
     photo = cv2.perspectiveTransform(corners[None], np.linalg.inv(found.panel_from_photo))[0]
     margin = 0.005 * max(height, width)

@@ -126,14 +126,10 @@ class Camera:
         x, y = self.slopes(u, v)
         axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
         px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)
-        # Column by column: a product of matrices this narrow takes a library many times as long.
-        origin, towards = np.empty((len(x), 3)), np.empty((len(x), 3))
         ax, ay = focus * x - px, focus * y - py
-        for k in range(3):
-            origin[:, k] = self.position_mm[k] + px * axes[0, k] + py * axes[1, k]
-            towards[:, k] = ax * axes[0, k] + ay * axes[1, k] + focus * axes[2, k]
-        towards /= np.sqrt(ax * ax + ay * ay + focus * focus)[:, None]
-        return origin, towards
+        origin = self.position_mm + px[:, None] * axes[0] + py[:, None] * axes[1]
+        towards = ax[:, None] * axes[0] + ay[:, None] * axes[1] + focus * axes[2]
+        return origin, towards / np.sqrt(ax * ax + ay * ay + focus * focus)[:, None]
 
     def brightness(self) -> Floats:
         """Return what the lens leaves of an even light, (height, width): 1 on the optical axis."""
@@ -145,10 +141,9 @@ class Camera:
 
     def border(self) -> tuple[Floats, Floats]:
         """Return pixel coordinates along the picture's edges; the corners are among them."""
-        s = np.linspace(0.0, 1.0, 33)
-        edges = [(s, 0.0 * s), (s, 0.0 * s + 1.0), (0.0 * s, s), (0.0 * s + 1.0, s)]
-        u, v = (np.concatenate([edge[k] for edge in edges]) for k in (0, 1))
-        return u * self.width_px, v * self.height_px
+        u, v = np.meshgrid(*(np.linspace(0.0, side, 33) for side in (self.width_px, self.height_px)))
+        edge = np.pad(np.zeros((31, 31), bool), 1, constant_values=True)
+        return u[edge], v[edge]
 
 
 @dataclass(frozen=True)

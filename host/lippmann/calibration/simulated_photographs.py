@@ -122,17 +122,11 @@ class Bench:
         """Return the camera as it stands for the second half of the photographs."""
         return camera
 
-    def disturb_panel(self, light: Light) -> Light:
-        """Return the light that the panel emits for a pattern's light."""
-        return light
-
-    def disturb_picture(self, picture: Light, white: float, seed: int) -> Light:
-        """Return the light in the camera; `white` is what the exposure takes for the panel's white."""
-        return picture
-
-    def disturb_values(self, values: CameraValues, seed: int, rng: np.random.Generator) -> CameraValues:
-        """Return the values that the camera stores."""
-        return values
+    def photograph(
+        self, seen: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
+    ) -> CameraValues:
+        """Return the values that the camera stores when the panel shall show a pattern's light."""
+        return sensor.values(seen.photograph(light), gain, rng)
 
 
 UNDISTURBED = Bench()
@@ -165,19 +159,16 @@ def photograph_folder(
         after = bench.project(display, bench.move(camera), samples, seed)
     rng = np.random.default_rng((seed, 0xCA3))
     gain = sensor.gain(before.photograph(np.ones((display.panel.height_px, display.panel.width_px), np.float32)))
-    white = sensor.exposure / max(gain, 1e-30)
     written = []
     make_folder(output)
     for number, name in enumerate(names):
         interrupts.check()
-        light = bench.disturb_panel(panel_light(name, display.panel))
-        picture = (before if 2 * number < len(names) else after).photograph(light)
-        values = sensor.values(bench.disturb_picture(picture, white, seed), gain, rng)
+        seen = before if 2 * number < len(names) else after
+        values = bench.photograph(seen, panel_light(name, display.panel), sensor, gain, seed, rng)
         written.append(output / name.name)
         with replacing(written[-1]) as partial:
-            stored = Image.fromarray(bench.disturb_values(values, seed, rng))
             # Noise has no runs to be found: Huffman's code alone is as small, and quicker.
-            stored.save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
+            Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
 
 

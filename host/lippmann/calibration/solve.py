@@ -12,16 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from lippmann.base.progress import Progress
-from lippmann.calibration.bundle_adjustment import (
-    BOW,
-    LENS,
-    OUTLIER,
-    Problem,
-    Solution,
-    first_fit,
-    judged,
-    solve,
-)
+from lippmann.calibration.bundle_adjustment import BOW, LENS, OUTLIER, Problem, Solution, first_fit, judged, solve
 from lippmann.calibration.initial_estimate import starts
 from lippmann.calibration.lattice_search import SeenLattice, find_lattice
 from lippmann.calibration.lens_projection import axes_at, fit_projection, movement, outline_mm

@@ -9,9 +9,6 @@ good pairs, the nearest. Pixels at the rim that would leave the cell stay where 
 So the map is an involution and a permutation of each cell's pixels, on every lattice, also a rotated or shifted one.
 The centre of rotation is at most half a pixel off the lenslet's centre in x and in y. On a square lattice that is not
 rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
-
-**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
-tried with every pair.
 """
 
 from __future__ import annotations
@@ -39,8 +36,6 @@ class Cells(NamedTuple):
     cell: Indices
     #: (cells, 2) pixel coordinates of the elemental images' centres: the lenslets', if no eye is near.
     centre: npt.NDArray[np.float64]
-    #: (height * width,) whether a step of one pixel in x and one in y may leave the cell.
-    rim: npt.NDArray[np.bool_]
 
 
 def cells_of(display: Display) -> Cells:
@@ -49,66 +44,42 @@ def cells_of(display: Display) -> Cells:
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
     row, column = np.arange(panel.height_px)[:, np.newaxis], np.arange(panel.width_px)
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
-    i, j, x, y = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
+    i, j, *_ = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
     lenslets, cell = number_lenslets(np.stack(np.broadcast_arrays(i, j), axis=-1).reshape(-1, 2).astype(np.int64))
     cx, cy = lattice.centre(*lenslets.T.astype(float))
     x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
     centre = frame.panel_from_array(cx + x0, cy + y0)
-    rim = np.zeros((panel.height_px, panel.width_px), bool)
-    for ax, ay in lattice.axes:
-        step = float(np.abs(frame.turn(ax, ay)) @ panel.pitches_mm) * (1.0 + ROUNDING)
-        rim |= np.abs(ax * x + ay * y) > lattice.half_mm - step
-    return Cells(cell, np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
+    return Cells(cell, np.stack(frame.pixel_from_panel(*centre), axis=1))
 
 
 def rotation_map(display: Display) -> Indices:
     """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
-    cells = cells_of(display)
-    pairs, fixed = _pairs(display, cells)
-    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
-    partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell] - np.arange(height * width)
-    partner[fixed] = fixed
-    return partner
-
-
-def _pairs(display: Display, cells: Cells) -> tuple[Indices, Indices]:
-    """Return (m, n) of each cell, (cells, 2), and the numbers of the pixels that stay."""
-    cell, centre, rim = cells
-    width, height = size = np.array([display.panel.width_px, display.panel.height_px])
+    cell, centre = cells_of(display)
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
-    reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
-    cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
-    pixel = np.flatnonzero(rim | cut[cell])
-    row, column = np.divmod(pixel, width)
-    of_rim = cell[pixel]
-    best = nearest.astype(np.int64)
+    partner = np.arange(height * width)
+    row, column = np.divmod(partner.astype(np.int32), np.int32(width))
+    size = np.bincount(cell)
     count, miss = np.full(len(centre), -1), np.full(len(centre), np.inf)
-    cell_size = np.bincount(of_rim, minlength=len(centre))
-    stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
         # The first pair is the nearest: where it brings all pixels onto the cell's own, no other is better.
-        candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
-        if not candidates.any():
-            continue
-        # Rim pixels of the cells for which this pair is within 1 of the exact pair.
-        rim_pixels = np.flatnonzero(candidates[of_rim])
-        its_cell = of_rim[rim_pixels]
-        m, n = (nearest + step).astype(np.int64)[its_cell].T
-        to_column, to_row = m - column[rim_pixels], n - row[rim_pixels]
+        candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < size)
+        pixel = np.flatnonzero(candidates[cell])
+        its_cell = cell[pixel]
+        m, n = (nearest + step).astype(np.int32)[its_cell].T
+        to_column, to_row = m - column[pixel], n - row[pixel]
         inside = (to_column >= 0) & (to_column < width) & (to_row >= 0) & (to_row < height)
-        own = inside & (cell[np.where(inside, to_row * width + to_column, 0)] == its_cell)
+        target = np.where(inside, to_row * width + to_column, 0)
+        own = inside & (cell[target] == its_cell)
         own_count = np.bincount(its_cell, own, len(centre)).astype(np.int64)
         off = np.hypot(*far.T)
         better = candidates & ((own_count > count) | ((own_count == count) & (off < miss)))
         count, miss = np.where(better, own_count, count), np.where(better, off, miss)
-        best[better] = (nearest + step).astype(np.int64)[better]
         improved = better[its_cell]
-        stays[rim_pixels[improved]] = ~own[improved]
-    return best, pixel[stays]
+        partner[pixel[improved]] = np.where(own, target, pixel)[improved]
+    return partner
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:

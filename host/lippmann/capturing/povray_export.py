@@ -72,15 +72,14 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
     try:
         with partial_folder(folder) as partial:
             write_scene(scene.path, scene.placement, partial)
-            (partial / "camera.inc").write_text(view.camera + "\n")
             if view.rays is not None:
                 write_rays(partial / "rays.inc", *view.rays)
-            includes = ["camera.inc", "scene.inc"]
-            if view.optics:
-                (partial / "optics.inc").write_text(view.optics + "\n")
-                includes.insert(1, "optics.inc")
+            parts = {file: text for file, text in (("camera.inc", view.camera), ("optics.inc", view.optics)) if text}
+            for file, text in parts.items():
+                (partial / file).write_text(text + "\n")
             head = HEADER.format(name=name, levels=MAX_DEPTH + view.faces)
-            (partial / f"{name}.pov").write_text(head + "".join(f'#include "{file}"\n' for file in includes))
+            head += "".join(f'#include "{file}"\n' for file in (*parts, "scene.inc"))
+            (partial / f"{name}.pov").write_text(head)
             (partial / f"{name}.ini").write_text(
                 f"Input_File_Name={name}.pov\nOutput_File_Name={name}.exr\nOutput_File_Type=E\n"
                 f"Width={view.width_px}\nHeight={view.height_px + spare_rows}\n"

@@ -155,11 +155,8 @@ def lattice_rows(display: Display) -> list[tuple[int, int, int]]:
     # The panel's diagonal bounds it for every rotation.
     reach = math.hypot(panel.width_mm, panel.height_mm) + math.hypot(*array.offset_mm) + spare
     count = math.ceil(reach / min(array.row_pitch_mm, array.finest_mm))
-    rows = []
-    for j in range(-count, count + 1):
-        i = np.arange(-3 * count, 3 * count + 1)
-        x, y = frame.panel_from_array(*lattice.centre(i.astype(float), np.full(len(i), float(j))))
-        covers = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
-        if covers.any():
-            rows.append((j, int(i[covers].min()), int(i[covers].max())))
-    return rows
+    j, i = (axis.astype(float) for axis in np.mgrid[-count : count + 1, -3 * count : 3 * count + 1])
+    x, y = frame.panel_from_array(*lattice.centre(i, j))
+    covers = (np.abs(x) <= 0.5 * panel.width_mm + spare) & (np.abs(y) <= 0.5 * panel.height_mm + spare)
+    rows = [(int(row[0]), columns[inside]) for row, columns, inside in zip(j, i, covers, strict=True) if inside.any()]
+    return [(row, int(columns.min()), int(columns.max())) for row, columns in rows]
