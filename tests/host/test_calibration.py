@@ -255,7 +255,7 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
     zeros, camera = np.zeros((len(index), 2)), [3.13, 0.02, 0.01, 20.0, -10.0, 350.0]
     view = Lenslets("one", (600, 800), index, zeros, zeros, zeros, zeros, np.eye(2),
                     rng.normal(0.0, 0.1, (len(index), 2, 2)), np.eye(2), 1.0, 1.0)  # fmt: skip
-    problem = Problem(display, [fit_projection(display, 0.3, 350.0)], [view], (600, 800))
+    problem = Problem(display, [fit_projection(display, 0.3, 350.0)], [view])
     pitch = display.array.pitches_mm[0]
     seams = np.full(len(problem.seam_powers), 0.01)
     array, lens = [pitch, pitch, 0.0, 0.0, 0.0, 0.0], [900.0, 400.0, 300.0, 0.0, 0.0]
@@ -698,7 +698,7 @@ def refused_solve(photos, nominal, folder, capfd):
 def test_a_zoom_is_that_of_the_odd_position(case, monkeypatch, zooms, says):
     """Each zoom is known to 0.1 %: one beyond four times that is told."""
     views = [SimpleNamespace(name=f"position-{k}") for k in (1, 2, 3)]
-    problem = Problem(case.nominal, [], views, (1, 1))
+    problem = Problem(case.nominal, [], views)
     found = SimpleNamespace(value=dict(zip(("zoom_1", "zoom_2"), zooms, strict=True)).get, deviation=lambda name: 0.001)
     monkeypatch.setattr(solver, "solve", lambda problem, x: found)
     refused = pytest.raises(ContradictionError, match=says) if says else contextlib.nullcontext()

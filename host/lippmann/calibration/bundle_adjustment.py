@@ -163,7 +163,6 @@ class Problem:
     display: Display
     projections: Sequence[LensProjection]
     views: Sequence[Lenslets]
-    shape: tuple[int, int]
     #: Blocks that keep their values: no bow, one focal length for all positions, and perhaps the file's gap.
     held: frozenset[str] = frozenset({"bow", "zoom"})
 
@@ -271,15 +270,15 @@ class Problem:
 
     def priors(self, x: Floats) -> Floats:
         """Return the residuals to the priors, in standard deviations."""
-        display, longer = self.display, float(max(self.shape))
-        depth = display.aperture_distance_mm
+        display, size = self.display, np.array(self.views[0].shape[::-1])
+        depth, longer = display.aperture_distance_mm, float(size.max())
         focal, *middle = self.part(x, "lens")[:3]
         parts: list[npt.ArrayLike] = [
             (x[:2] / display.array.pitches_mm - 1.0) / PRIOR_PITCH,
             (self.part(x, "gap") - display.gap_mm) / (PRIOR_GAP * depth),
             self.part(x, "bow") / (PRIOR_BOW * depth),
             [np.log(max(focal, 1.0) / longer) / PRIOR_FOCAL],
-            np.subtract(middle, np.multiply(0.5, self.shape[::-1])) / (PRIOR_MIDDLE * longer),
+            (middle - 0.5 * size) / (PRIOR_MIDDLE * longer),
             self.part(x, "lens")[3:] / PRIOR_DISTORTION,
             self.part(x, "seams") / PRIOR_SEAMS,
             self.part(x, "zoom") / PRIOR_ZOOM,

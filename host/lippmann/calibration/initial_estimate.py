@@ -71,13 +71,11 @@ def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
     return np.array([px, py, shear, turn, *offset])
 
 
-def starts(
-    display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice], shape: tuple[int, int]
-) -> list[tuple[Problem, Floats]]:
+def starts(display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice]) -> list[tuple[Problem, Floats]]:
     """Return the problems of the likeliest numberings, and first values of their parameters, the best first."""
     planes = [np.column_stack([one.points(view.index), np.zeros(len(view.index))])
               for one, view in zip(seen, views, strict=True)]  # fmt: skip
-    lens = first_lens(planes, [view.photo_px for view in views], shape)
+    lens = first_lens(planes, [view.photo_px for view in views], views[0].shape)
     poses = [first_pose(plane, view.photo_px, lens) for plane, view in zip(planes, views, strict=True)]
     places = [place for _, place in poses]
     slopes = [(place[:2] - plane[:, :2]) / place[2] for plane, place in zip(planes, places, strict=True)]
@@ -108,7 +106,7 @@ def starts(
             break
         first = np.round(inverse[g] @ (display.array.offset_mm - zeros[g, 0])).astype(np.int64)
         renumbered = [replace(view, index=view.index + shift[g, k] - first) for k, view in enumerate(views)]
-        problem = Problem(display, [projection] * len(views), renumbered, shape)
+        problem = Problem(display, [projection] * len(views), renumbered)
         offset = np.mean(zeros[g] - shift[g] @ basis[g].T, axis=0) + basis[g] @ first
         array = array_of(display.array.grid, basis[g], offset)
         camera_poses = [[turn, place] for (turn, _), place in zip(poses, true_places[g], strict=True)]

@@ -22,7 +22,6 @@ from lippmann.errors import input_error
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import HALF_SQRT3, Lattice, number_lenslets
 from lippmann.optics.rays import Floats, Indices
-from lippmann.optics.system import PanelFrame
 
 Values = npt.NDArray[np.floating]
 #: Pixels that the map is fitted to.
@@ -220,7 +219,7 @@ def _match_pixels(
 
 def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> Lenslets:
     """Average the pixels of each lenslet's inner cell."""
-    points = np.stack(PanelFrame.of(display).panel_from_pixel(*decoded.panel_px.astype(np.float64).T), axis=1)
+    points = decoded.points_mm(display)
     outline, index, own_pixels = _match_pixels(decoded, seen, points, display.array.grid)
     home, local = outline.located(decoded.photo_px)
     # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent.

@@ -18,7 +18,10 @@ from lippmann.base.progress import Progress
 from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photograph_diagnostics import Samples, check_marks, check_samples
 from lippmann.calibration.photographs import Light, Photograph, Position, read_photograph
+from lippmann.display.description import Display
 from lippmann.errors import input_error
+from lippmann.optics.rays import Floats
+from lippmann.optics.system import PanelFrame
 
 #: Least light of white over black, as a share of the brightest twentieth's, of a pixel that counts.
 LEAST_CONTRAST = 0.1
@@ -45,6 +48,10 @@ class Decoded:
     photo_px: npt.NDArray[np.float32]
     panel_px: npt.NDArray[np.float32]
     modulation: float
+
+    def points_mm(self, display: Display) -> Floats:
+        """Return the points of a display's panel that the pixels see, (N, 2), in the panel's frame."""
+        return np.stack(PanelFrame.of(display).panel_from_pixel(*self.panel_px.astype(np.float64).T), axis=1)
 
 
 def decode_position(
@@ -74,11 +81,13 @@ def decode_position(
     span, seen = _seen(position.of(white_pattern), white, black, white_photograph.clipped)
     middle = 0.5 * (white + black)
     inverse = np.float32(1.0) / np.maximum(span, np.float32(1e-6))
-    samples = Samples(patterns, position, shape, *_chosen(seen), {})
+    at = np.flatnonzero(seen)
+    some = np.sort(np.random.default_rng(SEED).choice(at, min(SAMPLES, len(at)), replace=False))
+    samples = Samples(patterns, position, shape, np.unravel_index(some, shape), {})
     axes = [AxisCode(patterns, axis, shape) for axis in (0, 1)]
     for pattern in coded:
         share = np.asarray((read(pattern).light - middle) * inverse, np.float32)
-        samples.shares[pattern] = share[samples.rows, samples.columns]
+        samples.shares[pattern] = share[samples.at]
         axes[pattern.axis].add(pattern, share)
     check_marks(position, marks, marks_again, first_marks, read(marks_again).light, seen)
 
@@ -111,11 +120,3 @@ def _seen(
         what = f"is too bright: {100.0 * max(lost, whole):.0f} % of the panel is clipped"
         raise input_error(str(path), what, "expose all photographs shorter, so that white stays below the limit")
     return span, seen & ~clipped
-
-
-def _chosen(seen: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return rows and columns of some of the pixels that see the panel."""
-    at = np.flatnonzero(seen)
-    some = np.random.default_rng(SEED).choice(at, min(SAMPLES, len(at)), replace=False)
-    rows, columns = np.unravel_index(np.sort(some), seen.shape)
-    return rows, columns

@@ -38,7 +38,7 @@ FEW = 800
 
 @dataclass(frozen=True)
 class Samples:
-    """Light of some pixels (at `rows`, `columns`) of the photographs of the coded patterns.
+    """Light of some pixels, whose rows and columns are `at`, of the photographs of the coded patterns.
 
     It is a share of the black to white range, 0 in the middle. `shape` is the photographs' (height, width).
     """
@@ -46,8 +46,7 @@ class Samples:
     patterns: PatternSet
     position: Position
     shape: tuple[int, int]
-    rows: npt.NDArray[np.intp]
-    columns: npt.NDArray[np.intp]
+    at: tuple[npt.NDArray[np.intp], ...]
     shares: dict[Pattern, npt.NDArray[np.float32]]
 
 
@@ -70,14 +69,14 @@ class Fit(NamedTuple):
         return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
 
 
-def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_px: float) -> Fit:
+def fit(samples: Samples, pitch_px: float) -> Fit:
     """Decode the kept pixels, and measure how well the photographs agree."""
     patterns, points, modulations, disagree = samples.patterns, [], [], []
     residuals: dict[Pattern, float] = {}
     for axis in (0, 1):
-        code = AxisCode(patterns, axis, samples.rows.shape)
-        phases = {one: light for one, light in shares.items() if (one.kind, one.axis) == ("phase", axis)}
-        for one, light in shares.items():
+        code = AxisCode(patterns, axis, samples.at[0].shape)
+        phases = {one: light for one, light in samples.shares.items() if (one.kind, one.axis) == ("phase", axis)}
+        for one, light in samples.shares.items():
             if one.axis == axis:
                 code.add(one, light)
         mean, strong = np.mean([*phases.values()], axis=0), code.amplitude > 0.5 * np.median(code.amplitude)
@@ -91,7 +90,7 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
         middle = (patterns.half_of(code.code) + 0.5) * patterns.half_px
         disagree.append(float((abs(points[-1] - middle)[strong] > 0.75 * patterns.half_px).mean()))
     panel = np.stack(points, axis=1).astype(np.float32)
-    photo = np.stack([samples.columns + 0.5, samples.rows + 0.5], axis=1).astype(np.float32)
+    photo = np.stack(samples.at[::-1], axis=1).astype(np.float32) + np.float32(0.5)
     plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
     share = float(np.mean(mask)) if np.size(plane) == 9 else 0.0
     return Fit(min(modulations), residuals, max(disagree), share, plane)
@@ -100,7 +99,7 @@ def fit(samples: Samples, shares: dict[Pattern, npt.NDArray[np.float32]], pitch_
 def check_samples(samples: Samples, pitch_px: float) -> float:
     """Refuse photographs that do not agree; return the amplitude of the phase pictures as a share of the range's."""
     position, patterns = samples.position, samples.patterns
-    found = fit(samples, samples.shares, pitch_px)
+    found = fit(samples, pitch_px)
     worst = max(found.residuals, key=lambda one: found.residuals[one])
     wrong = found.residuals[worst] > MOST_RESIDUAL or found.disagree > 0.2 or found.on_plane < LEAST_ON_PLANE
     if found.modulation < SHARP:
@@ -144,15 +143,15 @@ def _check_light(samples: Samples) -> None:
 
 def _exchanged(samples: Samples, found: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
     """Return the two photographs whose exchange makes all agree; None without such a pair."""
-    step = max(1, len(samples.rows) // FEW)
+    step = max(1, len(samples.at[0]) // FEW)
     shares = {one: share[::step] for one, share in samples.shares.items()}
-    few = replace(samples, rows=samples.rows[::step], columns=samples.columns[::step], shares=shares)
+    few = replace(samples, at=tuple(one[::step] for one in samples.at), shares=shares)
     best, pair = EXCHANGED * found.bad, None
     for one, other in itertools.combinations(few.shares, 2):
         if one.kind != other.kind:
             continue
         shares = {**few.shares, one: few.shares[other], other: few.shares[one]}
-        again = fit(few, shares, pitch_px)
+        again = fit(replace(few, shares=shares), pitch_px)
         if again.bad < best and again.on_plane >= LEAST_ON_PLANE:
             best, pair = again.bad, (one, other)
     return pair

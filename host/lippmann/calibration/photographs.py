@@ -60,15 +60,10 @@ def positions(folder: Path, patterns: PatternSet) -> list[Position]:
     """
     if not folder.is_dir():
         raise input_error(str(folder), "no such folder", "give the folder that holds position-1, position-2 and so on")
-    folders = sorted((one for one in folder.iterdir() if one.is_dir() and _photographs(one)), key=_number)
-    if not folders:
-        folders = [folder]
-    return [_position(one, patterns) for one in folders]
-
-
-def _number(folder: Path) -> tuple[int, str]:
-    digits = "".join(character for character in folder.name if character.isdigit())
-    return int(digits or 0), folder.name
+    folders = [one for one in folder.iterdir() if one.is_dir() and _photographs(one)]
+    # position-10 after position-9
+    folders.sort(key=lambda one: (int("".join(filter(str.isdigit, one.name)) or 0), one.name))
+    return [_position(one, patterns) for one in folders or [folder]]
 
 
 def _photographs(folder: Path) -> dict[str, Path]:

@@ -33,7 +33,6 @@ from lippmann.calibration.subpixel_intervals import movement_of, refined
 from lippmann.display.description import Display
 from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
-from lippmann.optics.system import PanelFrame
 
 #: Range in which the radius is looked for, as factors of the file's.
 RANGE = (0.75, 1.33)
@@ -130,17 +129,14 @@ def calibrate(
     """
     patterns = pattern_set(folder, nominal)
     pitch_px = nominal.array.coarsest_mm / min(nominal.panel.pitches_mm)
-    frame = PanelFrame.of(nominal)
     shape: tuple[int, int] | None = None
     views: list[Lenslets] = []
     seen: list[SeenLattice] = []
     for position in positions(folder, patterns):
         decoded = decode_position(position, patterns, pitch_px, shape, progress)
         shape = decoded.shape
-        rng = np.random.default_rng(1907)
-        some = rng.permutation(len(decoded.panel_px))[:MOST_POINTS]
-        points = np.stack(frame.panel_from_pixel(*decoded.panel_px[some].astype(np.float64).T), axis=1)
-        seen.append(find_lattice(position.name, points, nominal))
+        some = np.random.default_rng(1907).permutation(len(decoded.panel_px))[:MOST_POINTS]
+        seen.append(find_lattice(position.name, decoded.points_mm(nominal)[some], nominal))
         views.append(measure_lenslets(decoded, seen[-1], nominal))
     whole, x = _number_lenslets(nominal, views, seen, progress)
     logger.info("least squares")
@@ -172,7 +168,7 @@ def _number_lenslets(
 ) -> tuple[Problem, Floats]:
     """Return the problem with the likeliest numbering, and its first values."""
     logger.info("numbering")
-    likely = starts(nominal, views, seen, views[0].shape)
+    likely = starts(nominal, views, seen)
     trials = []
     for number, (problem, start) in enumerate(likely):
         progress(number, len(likely))

@@ -14,7 +14,7 @@ rotated, every cell inside the image is a rectangle of pixels, and all of it is 
 from __future__ import annotations
 
 import itertools
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,24 +22,18 @@ import numpy.typing as npt
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import number_lenslets
-from lippmann.optics.rays import Indices
+from lippmann.optics.rays import Floats, Indices
 from lippmann.optics.system import System
 
 #: Rounding of pixel coordinates, pixels.
 ROUNDING = 1e-9
 
 
-class Cells(NamedTuple):
-    """The lenslets' cells on a panel; pixels are numbered row by row."""
+def cells_of(display: Display) -> tuple[Indices, Floats]:
+    """Return the cell of each pixel, (height * width,), counted from 0, and the cells' centres, (cells, 2) pixels.
 
-    #: (height * width,) cell of each pixel, counted from 0.
-    cell: Indices
-    #: (cells, 2) pixel coordinates of the elemental images' centres: the lenslets', if no eye is near.
-    centre: npt.NDArray[np.float64]
-
-
-def cells_of(display: Display) -> Cells:
-    """Return the elemental images of a display: the panel's cells, one of each lenslet."""
+    A cell is a lenslet's elemental image. Its centre is the lenslet's, if no eye is near.
+    """
     panel, system = display.panel, System.of(display)
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
     row, column = np.arange(panel.height_px)[:, np.newaxis], np.arange(panel.width_px)
@@ -49,7 +43,7 @@ def cells_of(display: Display) -> Cells:
     cx, cy = lattice.centre(*lenslets.T.astype(float))
     x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
     centre = frame.panel_from_array(cx + x0, cy + y0)
-    return Cells(cell, np.stack(frame.pixel_from_panel(*centre), axis=1))
+    return cell, np.stack(frame.pixel_from_panel(*centre), axis=1)
 
 
 def rotation_map(display: Display) -> Indices:
