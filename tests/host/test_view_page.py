@@ -18,7 +18,7 @@ from lippmann.cli import run
 from lippmann.display.description import Panel, load_display
 from lippmann.errors import InputError
 from lippmann.eye import viewer_page
-from lippmann.eye.many_views import GRID, ZONE_SHARE, eyes_of
+from lippmann.eye.many_views import grid_of_eyes
 from lippmann.eye.viewer_page import SCRIPTS, SHADERS, Direct, eye_reach_mm, focus_reach_mm, page_html, sliders
 from lippmann.optics.display_properties import display_properties
 from optics_cases import GRIDS, SIDES, random_display
@@ -240,11 +240,10 @@ def test_the_eye_goes_beyond_the_viewing_zone_and_the_focus_not_to_the_eye(displ
 def test_direct_eyes_stand_in_the_viewing_zone():
     for path in SHIPPED:
         display = load_display(path)
-        eyes = np.array(eyes_of(display, *GRID))
+        eyes = np.array(grid_of_eyes(display))
         assert eyes.shape == (21, 3)
         assert np.abs(eyes - (0.0, 0.0, 600.0)).max(axis=1).min() < 1e-9
-        zone_mm = display_properties(display).viewing_zone_mm or 600.0 * math.tan(math.radians(10.0))
-        assert np.abs(eyes[:, 0]).max() == pytest.approx(ZONE_SHARE * zone_mm)
+        assert np.abs(eyes[:, 0]).max() == pytest.approx(max(display_properties(display).viewing_zone_mm, 30.0))
 
 
 # --- bad input ------------------------------------------------------------------------------------
@@ -292,7 +291,7 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi, monkeypatch
     assert code == 0, err
     assert json.loads(out)["direct_views"] == 21
     directs = json.loads(Reader((place / "p.html").read_text()).texts["directs"])
-    assert [tuple(d["eye_mm"]) for d in directs] == eyes_of(load_display("small.toml"), *GRID)
+    assert [tuple(d["eye_mm"]) for d in directs] == grid_of_eyes(load_display("small.toml"))
     middle = Image.open(io.BytesIO(base64.b64decode(directs[10]["png"].partition(",")[2])))
     assert middle.size == (400, 300)
     # The sphere before the axis, white in the middle and nothing round it.
@@ -300,7 +299,7 @@ def test_a_scene_is_rendered_from_the_grid_of_eyes(place, capfd, mi, monkeypatch
     assert middle.getpixel((5, 5)) == (0, 0, 0)
     # Stood elsewhere, as `render` was told to: aside of the panel's window, 6.4 mm wide. Its middle eye tells.
     for module in ("lippmann.eye.many_views", "lippmann.cli.view"):
-        monkeypatch.setattr(f"{module}.GRID", (1, 1))
+        monkeypatch.setattr(f"{module}.grid_of_eyes", lambda display: grid_of_eyes(display)[10:11])
     code, _, err = lippmann(capfd, *words, "--offset", "-100,0,0")
     assert code == 0, err
     (moved,) = (direct["png"] for direct in json.loads(Reader((place / "p.html").read_text()).texts["directs"]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -20,7 +19,7 @@ from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, LippmannError, input_error
-from lippmann.eye.many_views import GRID
+from lippmann.eye.many_views import grid_of_eyes
 from lippmann.eye.observer import Eye
 from lippmann.eye.page_server import PageServer
 from lippmann.eye.viewer_page import FRAMES_PER_SECOND, Direct, check_direct
@@ -77,7 +76,7 @@ def command(
             title=title or Path(image_path).stem, placement=placement, arrange=arrange, seed=seed, device=device,
             progress=progress,
         )  # fmt: skip
-    count = len(directs) + (0 if scene is None else math.prod(GRID))
+    count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
     result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": count}
     if path is None:
         _serve(page, tcp_port, result)

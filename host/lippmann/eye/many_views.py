@@ -13,6 +13,7 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.eye.viewer_page import Direct
+from lippmann.optics.display_properties import display_properties
 from lippmann.optics.zones import middle_eye, viewing_distance, zones
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import Settings
@@ -26,11 +27,13 @@ ZONE_SHARE = 0.95
 CONE_DEG = 20.0
 #: Widest cone, degrees.
 MAX_CONE_DEG = 120.0
-#: Eyes of direct views, across and down; the middle one is on the axis.
+#: Eyes of the grid, across and down; the middle one is on the axis.
 GRID = (7, 3)
 #: Width of a render, pixels, and its samples.
 WIDTH_PX = 400
 SAMPLES = 16
+#: Half width of the grid for a display without a viewing zone, as a share of the viewing distance.
+LEAST_REACH = 0.05
 #: Returns what an eye sees.
 Viewer = Callable[[Eye], Radiance]
 
@@ -92,7 +95,13 @@ def _spaced(first: float, last: float, count: int) -> list[float]:
     return [0.5 * (first + last)] if count == 1 else np.linspace(first, last, count).tolist()
 
 
+def grid_of_eyes(display: Display) -> list[tuple[float, float, float]]:
+    """Return eyes across the viewing zone, mm, at the viewing distance."""
+    share = max(display_properties(display).viewing_zone_mm / viewing_distance(display), LEAST_REACH)
+    return eyes_of(display, *GRID, cone_deg=2.0 * math.degrees(math.atan(share)))
+
+
 def render_directs(scene: Scene, display: Display, seed: int = 0, progress: Progress | None = None) -> list[Direct]:
-    """Render a scene from eyes all over the viewing zone, at the viewing distance."""
+    """Render a scene from the grid's eyes."""
     view = scene_viewer(scene, whole_window(display, WIDTH_PX), Settings(samples=SAMPLES, seed=seed))
-    return [Direct(eye, view(Eye(eye))) for eye in report_each(eyes_of(display, *GRID), progress)]
+    return [Direct(eye, view(Eye(eye))) for eye in report_each(grid_of_eyes(display), progress)]
