@@ -391,7 +391,7 @@ def test_files_that_are_there_already(mi, tmp_path, capfd):
     assert sorted([*files, "notes.txt"]) == sorted(file.name for file in folder.iterdir())
     # A place where the system makes no folder, even for who may do everything.
     assert run([*command, "/proc/lippmann-export"]) == 2
-    assert "cannot be made" in capfd.readouterr().err
+    assert "cannot be written" in capfd.readouterr().err
 
 
 def test_glass_that_is_not_closed_is_refused(mi, tmp_path):

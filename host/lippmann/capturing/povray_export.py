@@ -66,7 +66,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
 
     Raises InputError when POV-Ray cannot express a part of the scene, or the folder cannot be written.
     """
-    make_folder(folder)
+    make_folder(folder.parent)
     name = plain(scene.path.stem)
     spare_rows = 0 if view.rays is None else SPARE_ROWS
     try:
@@ -89,6 +89,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
             for file in files:
                 if (folder / file).is_dir():
                     raise input_error(str(folder / file), "is a folder", "choose another place for the export")
+            folder.mkdir(exist_ok=True)
             with interrupts.held():
                 for file in files:
                     moved(partial / file, folder / file)

@@ -75,7 +75,7 @@ def povray(
         raise InputError("give one of --display and --setup, which POV-Ray shall render through")
     if model is not None and setup_path is not None:
         raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
-    make_folder(folder := Path(output))
+    folder = Path(output)
     path = check_scene_file(scene_path)
     if kind_of(path) != "mitsuba":
         raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")
