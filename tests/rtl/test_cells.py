@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from lippmann.simulation.compilation import SHORT, cached_file, verilated
 from lippmann.simulation.toolchain import (
-    OPTICS_FOLDERS,
     PREFIX,
     needed,
     repository,
@@ -34,7 +33,7 @@ SEED = 1
 @pytest.fixture(scope="module", params=["generic", "ecp5"])
 def printed(request):
     """What the benches print around the generic modules or ECP5's: words of each line, under each bench's name."""
-    generic = {path.stem.removeprefix(PREFIX): path for path in rtl_sources(TOP, *OPTICS_FOLDERS)}
+    generic = {path.stem.removeprefix(PREFIX): path for path in rtl_sources(TOP)}
     files = {"generic": [generic[path.stem.removeprefix(PREFIX)] for path in CELLS], "ecp5": [*CELLS, *MODELS]}[
         request.param
     ]
@@ -113,9 +112,7 @@ def test_what_is_simulated_is_what_is_placed():
     """Products of all pairs of widths, extreme words and a million random ones: generic cells against ECP5's."""
     cells = {path.stem.removeprefix(PREFIX): path for path in CELLS}
     placed = [cells["mult18"], cells["wide_product"], TOP / "rtl" / "math" / "lipp_multiplier.sv"]
-    shared = needed(
-        "products", {path.stem: path for path in rtl_sources(TOP, *OPTICS_FOLDERS)} | {"products": HERE / "products.sv"}
-    )
+    shared = needed("products", {path.stem: path for path in rtl_sources(TOP)} | {"products": HERE / "products.sv"})
     sources = [*shared, *MODELS]
 
     def make(program: Path) -> None:

@@ -19,7 +19,7 @@ from lippmann.fixed.scene_build import CURVE_SLOT, SceneBuild
 from lippmann.fixed.scene_pipeline import SceneWords
 from lippmann.fixed.words import OFFSET_BITS, SLOPE_BITS, Bytes, Ints
 from lippmann.simulation.compilation import FAST, UNCHECKED, cached_file, verilated
-from lippmann.simulation.toolchain import OPTICS_FOLDERS, build_folder, hardware, needed, rtl_sources
+from lippmann.simulation.toolchain import build_folder, hardware, needed, rtl_sources
 
 #: 32-bit words of `scene_config_t`.
 _CONFIG_WORDS = 69
@@ -65,9 +65,9 @@ class SceneHarness:
 
     def __init__(self, build: SceneBuild, f: int, flags: Sequence[str] = FAST) -> None:
         self.build = build
-        values, folders = scene_parameters(build, f), ("common", "math", "optics", "scene")
-        name, macro = f"scene-{build.layers}-{f}", f"-DLIPPMANN_F={f}"
-        self._library = ctypes.CDLL(str(_compiled(name, "draw.cpp", "lipp_scene", folders, values, [*flags, macro])))
+        name, values = f"scene-{build.layers}-{f}", scene_parameters(build, f)
+        library = _compiled(name, "draw.cpp", "lipp_scene", values, [*flags, f"-DLIPPMANN_F={f}"])
+        self._library = ctypes.CDLL(str(library))
         self._library.lippmann_scene_new.restype = _POINTER
         self._library.lippmann_scene_delete.argtypes = [_POINTER]
         self._library.lippmann_scene_load.argtypes = [_POINTER, ctypes.c_int, _NUMBER, _POINTER]
@@ -175,15 +175,13 @@ def scene_parameters(build: SceneBuild, f: int) -> dict[str, int | str]:
 def ray_library(build: Build, flags: Sequence[str]) -> Path:
     """Return the library of a build of the optics, compiled unless it is there."""
     name, macro = f"rays-{build.grid}-{build.model}-{build.fraction_bits}", f"-DLIPPMANN_NEAR={build.near}"
-    return _compiled(name, "batch.cpp", "lipp_ray_stream", OPTICS_FOLDERS, optics_parameters(build), [*flags, macro])
+    return _compiled(name, "batch.cpp", "lipp_ray_stream", optics_parameters(build), [*flags, macro])
 
 
-def _compiled(
-    name: str, driver: str, module: str, folders: tuple[str, ...], values: Mapping[str, int | str], flags: list[str]
-) -> Path:
+def _compiled(name: str, driver: str, module: str, values: Mapping[str, int | str], flags: list[str]) -> Path:
     """Return the library of an RTL module and the C++ around it, compiled unless it is there."""
     top = hardware()
-    sources, main = needed(module, rtl_sources(top, *folders)), top / "sim" / "batch" / driver
+    sources, main = needed(module, rtl_sources(top)), top / "sim" / "batch" / driver
 
     def make(path: Path) -> None:
         verilated(path, module, sources, [main], values, options=UNCHECKED, flags=flags)

@@ -121,8 +121,6 @@ def verilator_environment() -> dict[str, str]:
 
 #: What the name of every RTL module, package and file begins with, so that none clashes with a user's own.
 PREFIX = "lipp_"
-#: Folders of rtl/ that hold the optics and all that they are made of.
-OPTICS_FOLDERS = ("registers", "common", "math", "optics")
 
 
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
@@ -149,9 +147,9 @@ def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     return {folder: both[folder] for folder in (cells if devices else names)}
 
 
-def rtl_sources(top: Path, *folders: str) -> list[Path]:
-    """Return the SystemVerilog files of some folders of rtl/, or of all, packages first; without devices' cells."""
-    files = [path for name, some in rtl_folders(top).items() if name in folders or not folders for path in some]
+def rtl_sources(top: Path) -> list[Path]:
+    """Return the SystemVerilog files of rtl/ without devices' cells, packages first."""
+    files = [path for some in rtl_folders(top).values() for path in some]
     return sorted(files, key=lambda path: not path.stem.endswith("_pkg"))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lippmann.fixed.words import rsqrt, sqrt
 from lippmann.simulation.compilation import cached_file, verilated
-from lippmann.simulation.toolchain import OPTICS_FOLDERS, needed, rtl_sources
+from lippmann.simulation.toolchain import needed, rtl_sources
 from runner import BUILD, TOP
 
 CHUNK = 1 << 22
@@ -28,7 +28,7 @@ endmodule
 
 
 def library(name: str, text: str, f: int) -> ctypes.CDLL:
-    sources, main = needed(text, rtl_sources(TOP, *OPTICS_FOLDERS)), Path(__file__).with_name("sweep.cpp")
+    sources, main = needed(text, rtl_sources(TOP)), Path(__file__).with_name("sweep.cpp")
 
     def make(path: Path) -> None:
         beside = path.with_name("root_bench.sv")
