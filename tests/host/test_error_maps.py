@@ -27,7 +27,7 @@ def test_maps_and_bins_by_hand():
     for part in (slice(0, 2), slice(2, 5)):
         given = PanelRays("hand", DISPLAY, pixels[part], aims[part])
         maps.count(given, {"direction": far[part]}, {"direction": np.full(5, 1e-6)[part]}, judged[part])
-    found = maps.maps["direction"]
+    found = maps["direction"]
     assert (found.unit, found.rays) == ("microradian", 3)
     assert (found.worst, found.worst_units) == (pytest.approx(3.0), pytest.approx(3.0))
     seen = {tuple(map(int, cell)): found.panel[tuple(cell)] for cell in np.argwhere(found.panel >= 0.0)}
@@ -43,8 +43,8 @@ def test_tiny_and_huge_errors_are_counted_at_the_ends():
     given = PanelRays("hand", DISPLAY, np.full((2, 2), 3.0), None)
     maps = ErrorMaps()
     maps.count(given, {"origin_mm": np.array([1e-30, 1e30])}, {"origin_mm": np.ones(2)}, np.ones(2, bool))
-    assert maps.maps["origin_mm"].unit == "nm"
-    assert np.flatnonzero(maps.maps["origin_mm"].counts).tolist() == [1, len(edges())]
+    assert maps["origin_mm"].unit == "nm"
+    assert np.flatnonzero(maps["origin_mm"].counts).tolist() == [1, len(edges())]
 
 
 def chief(count, seed):
@@ -61,7 +61,7 @@ def test_a_planted_error_of_numbers_is_at_its_pixel():
     maps, foreign = ErrorMaps(), ForeignRays(given, {"direction": direction})
     maps.add(foreign, Bounds())
     assert judge(foreign).wrong == 1
-    found = maps.maps["direction"]
+    found = maps["direction"]
     column, row = (np.floor(given.pixels[ray] / (2.0, 1.0))).astype(int)
     assert found.panel[row, column] == found.panel.max() == pytest.approx(10.0, rel=1e-9)
     assert found.worst_units == pytest.approx(1e-5 / 2.0**-24, rel=1e-9)
@@ -79,11 +79,11 @@ def test_a_word_that_is_one_off_is_one_unit_off():
     maps, foreign = ErrorMaps(), foreign_from_words(columns, DISPLAY, "exact", bits)
     maps.add(foreign, Bounds())
     assert judge(foreign).wrong == 2
-    assert maps.maps["direction"].worst_units == pytest.approx(1.0)
-    assert maps.maps["direction"].worst == pytest.approx(1e6 * 2.0**-17)
-    assert maps.maps["local_mm"].worst_units == pytest.approx(2.0)
-    assert maps.maps["local_mm"].worst == pytest.approx(1e6 * 2.0 * 2.0 * 2.0**-17)
-    assert [int(found.counts[0]) for found in maps.maps.values()] == [49, 49]
+    assert maps["direction"].worst_units == pytest.approx(1.0)
+    assert maps["direction"].worst == pytest.approx(1e6 * 2.0**-17)
+    assert maps["local_mm"].worst_units == pytest.approx(2.0)
+    assert maps["local_mm"].worst == pytest.approx(1e6 * 2.0 * 2.0 * 2.0**-17)
+    assert [int(found.counts[0]) for found in maps.values()] == [49, 49]
 
 
 @pytest.mark.parametrize("added", [0.0, 1e-4])

@@ -125,7 +125,7 @@ class _Output:
             from lippmann.conformance.regress_page import errors_page
 
             origin = provenance("lippmann regress", ("numpy",)) | texts
-            errors_page(origin, verdicts, self.maps.maps, words, ended).write(self.report, as_html=True)
+            errors_page(origin, verdicts, self.maps, words, ended).write(self.report, as_html=True)
 
 
 def _judge_file(

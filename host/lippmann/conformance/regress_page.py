@@ -67,12 +67,8 @@ def edges() -> Floats:
     return np.asarray(10.0 ** np.linspace(low, high, (high - low) * PER_DECADE + 1))
 
 
-class ErrorMaps:
+class ErrorMaps(dict[str, ErrorMap]):
     """The errors of all rays that were judged, by array."""
-
-    def __init__(self) -> None:
-        """Begin without rays."""
-        self.maps: dict[str, ErrorMap] = {}
 
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
         """Count the errors of a set; rays on an edge, and those whose status alone is given, are left out.
@@ -105,7 +101,7 @@ class ErrorMaps:
         on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
         for name, far in apart.items():
-            error_map = self.maps.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))
+            error_map = self.setdefault(name, ErrorMap("microradian" if name == "direction" else "nm"))
             counted = judged & np.isfinite(far)
             error, steps = far[counted] * SCALE, far[counted] / units[name][counted]
             _largest(error_map.panel, on_panel[counted], error)
