@@ -79,20 +79,19 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
             parts = [f"{x:+.3g}{unit} in {axis}" for x, axis in zip(constant, "xyz", strict=True) if x]
             yield add_constant(FIELDS[name][0], f"a constant added to the {what}: {', '.join(parts)}", arrays, constant)
     yield from _word_lengths(values["direction"])
-    for name in (*FITTED, GLASS):
-        value = _number_of(name, inputs.display)
-        if value is not None:
-            yield from _fit_number(name, value, inputs, values["direction"])
+    for name, value in (*_numbers(inputs.display).items(), (GLASS, inputs.display.array.index)):
+        yield from _fit_number(name, value, inputs, values["direction"])
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
     """Yield two numbers of the display fitted at once, without one that the other leaves nothing to explain."""
     from scipy.optimize import least_squares  # at its first use: right rays need no fit
 
-    for names in combinations(FITTED, 2):
-        old = [value for name in names if (value := _number_of(name, inputs.display)) is not None]
-        if len(old) < 2 or len({name.partition("[")[0] for name in names}) == 1:
+    numbers = _numbers(inputs.display)
+    for names in combinations(numbers, 2):
+        if len({name.partition("[")[0] for name in names}) == 1:
             continue
+        old = [numbers[name] for name in names]
         unit = np.array([abs(value) or inputs.display.array.coarsest_mm for value in old])
 
         def residuals(candidates: Floats, names: tuple[str, ...] = names, unit: Floats = unit) -> Floats:
@@ -122,13 +121,15 @@ def _wrong_number(name: str, value: float, expected: float) -> Variant:
     return Variant(stage, f"{name} is {value:.6g} for {expected:.6g}", partial(with_number, name, value))
 
 
-def _number_of(name: str, display: Display) -> float | None:
-    """Return a number of the display by its name in `FITTED`; None when it is one pitch of two, or none of two."""
-    path, _, entry = name.rpartition(" ")[2].partition("[")
-    value = attrgetter(path)(display)
-    if isinstance(value, tuple) != bool(entry) or (name == "array.shear" and not value):
-        return None
-    return float(value[int(entry[0])] if entry else value)
+def _numbers(display: Display) -> dict[str, float]:
+    """Return the display's numbers by their names in `FITTED`: one pitch or both, and no shear where there is none."""
+    numbers = {}
+    for name in FITTED:
+        path, _, entry = name.partition("[")
+        value = attrgetter(path)(display)
+        if isinstance(value, tuple) == bool(entry) and (value or name != "array.shear"):
+            numbers[name] = float(value[int(entry[0])] if entry else value)
+    return numbers
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:

@@ -155,8 +155,12 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
     """Return stage, fault and share explained of rays that are wrong."""
     bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
+    codes = None
+    # Where the status is wrong, the other values of a ray that should be lost say nothing.
+    if "status" in bad and not (compared.wrong & ~compared.wrong_by["status"]).any():
+        codes = _wrong_codes(compared.fields["status"], compared.golden["status"], compared.wrong)
     if first == "status":
-        return _best(compared) or _wrong_codes(compared)
+        return _best(compared) or codes or Finding(first)
     if _wrapped(compared):
         return Finding("exit", "a component of the direction wrapped where it should saturate at 1", 1.0)
     if first == "exit":
@@ -169,15 +173,13 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
         moved = compared.later(lag)
         return np.asarray(np.all([~moved.wrong_in(name, moved.fields[name]) for name in bad], axis=0))
 
-    late = _late(right)
-    if late:
-        return Finding("exit", late, 1.0)
     return (
-        _best(compared)
+        _late(right)
+        or _best(compared)
         or _one_late(compared)
         or _stuck(compared)
         or _stale(compared)
-        or _only_status(compared)
+        or codes
         or (_two(compared) if two_faults else None)
         or Finding(first)
     )
@@ -231,13 +233,6 @@ def _stuck(compared: Comparison) -> Finding | None:
     return None
 
 
-def _only_status(compared: Comparison) -> Finding | None:
-    """Explain rays that are wrong only where their status is: a lost ray's other values say nothing."""
-    if "status" not in compared.fields or (compared.wrong & ~compared.wrong_by["status"]).any():
-        return None
-    return _wrong_codes(compared)
-
-
 def _stale(compared: Comparison) -> Finding | None:
     """Explain a stretch of wrong rays by a register that took effect late."""
     run = np.flatnonzero(compared.wrong)
@@ -250,7 +245,7 @@ def _stale(compared: Comparison) -> Finding | None:
     return best._replace(fault=f"stale register: rays {first} to {last} are of an earlier configuration ({best.fault})")
 
 
-def _late(right: Callable[[int], Bools]) -> str | None:
+def _late(right: Callable[[int], Bools]) -> Finding | None:
     """Say by how many rays outputs came too late, or too early.
 
     `right(lag)` tells which rays have the right values `lag` rays after them. Where more have them in their own place,
@@ -260,19 +255,15 @@ def _late(right: Callable[[int], Bools]) -> str | None:
     for lag in LAGS:
         same = right(lag)
         if len(same) >= MANY and same.mean() >= EXPLAINED and same.mean() > own:
-            return f"outputs {_delay(lag)}: ray k has the values of ray k {-lag:+d}"
+            return Finding("exit", f"outputs {_delay(lag)}: ray k has the values of ray k {-lag:+d}", 1.0)
     return None
 
 
-def _wrong_codes(compared: Comparison) -> Finding:
-    return Finding("status", _codes(compared.fields["status"], compared.golden["status"], compared.wrong), 1.0)
-
-
-def _codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> str:
-    """Return a wrong status code, or several, in words; the arrays are (N, 1)."""
+def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> Finding:
+    """Name a wrong status code, or several; the arrays are (N, 1)."""
     pairs, counts = np.unique(np.stack([expected[wrong, 0], status[wrong, 0]]), axis=1, return_counts=True)
     codes = ", ".join(f"{int(b)} for {int(a)} ({n} rays)" for (a, b), n in zip(pairs.T, counts, strict=True))
-    return f"wrong status code: {codes}"
+    return Finding("status", f"wrong status code: {codes}", 1.0)
 
 
 def _wrapped(compared: Comparison) -> bool:
@@ -424,12 +415,12 @@ def _diagnose_words(
 ) -> Finding:
     """Return stage, fault and share explained of words that differ from the twin's."""
     if first == "status":
-        return Finding(first, _codes(words.status[:, None], twin.status[:, None], wrong), 1.0)
+        return _wrong_codes(words.status[:, None], twin.status[:, None], wrong)
     lenslets: Bools = (words.i != twin.i) | (words.j != twin.j)
     rounding = None if lenslets.any() else _rounding(words, twin, build)
-    slip = (first, rounding) if rounding else _slip(words, twin)
+    slip = Finding(first, rounding, 1.0) if rounding else _slip(words, twin)
     if slip:
-        return Finding(*slip, 1.0)
+        return slip
     unit = word_unit(build.fraction_bits)
     place = WORD_UNITS * unit * foreign.inputs.display.array.radius_mm
     moved = np.full_like(foreign.inputs.pixels, place)
@@ -443,30 +434,28 @@ def _diagnose_words(
     return _diagnose(compared, two_faults)
 
 
-def _slip(words: FixedRays, twin: FixedRays) -> tuple[str, str] | None:
-    """Return stage and name of a fault that turns the twin's words into these, to the bit: a delay, a sign, a swap."""
+def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
+    """Return the fault that turns the twin's words into these, to the bit: a delay, a sign, a swap, a constant."""
 
     def equal(lag: int, right: FixedRays = twin) -> Bools:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
         return np.asarray(np.all([a[rays + lag] == b[rays] for a, b in zip(words, right, strict=True)], axis=0))
 
-    def gives(**changed: Ints) -> bool:
-        same = equal(0, twin._replace(**changed))
-        return len(same) >= MANY and bool(same.mean() >= EXPLAINED)
-
     late = _late(equal)
     if late:
-        return "exit", late
-    for names in SIGNS:
-        if gives(**{name: -getattr(twin, name) for name in names}):
-            return WORD_STAGES[names[0]], f"sign of the words {', '.join(names)}"
+        return late
+    faults = {
+        f"sign of the words {', '.join(names)}": {name: -getattr(twin, name) for name in names} for names in SIGNS
+    }
     for swap in SWAPS:
-        if gives(**{name: getattr(twin, other) for name, other in swap.items()}):
-            return WORD_STAGES[next(iter(swap))], f"words swapped: {', '.join(swap)}"
-    for name, word, expected in zip(FixedRays._fields, words, twin, strict=True):
-        constant = int(np.median(word - expected))
-        if constant and name != "status" and gives(**{name: expected + constant}):
-            return WORD_STAGES[name], f"a constant added to the word {name}: {constant:+d}"
+        faults[f"words swapped: {', '.join(swap)}"] = {name: getattr(twin, other) for name, other in swap.items()}
+    for name, word, expected in zip(FixedRays._fields[:-1], words, twin, strict=False):  # not the status
+        if constant := int(np.median(word - expected)):
+            faults[f"a constant added to the word {name}: {constant:+d}"] = {name: expected + constant}
+    for fault, changed in faults.items():
+        same = equal(0, twin._replace(**changed))
+        if len(same) >= MANY and same.mean() >= EXPLAINED:
+            return Finding(WORD_STAGES[next(iter(changed))], fault, 1.0)
     return None
 
 
