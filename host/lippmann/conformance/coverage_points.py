@@ -74,7 +74,7 @@ BEYOND_WORDS = {
 
 
 def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
-    """Tell which rays meet each of `POINTS`, (N,) each; `rays` are golden's, by the names of a file's arrays."""
+    """Tell which rays meet each of `POINTS`, (N,) each; `rays` are golden's."""
     display, aims = inputs.display, inputs.aims
     array, panel = display.array, display.panel
     on_edge, on_corner = _border(inputs, in_cells_mm(display, inputs.pixels))
@@ -151,7 +151,7 @@ def tied(inputs: PanelRays) -> Bools:
 
 
 def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
-    """Tell which points, (N, 2) mm from a cell's centre, are on an edge of a cell within roundings, and on two."""
+    """Tell which points, (N, 2) mm, are on an edge of a cell within roundings, and which on two."""
     array, panel = inputs.display.array, inputs.display.panel
     lattice = Lattice.of(array)
     roundings = ULPS * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)

@@ -60,7 +60,7 @@ ROTATIONS = range(-180, 180)
 REFINEMENTS = 48
 #: Maximum number of evaluations in a fit of two numbers.
 MAX_EVALUATIONS = 25
-#: Bits of fraction that are tried for directions: no design has fewer; a float32 has more than the largest.
+#: Bits of fraction that are tried for directions; a float32 has more.
 COARSEST, FINEST = 4, 22
 #: Variants, of those that come nearest alone, beside which numbers are fitted.
 NEAREST = 12
@@ -157,7 +157,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets; a fit must look between.
+    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets.
     panel = inputs.display.panel
     step = CORNER * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(NEAR / step), int(NEAR / step) + 1, dtype=np.float64)
@@ -194,7 +194,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
 
 
 def _fit_beside(one: Variant, inputs: PanelRays, fields: Arrays) -> Iterator[Variant]:
-    """Yield a variant with each number that is fitted beside it, if it leaves a display and its arrays are there."""
+    """Yield a variant with each number that is fitted beside it, if it leaves a display."""
     try:
         inputs = inputs if one.change is None else one.change(inputs)
         fields = fields if one.bend is None else fields | one.bend(fields)

@@ -52,8 +52,8 @@ Arrays = dict[str, Floats]
 class Variant(NamedTuple):
     """A fault: the step that it is in, its name, and what it does.
 
-    It traces inputs that `change` returns, computes arrays otherwise (`trace`, from the inputs and golden's arrays), or
-    changes some of the arrays (`bend`). `silent` are arrays that it does not predict.
+    It changes the inputs (`change`), traces them otherwise (`trace`, which takes golden's arrays too), or changes some
+    arrays (`bend`). `silent` are arrays that it does not predict.
     """
 
     stage: str

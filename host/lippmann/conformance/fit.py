@@ -40,7 +40,7 @@ from lippmann.optics.system import System
 
 #: Largest number of samples that a fit tries.
 MOST_SAMPLES = 1024
-#: Numbers that it tries: each is one more than the one before, or up to 5 % more, rounded up; 1024^(1/142) is 1.05.
+#: Numbers that it tries: each is one more than the one before, or up to 5 % more; 1024^(1/142) is 1.05.
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
 #: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
@@ -87,7 +87,7 @@ def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the largest distance from a place in a rectangle to the nearest of the renderer's samples.
+    """Return the largest distance from a place in a rectangle to the renderer's nearest sample.
 
     A pixel's samples may be mirrored, and their axes exchanged. The farthest place is a corner of their Voronoi cells,
     clipped to the rectangle by reflecting the samples in its sides.

@@ -31,8 +31,8 @@ SAMPLE, FIT_SAMPLE = 1500, 300
 FEW = 90
 #: Share of the rays that a variant must give for it to be the fault.
 EXPLAINED = 0.97
-#: The largest distance of a variant from the wrong arrays, as a share of golden's. In no array may a variant be farther
-#: than golden by more than SAME (mm, radians, share of integers): the rounding of doubles and of a fit.
+#: The largest distance of a variant from the wrong arrays, as a share of golden's. In no array may it be farther than
+#: golden by more than SAME (mm, radians, share of integers).
 NEARER, SAME = 0.5, 1e-9
 #: Units of the last place between golden and the words of a right design, for the widest aims.
 WORD_UNITS = 64.0
@@ -46,7 +46,7 @@ TIE_RULE = "cells closed on their other side (tie rule)"
 
 
 class Finding(NamedTuple):
-    """The first wrong step (None: all is right), the fault that explains it, and the share of the rays it explains."""
+    """The first wrong step (None: all is right), the fault that explains it, and the share of the rays."""
 
     stage: str | None = None
     fault: str | None = None
@@ -272,7 +272,7 @@ def _wrapped(compared: Comparison) -> bool:
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
     residual = np.linalg.norm(apart - 2.0 * turns, axis=1)
-    # A component of size 1 with the wrong sign is off by 2 as well: no wrap if rays far from 1 are wrong too.
+    # A component of size 1 with the wrong sign is off by 2 as well.
     return bool(
         wrong.any()
         and (np.abs(turns).sum(axis=1) == 1.0).all()

@@ -125,7 +125,7 @@ def random_sizes(random: np.random.Generator, low: float, high: float, count: in
 
 
 def edge_points(display: Display, random: np.random.Generator, count: int, vertices: float = 0.0) -> Floats:
-    """Return points on the edges of a cell, (count, 2), mm from its centre; a share `vertices` on the vertices."""
+    """Return points on the edges of a cell, (count, 2) mm, a share `vertices` of them on the vertices."""
     corners = corners_mm(display.array)
     side, along = random.integers(0, len(corners), count), random.random((count, 1))
     along = np.maximum(along - vertices, 0.0) / (1.0 - vertices)
@@ -171,7 +171,7 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
 
 
 def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
-    """Return the bits, and those of them behind the binary point, of each word of `INPUTS` and `OUTPUTS`."""
+    """Return the bits, and those behind the binary point, of each word of `INPUTS` and `OUTPUTS`."""
     near = fraction_bits + 2
     return {
         **dict.fromkeys("uv", (PIXEL_BITS, 4)),
@@ -194,7 +194,7 @@ def hex_digits(widths: Sequence[int]) -> int:
 
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
-    """Return a hexadecimal line for each ray: its words in turn, the first in the most significant bits."""
+    """Return a hexadecimal line for each ray: its words, the first in the most significant bits."""
     rays: Any = 0
     for word, width in zip(words, widths, strict=True):
         rays = rays << width | word.astype(object) & ((1 << width) - 1)

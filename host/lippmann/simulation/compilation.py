@@ -19,7 +19,7 @@ from lippmann.base.programs import run_program
 from lippmann.errors import LippmannError, input_error, to_install
 from lippmann.simulation.toolchain import build_folder, hardware, verilator_environment, verilator_version
 
-#: Optimise for speed on this processor. No name is shown that the C++ does not mark: the model may be inlined.
+#: Optimise for speed on this processor. Names are hidden unless the C++ marks them: the model may be inlined.
 FAST = ("-O3", "-march=native", "-fvisibility=hidden")
 #: For a simulation that is shorter than its compilation.
 SHORT = ("-O1",)
