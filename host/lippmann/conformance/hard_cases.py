@@ -30,8 +30,9 @@ from lippmann.conformance.ray_sets import (
 from lippmann.display.description import MAX_SIDE_PX, Display
 from lippmann.engines import trace
 from lippmann.errors import InputError
+from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.lattice import Lattice
-from lippmann.optics.model_choice import corners_mm
+from lippmann.optics.model_choice import corners_mm, pixels_from_cells
 from lippmann.optics.rays import Floats, Status
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import FARTHEST_LENSLETS
@@ -125,7 +126,7 @@ def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> Pa
 def chief_ray(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays from behind a lenslet's vertex through it, and from a few roundings beside: no refraction."""
     lenslets = random.integers(-3, 4, (count, 2))
-    at = np.concatenate([pixels_at(display, np.zeros((1, 2)), (int(i), int(j)))[0] for i, j in lenslets])
+    at = pixels_from_cells(display, lenslets, np.zeros((count, 2)))
     yield PanelRays("chief-ray", display, np.concatenate([at, _nudged(at, random)]), None)
 
 
@@ -263,20 +264,17 @@ def losses(display: Display, random: np.random.Generator, count: int) -> Sets:
     domes = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     walls = changed(domes, shear=1.0, radius_mm=1.02 * replace(array, shear=1.0).half_diagonal_mm)
     # The end lies between lenslets' centres.
-    across, row = array.pitches_mm[0], array.row_pitch_mm
-    end = (
-        (math.floor(0.3 * panel.width_mm / across) + 0.7) * across,
-        (math.floor(0.3 * panel.height_mm / row) + 0.7) * row,
-    )
-    ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=(2.0 * end[0], 2.0 * end[1]))
+    sides = ((panel.width_mm, array.pitches_mm[0]), (panel.height_mm, array.row_pitch_mm))
+    extent_mm = tuple(2.0 * (math.floor(0.3 * side / pitch) + 0.7) * pitch for side, pitch in sides)
+    ends = changed(steep(without_eye(display)), shear=0.0, offset_mm=(0.0, 0.0), extent_mm=extent_mm)
     many = 400 * count
     for name, extreme, reach in (("domes", domes, 6.0), ("walls", walls, 6.0), ("ends", ends, 3.0)):
         pixels, aims = random_pixels(extreme, random, many), random_aims(extreme, random, many, reach)
         rays = PanelRays(f"losses/{name}", extreme, pixels, aims)
         status = rays.trace().status
         if name == "ends":  # from lenslets that are there
-            x, y = Lattice.of(extreme.array).centre(*rays.steps()["home"].T)
-            status = np.where((np.abs(x) < end[0]) & (np.abs(y) < end[1]), status, len(Status))
+            there = Lattice.of(extreme.array).present(NumpyBackend(), *rays.steps()["home"].T)
+            status = np.where(there, status, len(Status))
         yield rays.select(np.concatenate([np.flatnonzero(status == int(one))[:count] for one in Status]))
 
 
@@ -399,9 +397,9 @@ def huge_panels(display: Display, random: np.random.Generator, count: int) -> Se
 
     Float32 resolves their coordinates to a few micrometres only.
     """
-    panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
-    pitch = min(panel.coarsest_mm, 0.4)
-    wide = replace(display, panel=replace(panel, pixel_pitch_mm=pitch))
+    pitch = min(display.panel.coarsest_mm, 0.4)
+    panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX, pixel_pitch_mm=pitch)
+    wide = replace(display, panel=panel)
     corner = random.choice((0.0, float(MAX_SIDE_PX)), (count, 2))
     pixels = np.abs(corner - random.uniform(0.0, 300.0, (count, 2)))
     yield PanelRays("huge-panels", wide, pixels, random_aims(wide, random, count))
