@@ -26,7 +26,7 @@ from lippmann.conformance.faults import (
     variants,
     with_number,
 )
-from lippmann.conformance.ray_sets import PanelRays
+from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
@@ -181,8 +181,7 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
     yield from (both(one, number) for one in ranked for number in numbers)
-    length = np.linalg.norm(fields["direction"], axis=1, keepdims=True)
-    units = list(fitted(inputs, fields | {"direction": fields["direction"] / np.where(length > 0.0, length, 1.0)}))
+    units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
     for one in (*ranked[:NEAREST], *numbers):

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lippmann.conformance.ray_sets import PanelRays
+from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.display.description import Display
 from lippmann.errors import LippmannError
 from lippmann.optics import models
@@ -298,8 +298,8 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
         "direction's x and y swapped": lambda d: d[:, [1, 0, 2]],
         "direction not normalised: z is 1": lambda d: d / d[:, 2:],
         "direction not normalised: index times": lambda d: d * array.index,
-        "slopes of the direction doubled": partial(_steeper, 2.0),
-        "slopes of the direction halved": partial(_steeper, 0.5),
+        "slopes of the direction doubled": lambda d: unit_vectors(d * (2.0, 2.0, 1.0)),
+        "slopes of the direction halved": lambda d: unit_vectors(d * (0.5, 0.5, 1.0)),
     }
     for name, bend in bends.items():
         yield change_direction(name, bend)
@@ -319,12 +319,6 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
     for name, z in (("flat face", array.thickness_mm), ("sphere's centre", array.radius_mm), ("panel", vertices)):
         yield add_constant("dome", f"origin's z from the {name}", ("local_mm", "origin_mm"), (0.0, 0.0, z))
     yield Variant("dome", "origin without the lenslet's centre", bend=lambda r: {"origin_mm": r["local_mm"]})
-
-
-def _steeper(times: float, direction: Floats) -> Floats:
-    """Return directions with other slopes."""
-    steep = direction * (times, times, 1.0)
-    return np.asarray(steep / np.linalg.norm(steep, axis=1)[:, None])
 
 
 def _along_array(frame: PanelFrame, bend: Callable[[Floats], Floats], direction: Floats) -> Floats:

@@ -26,6 +26,7 @@ from lippmann.conformance.ray_sets import (
     random_directions,
     random_pixels,
     random_sizes,
+    unit_vectors,
 )
 from lippmann.display.description import MAX_SIDE_PX, Display
 from lippmann.engines import trace
@@ -289,10 +290,8 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
     # Downhill, and turned from it to either side.
-    down = np.column_stack([foot, np.zeros(len(foot))])
-    down /= np.linalg.norm(down, axis=1)[:, None]
-    down = down - (down * normal).sum(axis=1)[:, None] * normal
-    down /= np.linalg.norm(down, axis=1)[:, None]
+    down = unit_vectors(np.column_stack([foot, np.zeros(len(foot))]))
+    down = unit_vectors(down - (down * normal).sum(axis=1)[:, None] * normal)
     turn = random.uniform(-0.6, 0.6, (len(foot), 1))
     direction = np.cos(turn) * down + np.sin(turn) * np.cross(normal, down)
     lift = random.choice((0, 1, 2, 4, 16, 64, 1 << 10, 1 << 20, 1 << 30), (len(foot), 1)) * 2.0**-52 * R
@@ -425,8 +424,7 @@ def far_origins(display: Display, random: np.random.Generator, count: int) -> Se
         half = 0.45 * np.array([panel.width_mm, panel.height_mm])
         target = np.column_stack([random.uniform(-half, half, (count, 2)), np.zeros(count)])
         slope = random.uniform(-0.3, 0.3, (count, 2))
-        direction = np.column_stack([slope, -np.ones(count)])
-        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        direction = unit_vectors(np.column_stack([slope, -np.ones(count)]))
         yield WorldRays(f"far-origins/{name}", display, target - distance * direction, direction)
 
 

@@ -17,7 +17,7 @@ from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldS
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
 from lippmann.conformance.faults import FIELDS, NO_RAYS, STAGES, Variant, golden, turn_back, variants
-from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, widths
+from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, unit_vectors, widths
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import word_unit
 from lippmann.fixed.ray_pipeline import FixedRays
@@ -163,11 +163,8 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
         return _best(compared) or codes or Finding(first)
     if _wrapped(compared):
         return Finding("exit", "a component of the direction wrapped where it should saturate at 1", 1.0)
-    if first == "exit":
-        length = np.linalg.norm(compared.fields["direction"], axis=1)
-        unit = compared.fields["direction"] / np.where(length > 0.0, length, 1.0)[:, None]
-        if not compared.wrong_in("direction", unit).any():
-            return Finding("exit", "direction not normalised: it is right but for its length", 1.0)
+    if first == "exit" and not compared.wrong_in("direction", unit_vectors(compared.fields["direction"])).any():
+        return Finding("exit", "direction not normalised: it is right but for its length", 1.0)
 
     def right(lag: int) -> Bools:
         moved = compared.later(lag)

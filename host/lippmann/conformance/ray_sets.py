@@ -114,6 +114,12 @@ def random_directions(random: np.random.Generator, count: int) -> Floats:
     return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
 
 
+def unit_vectors(vectors: Floats) -> Floats:
+    """Return vectors (N, 3) scaled to length 1; those of length 0 stay."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
+
+
 def random_sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:
     """Return numbers of every magnitude from `low` to `high`, (count, 1), by their binary exponents.
 
