@@ -1,7 +1,7 @@
 """Foreign rays beside golden's: how far each value may be off, and which are.
 
-A ray may be off by its bound plus the effect of rounding its inputs to float32, so that a rounding never counts as a
-fault, however ill-conditioned a ray is. Where such a rounding changes lenslet or status, the ray is on an edge.
+A ray may be off by its bound plus the effect of rounding its inputs to float32, however ill-conditioned it is. Where
+such a rounding changes lenslet or status, the ray is on an edge.
 """
 
 from __future__ import annotations
@@ -238,8 +238,8 @@ def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats
 def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Bools:
     """Return which of rays that are all on an edge are golden's on some side of it, (N,).
 
-    Golden's are those of inputs displaced by `SHARES` of the roundings. A ray must have status and lenslet of some of
-    them, and values within their range, or beyond it by no more than its width and the limits.
+    A ray must have status and lenslet of some of golden's displaced by `SHARES` of the roundings, and values within
+    their range, or beyond it by no more than its width and the limits.
     """
     sides = [compared.golden]
     for share in SHARES:

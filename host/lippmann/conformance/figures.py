@@ -43,7 +43,7 @@ class Measured:
         return cls(value) if math.isfinite(value) else None
 
 
-#: A value of a table: text, a number, a truth value, several of these, `Measured`, or None where it does not apply.
+#: A value of a table: text, a number, a truth value, several, `Measured`, or None where it does not apply.
 Value = Any
 #: A row of a table by its columns: some name the row, the others hold measured values.
 Row = Mapping[str, Value]
@@ -143,8 +143,8 @@ def _measured(row: Row, column: str) -> Measured | None:
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
     """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows.
 
-    Numbers are read as numbers, empty cells as None. Raises InputError when the file cannot be read, or a row has
-    another number of values than the heading.
+    Numbers are read as numbers, empty cells as None. Raises InputError when the file cannot be read, or a row is not as
+    long as the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -115,8 +115,8 @@ def gap(samples: int, sides: Pair) -> float:
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
     """Return the cheapest build of the RTL within a tolerance, and its error.
 
-    Cheaper hardware comes first (pinhole, paraxial, exact), and shorter words within each. When all builds exceed the
-    tolerance: None and the least error.
+    Cheaper models come first, and shorter words within each. When all builds exceed the tolerance: None and the least
+    error.
     """
     try:
         # Pixels rounded to words first, so that rounding moves no pixel over a border.

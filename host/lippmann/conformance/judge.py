@@ -357,7 +357,7 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
     """Return the share of rays that a variant gives, and its distance from the wrong ones in units of golden's.
 
     The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
-    as near in the wrong arrays. So a variant that equals golden in every array of the file explains nothing.
+    as near in the wrong arrays.
     """
     bad, ratios = sample.wrong, []
     right = np.ones(len(bad), bool)

@@ -141,8 +141,7 @@ def edge_points(display: Display, random: np.random.Generator, count: int, verti
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
     """Return the pixel coordinates (N, 2) of points measured from a lenslet's centre along the array's axes.
 
-    The second array (N, 2) is the centre of each point's own cell, from that lenslet's centre, mm: the origin of the
-    aims of these pixels.
+    The second array (N, 2) is the centre of each point's own cell, from that lenslet's centre, mm: the origin of aims.
     """
     lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])

@@ -197,8 +197,8 @@ def write_junit(
 ) -> None:
     """Write JUnit XML, which continuous integration shows: a test case for each set of rays, by name.
 
-    `ended` says why there are no more, which is an error there. `about` are the suite's properties: what was judged,
-    and how. Raises InputError as `files.replacing` for a file that cannot be written.
+    `ended` says why there are no more, which is an error there. `about` are the suite's properties. Raises InputError
+    as `files.replacing` for a file that cannot be written.
     """
     wrong = [None if one.right else ("failure", one.stage or "", one.headline, one.lines) for _, one in verdicts]
     cases = [(name, problem) for (name, _), problem in zip(verdicts, wrong, strict=True)]

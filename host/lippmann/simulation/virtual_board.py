@@ -94,8 +94,8 @@ class RunningBoard:
     def stop(self) -> dict[str, Any]:
         """End the board; return its counts of clocks, seconds, processor seconds, bytes and frames.
 
-        Raises DeviceError when it failed, or did not end within `STOP_SECONDS` and was killed, and CaptureError when it
-        could not write a frame.
+        Raises DeviceError when it failed or did not end within `STOP_SECONDS`, and CaptureError when it could not write
+        a frame.
         """
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
@@ -138,8 +138,8 @@ def check_free(tcp_port: int) -> None:
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
     """Return the optics build of a display's board.
 
-    With the cross terms in multiplier cells: the build that simulates fastest. Without `fraction_bits` F is 16; a board
-    that draws nearest texels has 18, because a ray a little beside takes another texel.
+    With the cross terms in multiplier cells, which simulate fastest. Without `fraction_bits` F is 16; a board that draws
+    nearest texels has 18.
     """
     usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
     f = usual if fraction_bits is None else fraction_bits
@@ -172,7 +172,7 @@ def check_panel(display: Display) -> None:
 def compile_board(display: Display, scene: SceneBuild | None = None) -> Path:
     """Compile the program of the board that `start` runs for a display, and with `scene` draws; return its path.
 
-    For a thread beside other work: `start` then waits for it. Raises as `verilated`.
+    For a thread: `start` then waits for it. Raises as `verilated`.
     """
     clock_hz = usual_clock(display, scene, "block")
     return compiled(display, board_build(display, scene), True, clock_hz, scene=scene)
