@@ -138,7 +138,7 @@ def check_free(tcp_port: int) -> None:
 def board_build(display: Display, scene: SceneBuild | None = None, fraction_bits: int | None = None) -> Build:
     """Return the optics build of a display's board.
 
-    With the cross terms in multiplier cells, which simulate fastest. Without `fraction_bits` F is 16; a board that draws
+    With the cross terms in multiplier cells, which simulate fastest. Without `fraction_bits` F is 16; a board drawing
     nearest texels has 18.
     """
     usual = COMPACT if scene is None or scene.bilinear else COMPACT + 2
