@@ -67,7 +67,7 @@ CELLS = (
     "delete =$paramod*; read_verilog -lib -overwrite +/ecp5/cells_bb.v; "
     "read_verilog -overwrite -nowb -DNO_INCLUDES +/ecp5/cells_sim.v; blackbox TRELLIS_IO"
 )
-FLAT = "proc; opt -full; flatten; splitnets; simplemap; abc -g AND,OR,XOR,MUX; opt_clean -purge; rename -hide"
+FLAT = "proc; opt -full; flatten; splitnets; opt_clean -purge; rename -hide"
 #: The simulated ULX3S (sim/netlist/ulx3s_pins.sv), and the outputs of its PLL with their dividers.
 PINS_TOP = "ulx3s_pins"
 PLL_PORTS = {"pll_clkop": "BackDiv", "pll_clkos": "ShiftDiv", "pll_clkos2": "SystemDiv", "pll_clkos3": "MemoryDiv"}
