@@ -410,23 +410,24 @@ BUSY = (0, 1, 2, 5, 6, 7)
 class Load:
     """A moment: the load average, and the processor time so far, seconds, of all programs and of ours."""
 
-    average: float
+    average: float | None
     everybody: float | None
     ours: float
 
     @classmethod
     def now(cls) -> Load:
-        """Read the machine's counters; `everybody` is None where the system has none."""
+        """Read the machine's counters; those that the system does not have are None."""
+        average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         stat = Path("/proc/stat")
         ticks = stat.read_text().splitlines()[0].split()[1:] if stat.exists() else None
         everybody = sum(int(ticks[kind]) for kind in BUSY) / os.sysconf("SC_CLK_TCK") if ticks else None
-        return cls(os.getloadavg()[0], everybody, sum(os.times()[:4]))
+        return cls(average, everybody, sum(os.times()[:4]))
 
 
 def load_since(start: Load) -> str:
     """Return the load average at a moment, and how much processor time other programs used since then."""
     end = Load.now()
-    average = f"average {start.average:.1f} at the start"
+    average = "average unknown" if start.average is None else f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:
         return average
     ours, all_ = end.ours - start.ours, end.everybody - start.everybody
