@@ -9,16 +9,21 @@ import threading
 from lippmann.base import interrupts
 
 
-def main() -> None:
-    """Load the command line and run it."""
+def main(arguments: list[str] | None = None) -> None:
+    """Load the command line, run it, and exit with the code of its outcome."""
     interrupts.install()
     try:
-        from lippmann.cli import main as command_line
+        from lippmann.cli import run
 
-        command_line()
+        code = run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         print("lippmann: interrupted; nothing half-written is left", file=sys.stderr)
-        sys.exit(interrupts.exit_code())
+        code = interrupts.exit_code()
+    if interrupts.received:
+        # Libraries that were interrupted while they loaded may crash when Python takes them down.
+        interrupts.leave(code)
+    interrupts.ignore()  # the work is done
+    sys.exit(code)
 
 
 def program() -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.base.files import replacing
+from lippmann.base.files import write_file
 from lippmann.base.images import check_output
 from lippmann.base.progress import Progress
 from lippmann.base.variant import own_variant
@@ -378,8 +378,7 @@ def view(
         image, scene, later=later, frames_per_second=frames_per_second, title=title, placement=placement,
         arrange=arrange, seed=seed, device=device,
     )  # fmt: skip
-    with replacing(target) as partial:
-        partial.write_bytes(page)
+    write_file(target, page)
     if path is None:
         webbrowser.open(target.as_uri())
     return target

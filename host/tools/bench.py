@@ -15,7 +15,7 @@ from lippmann.base.provenance import provenance
 from lippmann.base.variant import start_mitsuba
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, option, parameters
-from lippmann.cli.options_common import DEVICE, SCENES, SEED, shipped_scenes
+from lippmann.cli.options import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit, log
 from lippmann.conformance.figures import Row, figure, plain_table, write_csv
 from lippmann.conformance.pages import Page

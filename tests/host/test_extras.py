@@ -19,7 +19,7 @@ for name in sys.argv[1].split(","):
     sys.modules[name] = None
 from lippmann import errors
 errors.__file__ = "/installed/lippmann/errors.py"
-from lippmann.cli import main
+from lippmann.__main__ import main
 main(sys.argv[2:])
 """
 

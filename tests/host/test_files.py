@@ -313,9 +313,9 @@ def test_sockets_of_folders_with_spaces_are_alive(tmp_path):
 #: Writes a file, and tells that its work is done; a signal comes while Python ends.
 LATE = """
 import atexit, os, signal, sys
-from lippmann import cli
+from lippmann.__main__ import main
 atexit.register(lambda: os.kill(os.getpid(), int(sys.argv[1])))
-cli.main(["pattern", "ramp", "--display", sys.argv[2], "-o", sys.argv[3]])
+main(["pattern", "ramp", "--display", sys.argv[2], "-o", sys.argv[3]])
 """
 
 

@@ -677,9 +677,9 @@ def test_options_that_do_not_go_together(tmp_path, capsys):
         (["regress", "--stream", "--rays", "x.npz"], "--rays: the stream has it"),
         (["regress", "--stream", "--model", "exact"], "--model: the stream has it"),
         (["regress", "--stream", "--fraction-bits", "18"], "--fraction-bits: the stream has it"),
-        (["regress", "--stream", "--report", ""], "--report: it is empty; name a folder"),
-        (["regress", "--stream", "--junit", ""], "--junit: it is empty; name a file"),
-        (["regress", "--stream", "--bounds", ""], "--bounds: it is empty; name a file"),
+        (["regress", "--stream", "--report", ""], "--report': it is empty; name a folder"),
+        (["regress", "--stream", "--junit", ""], "--junit': it is empty; name a file"),
+        (["regress", "--stream", "--bounds", ""], "--bounds': it is empty; name a file"),
         (["regress", "--rays", "x.npz"], "no rays; give --display and --rays, or --stream"),
         (["regress", "--stream", "--junit", str(tmp_path / "j.txt")], "j.txt"),
     ):

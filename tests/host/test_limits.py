@@ -82,7 +82,9 @@ def test_an_arrays_header_is_counted_before_it_is_read(place, capsys):
     size = 40_000_000
     head = b"\x93NUMPY\x02\x00" + struct.pack("<I", size)
     archive("head.npz", pixel=[head, *[b" " * (1 << 20)] * 38], direction=[header((9, 3))])
-    assert f"a header of {size} bytes" in refused(capsys, "trace", "-o", "r.npz", "--pixels", "head.npz", most_mb=5.0)
+    assert f"array header, expected {size} bytes" in refused(
+        capsys, "trace", "-o", "r.npz", "--pixels", "head.npz", most_mb=5.0
+    )
 
 
 @pytest.mark.parametrize("number", ["0x" + "f" * 5000, "9" * 5000])

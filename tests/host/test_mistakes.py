@@ -142,7 +142,7 @@ COMMANDS = [
     ("inspect latin.toml", "latin.toml: cannot be read (it is not text in UTF-8)", "give a display file (.toml)"),
     ("trace --display tiny.toml --pixels objects.npy -o r.npz", "objects.npy: cannot be read (it holds no array of",
      "give columns u, v"),
-    (f"{RENDER} --memory-mb nan", "--memory-mb", "give a number above 0"),
+    (f"{RENDER} --memory-mb nan", "--memory-mb", "give a number"),
     ("board read dispaly", "dispaly: no such register", "did you mean display?"),
     ("board read optics.contrl", "optics.contrl: no such register", "did you mean optics.control?"),
 ]  # fmt: skip

@@ -284,7 +284,7 @@ def test_what_an_eye_sees_by_crosstalk_stays_black(mi):
         (["white-for-eye", "--eye", "0,0,-600"], "eye: z -600 mm is behind the display"),
         (["cells", "--lens", "0,0"], "--lens belongs to the pattern single-lens"),
         (["single-lens", "--lens", "900,0"], "lenslet 900,0 owns no pixel"),
-        (["single-lens", "--lens", "0.5,0"], "lenslet 0.5,0 owns no pixel"),
+        (["single-lens", "--lens", "0.5,0"], "give 2 whole numbers"),
         (["cells", "--fraction-bits", "16"], "--fraction-bits belongs to the patterns of a board, single-lens"),
         (["rings"], "'rings' is not one of 'lens-centres'"),
     ],

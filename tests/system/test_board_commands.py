@@ -20,7 +20,6 @@ from lippmann.base.images import read_picture, write_picture
 from lippmann.base.tones import encode
 from lippmann.board.streaming import Sender
 from lippmann.cli import run
-from lippmann.cli.board_start import _option_words, start_command
 from lippmann.display.description import load_display
 from lippmann.simulation import virtual_board
 from PIL import Image
@@ -197,7 +196,7 @@ def test_rays_are_those_of_the_twin(place, port):
     assert (part["rays"], part["equal"]) == (120, True)
     assert part["crc"] != whole["crc"]
     assert "not inside" in refused(*check, "--region", "100,70,13,10")
-    assert "non-integer" in refused(*check, "--region", "0,0,1.5,1")
+    assert "whole numbers" in refused(*check, "--region", "0,0,1.5,1")
     assert "LEFT,TOP,WIDTH,HEIGHT" in refused(*check, "--region", "0,0,1")
     for far in ("1e300,0,1,1", "0,0,1e300,1", "-1,0,1,1", "0,0,0,1"):
         line = refused(*check, "--region", far)
@@ -306,19 +305,6 @@ def test_bad_options_of_a_board_are_refused_before_it_is_compiled(place, tmp_pat
     for option, path in (("--capture", tmp_path), ("--ready", tmp_path / "a.json"), ("--trace", tmp_path / "a.fst")):
         assert run([*start, option, str(path)]) == 2
         assert f"{option}: {tmp_path} cannot be written to" in capsys.readouterr().err
-
-
-def test_a_board_in_the_background_has_all_that_was_asked_for():
-    words = ["--display", "a.toml", "--layers", "2", "--slot", "64x48", "--bilinear", "--samples", "2"]
-    more = ["--ready", "b.json", "--trace-clocks", "3", "9", "--memory", "sdram"]
-    with start_command.make_context("start", [*words, *more, "--background", "--json"]):
-        parsed = _option_words()
-    with start_command.make_context("start", parsed) as again:
-        assert again.params["bilinear"]
-        assert (again.params["slot"], again.params["samples"], again.params["layers"]) == ((64, 48), 2, 2)
-        assert (again.params["trace_clocks"], again.params["memory"]) == ((3, 9), "sdram")
-        assert not again.params["background"]
-        assert again.params["as_json"]
 
 
 def children(pid):

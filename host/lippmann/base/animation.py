@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
-from lippmann.base.files import replacing
+from lippmann.base.files import replacing, write_file
 from lippmann.base.images import Radiance, check_output
 from lippmann.base.tones import Numbers, encoded_values
 
@@ -41,18 +41,13 @@ def write_animation(
     """
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
-    with replacing(path) as partial, partial.open("wb") as stream:
-        save_animation(stream, views, kind, there_and_back, frame_ms)
+    write_file(path, animation_bytes(views, kind, there_and_back, frame_ms))
 
 
-def save_animation(
-    stream: BinaryIO,
-    views: Iterable[Radiance],
-    kind: str,
-    there_and_back: bool = True,
-    frame_ms: float = FRAME_MS,
-) -> None:
-    """Write views as `write_animation` does into a stream; `kind` is "GIF" or "PNG"."""
+def animation_bytes(
+    views: Iterable[Radiance], kind: str, there_and_back: bool = True, frame_ms: float = FRAME_MS
+) -> bytes:
+    """Return the file that `write_animation` writes; `kind` is "GIF" or "PNG"."""
     from PIL import Image
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
@@ -62,9 +57,10 @@ def save_animation(
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     if there_and_back:
         frames += frames[-2:0:-1]
-    frames[0].save(
-        stream, format=kind, save_all=True, append_images=frames[1:], duration=frame_ms, loop=0, optimize=True
-    )
+    first, *others = frames
+    stream = io.BytesIO()
+    first.save(stream, kind, save_all=True, append_images=others, duration=frame_ms, loop=0, optimize=True)
+    return stream.getvalue()
 
 
 def animation_mb(frames: int, width_px: int, height_px: int) -> float:

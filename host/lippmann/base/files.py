@@ -147,23 +147,20 @@ def on_full_disk(path: Path) -> str | None:
     return None
 
 
-def not_written(path: Path, why: str = "", tried: Path | None = None) -> LippmannError:
-    """Return the error of a library that did not write a file, and does not say why in numbers: full, or refused.
+def not_written(path: Path, why: OSError | str = "", tried: Path | None = None) -> LippmannError:
+    """Return the error of a file or folder that the system, or a library, did not write: a full disk, or refused.
 
-    `tried` is the file that it was writing: a little more is written there to tell.
+    A library, and numpy's errors, do not say why in numbers: a little more is written to `tried`, the file that it was
+    writing, to tell whether the disk is full.
     """
-    if (full := on_full_disk(tried or path)) is not None:
+    reason = why if isinstance(why, str) else why.strerror or str(why)
+    if isinstance(why, OSError) and (why.errno is not None or tried is None):
+        full = reason if is_full(why) else None
+    else:
+        full = on_full_disk(tried or path)
+    if full is not None:
         return no_space(str(path), full)
-    return input_error(str(path), f"cannot be written ({why})", "free space or choose another place")
-
-
-def refused(path: Path, error: OSError, tried: Path | None = None) -> LippmannError:
-    """Return the error of a system that refuses to write a file or folder; `tried` as for `not_written`."""
-    if is_full(error):
-        return no_space(str(path), error.strerror)
-    if error.errno is None and tried is not None:  # numpy's
-        return not_written(path, str(error), tried)
-    return input_error(str(path), f"cannot be written ({error.strerror})", "free space or choose another place")
+    return input_error(str(path), f"cannot be written ({reason})", "free space or choose another place")
 
 
 def sync(path: Path) -> None:
@@ -199,9 +196,15 @@ def replacing(path: Path) -> Iterator[Path]:
             raise OSError(errno.EIO, "nothing was written")
         moved(partial, path)
     except OSError as error:
-        raise refused(path, error, partial) from None
+        raise not_written(path, error, partial) from None
     finally:
         _remove(partial)
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a file, text in UTF-8; whole or not at all, and with the errors of `replacing`."""
+    with replacing(path) as partial:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def new_file(path: Path) -> BinaryIO:
@@ -342,13 +345,6 @@ def listening() -> set[str]:
     return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
 
 
-@contextlib.contextmanager
-def scratch_folder() -> Iterator[Path]:
+def scratch_folder() -> contextlib.AbstractContextManager[Path]:
     """Provide an empty folder for this process's own use, removed at the end; its name is short and without spaces."""
-    place = private_folder()
-    clean_before_writing(place)
-    folder = Path(tempfile.mkdtemp(prefix=".", suffix=f".{owner()}.partial", dir=place))
-    try:
-        yield folder
-    finally:
-        _remove(folder)
+    return partial_folder(private_folder() / "s")

@@ -12,7 +12,6 @@ import re
 import struct
 import tempfile
 import warnings
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -24,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.files import clean_before_writing, not_written, refused, replacing
-from lippmann.base.limits import check_expanded, png_chunks
+from lippmann.base.files import clean_before_writing, not_written, replacing
+from lippmann.base.limits import check_expanded, png_chunks, png_is_complete
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
 from lippmann.errors import InputError, input_error, likely_file, missing_library, not_there, path_of
@@ -90,7 +89,7 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
         with tempfile.TemporaryFile(dir=folder):  # not by its permissions alone: /proc says that it may be written
             pass
     except OSError as error:
-        raise refused(path, error) from None
+        raise not_written(path, error) from None
     clean_before_writing(folder)
     return path
 
@@ -153,14 +152,11 @@ def write_picture(
         if out is None:
             raise input_error(str(path), openimageio().geterror(), "choose another extension")
         with silent_stderr():
-            complete = out.open(str(partial), spec)
-            sums = _write_bands(out, firsts, file_values) if complete else None
+            complete = out.open(str(partial), spec) and _write_bands(out, firsts, file_values)
             trouble = _first_line(out.geterror(), partial)
-            complete = out.close() and sums is not None
+            complete = out.close() and complete
         # OpenImageIO does not notice when a full disk truncates a PNG.
-        if complete and suffix in ENCODED_SUFFIXES and _band_sums(partial) != sums:
-            complete, trouble = False, "the disk holds only part of it"
-        if not complete:
+        if not complete or (suffix == ".png" and not png_is_complete(partial)):
             raise not_written(path, trouble, partial)
 
 
@@ -190,80 +186,32 @@ def _file_spec(
     return spec
 
 
-def _write_bands(
-    out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]
-) -> list[int] | None:
-    """Write the bands and return their CRC-32 sums; None on failure. One is compressed while the next is encoded."""
-    sums = []
+def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]) -> bool:
+    """Write the bands; tell whether that succeeded. One is compressed while the next is encoded."""
     with ThreadPoolExecutor(1) as encoder:
         ahead = encoder.submit(file_values, 0)
         for first in firsts:
             rows = ahead.result()
             ahead = encoder.submit(file_values, first + BAND_ROWS)
-            sums.append(zlib.crc32(rows.data))
             if not out.write_scanlines(first, first + len(rows), 0, rows):
-                return None
-    return sums
-
-
-def _band_sums(path: Path) -> list[int]:
-    """Return the CRC-32 sums of the bands of a file as it is on the disk; of none from the first that is broken on."""
-    oiio, sums = openimageio(), list[int]()
-    with silent_stderr():
-        source = oiio.ImageInput.open(str(path))
-        if source is None:
-            oiio.geterror()  # otherwise printed at exit
-            return sums
-        try:
-            spec = source.spec()
-            for first in range(0, spec.height, BAND_ROWS):
-                last = min(first + BAND_ROWS, spec.height)
-                rows = source.read_scanlines(0, 0, first, last, 0, 0, 3, spec.format)
-                if rows is None:
-                    break
-                sums.append(zlib.crc32(rows))
-            source.geterror()
-            return sums
-        finally:
-            source.close()
+                return False
+    return True
 
 
 def read_picture(
     path: str | Path,
     limit: tuple[int, int] | None = None,
     accept: Callable[[Mapping[str, str]], None] | None = None,
-    allow: Callable[[int], None] | None = None,
 ) -> Picture:
     """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
 
-    Before its pixels are read, its size is compared with `limit`, (width, height); `accept` is called with its
-    metadata, and `allow` with the number of its pixels, which raise to refuse the image.
+    Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
+    metadata, which raises to refuse the image.
 
     Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
-    path = check_input(path)
-    with _quiet(path), _opened(path, limit, accept) as (source, metadata):
-        spec = source.spec()
-        if allow is not None:
-            allow(spec.width * spec.height)
-        needed_bytes = spec.width * spec.height * (spec.nchannels + 3) * 4
-        check_expanded(str(path), f"{spec.width} x {spec.height} pixels", needed_bytes, "take a smaller image")
-        pixels = source.read_image(openimageio().FLOAT)
-        if pixels is None:
-            raise _broken(path, source)
-        values = _three_colours(pixels)
-        for first in range(0, len(values), BAND_ROWS):
-            _decode_rows(path, values[first : first + BAND_ROWS], metadata)
-    return Picture(values, metadata)
-
-
-def check_header(path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None]) -> None:
-    """Check an image file as far as `read_picture` does before it reads pixels, and its last row; raise as it does.
-
-    A file that was cut is refused for its last row.
-    """
     with StoredRows(path, limit, accept) as rows:
-        rows[limit[1] - 1]
+        return Picture(np.array(rows, copy=None), rows.metadata)
 
 
 @contextlib.contextmanager
@@ -276,11 +224,10 @@ def _quiet(path: Path) -> Iterator[None]:
         raise input_error(str(path), "is broken", "render it again") from None
 
 
-@contextlib.contextmanager
 def _opened(
     path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
-) -> Iterator[tuple[OpenImageIO.ImageInput, dict[str, str]]]:
-    """Open an image file that is there; yield OpenImageIO's input and our metadata. See `read_picture`."""
+) -> tuple[OpenImageIO.ImageInput, dict[str, str]]:
+    """Open an image file that is there; return OpenImageIO's input and our metadata. See `read_picture`."""
     _check_texts(path)
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
@@ -299,23 +246,10 @@ def _opened(
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)
-        yield source, metadata
-    finally:
+    except BaseException:
         source.close()
-
-
-def _broken(path: Path, source: OpenImageIO.ImageInput) -> InputError:
-    """Return the error of a file whose rows OpenImageIO cannot read."""
-    trouble = _first_line(source.geterror(), path)
-    return input_error(str(path), f"is truncated or broken ({trouble})", "render it again")
-
-
-def _three_colours(pixels: Numbers) -> Radiance:
-    """Return (height, width, 3) of values (height, width, 1 to 4)."""
-    values = np.asarray(pixels, np.float32)
-    if values.shape[2] < 3:
-        values = np.repeat(values[:, :, :1], 3, axis=2)
-    return np.ascontiguousarray(values[:, :, :3])
+        raise
+    return source, metadata
 
 
 def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
@@ -384,16 +318,19 @@ class StoredRows:
     dtype, ndim = np.dtype(np.float32), 3
 
     def __init__(
-        self, path: str | Path, limit: tuple[int, int], accept: Callable[[Mapping[str, str]], None] | None = None
+        self,
+        path: str | Path,
+        limit: tuple[int, int] | None = None,
+        accept: Callable[[Mapping[str, str]], None] | None = None,
     ) -> None:
         """Open an image file; see `read_picture`, whose errors this raises too."""
         self._path = check_input(path)
-        self._first, self._rows = 0, np.empty((0, limit[0], 3), np.float32)
-        self._file, self._closed = contextlib.ExitStack(), False
         with _quiet(self._path):
-            self._source, self.metadata = self._file.enter_context(_opened(self._path, limit, accept))
-        self.shape = (limit[1], limit[0], 3)
-        self.size = 3 * limit[0] * limit[1]
+            self._source, self.metadata = _opened(self._path, limit, accept)
+        self._spec, self._closed = self._source.spec(), False
+        self.shape = (self._spec.height, self._spec.width, 3)
+        self.size = 3 * self._spec.height * self._spec.width
+        self._first, self._rows = 0, np.empty((0, *self.shape[1:]), np.float32)
 
     def __enter__(self) -> Self:
         return self
@@ -403,7 +340,7 @@ class StoredRows:
 
     def close(self) -> None:
         """Close the file, after which no row can be read; a second time does nothing."""
-        self._file.close()
+        self._source.close()
         self._closed = True
 
     def __len__(self) -> int:
@@ -412,35 +349,42 @@ class StoredRows:
     def __getitem__(self, index: Any, /) -> Radiance:
         """Return a part; a row, or a range of rows, is all that is read of the file."""
         rows, *rest = index if isinstance(index, tuple) else (index,)
+        own: int | slice = slice(None)
         if isinstance(rows, int | np.integer):
-            row = range(self.shape[0])[rows]  # or IndexError
-            return np.asarray(self._read(row, row + 1)[(0, *rest)], np.float32)
-        if not isinstance(rows, slice) or rows.step not in (None, 1):
+            first, own = range(self.shape[0])[rows], 0  # or IndexError
+            last = first + 1
+        elif isinstance(rows, slice) and rows.step in (None, 1):
+            first, last, _ = rows.indices(self.shape[0])
+        else:
             return np.asarray(np.asarray(self)[index], np.float32)
-        first, last, _ = rows.indices(self.shape[0])
-        found = self._read(first, max(first, last))
-        return np.asarray(found[(slice(None), *rest)], np.float32) if rest else found
+        return np.asarray(self._read(first, max(first, last))[(own, *rest)], np.float32)
 
     def _read(self, first: int, last: int) -> Radiance:
         """Return rows; those of the last call are not read again, so that reading goes forwards."""
         if self._closed:
             raise ValueError(f"{self._path} is closed")
-        kept = self._rows[max(0, first - self._first) :] if first >= self._first else self._rows[:0]
-        start = first + len(kept)
-        parts = [kept[: last - first]]
+        kept = self._rows[max(0, first - self._first) :][: last - first] if first >= self._first else self._rows[:0]
+        rows = np.empty((last - first, *self.shape[1:]), np.float32)
+        rows[: len(kept)] = kept
+        # OpenImageIO gives no scanlines of a file of tiles, only all of it.
+        kind, tiled = openimageio().FLOAT, self._spec.tile_width > 0
+        channels = 3 if self._spec.nchannels >= 3 else 1
         with _quiet(self._path):
-            for low in range(start, last, BAND_ROWS):
-                high = min(low + BAND_ROWS, last)
-                channels = self._source.spec().nchannels
-                pixels = self._source.read_scanlines(0, 0, low, high, 0, 0, channels, openimageio().FLOAT)
+            for low in range(first + len(kept), last, self.shape[0] if tiled else BAND_ROWS):
+                high = last if tiled else min(low + BAND_ROWS, last)
+                if tiled:
+                    pixels = self._source.read_image(0, 0, 0, channels, kind)
+                else:
+                    pixels = self._source.read_scanlines(0, 0, low, high, 0, 0, channels, kind)
                 if pixels is None:
-                    raise _broken(self._path, self._source)
-                values = _three_colours(pixels)
-                _decode_rows(self._path, values, self.metadata)
-                parts.append(values)
-        self._first, self._rows = first, np.concatenate(parts)
-        self._rows.setflags(write=False)
-        return self._rows
+                    trouble = _first_line(self._source.geterror(), self._path)
+                    raise input_error(str(self._path), f"is truncated or broken ({trouble})", "render it again")
+                band = rows[low - first : high - first]
+                band[:] = pixels[low:high] if tiled else pixels
+                _decode_rows(self._path, band, self.metadata)
+        rows.setflags(write=False)
+        self._first, self._rows = first, rows
+        return rows
 
     def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Numbers:
         """Return all rows."""
@@ -448,8 +392,7 @@ class StoredRows:
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
         whole = self._read(0, height)
         self._rows = whole[:0]  # the caller's memory now, and not this object's too
-        if copy is None:  # where the type asks for it
-            return np.asarray(whole, dtype)
+        whole.setflags(write=True)
         return np.array(whole, dtype, copy=copy)
 
 
@@ -470,7 +413,6 @@ def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> Number
     size = _claimed_size(path, refused)
     if size > most_pixels:
         raise input_error(str(path), f"has more than {most_pixels / 1e6:g} megapixels", "give a smaller one")
-    _check_chunks(path, refused)
     try:
         with silent_stderr():
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -491,17 +433,10 @@ def _claimed_size(path: Path, refused: InputError) -> float:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of large pictures, and of odd metadata
             with Image.open(path, formats=FORMATS) as picture:
+                if picture.format == "PNG" and not png_is_complete(path):  # up to 4 GB are claimed for a chunk
+                    raise refused
                 return picture.width * picture.height
     except Image.DecompressionBombError:
         return np.inf
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, OverflowError, struct.error):
         raise refused from None
-
-
-def _check_chunks(path: Path, refused: InputError) -> None:
-    """Refuse a PNG with a chunk that ends behind the file: up to 4 GB are claimed for it."""
-    for kind, _, whole in png_chunks(path):
-        if not whole:
-            raise refused
-        if kind == b"IEND":
-            return

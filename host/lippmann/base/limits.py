@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import struct
 import zipfile
@@ -99,18 +100,14 @@ Header = tuple[tuple[int, ...], np.dtype[np.generic]]
 
 def _header(stream: IO[bytes]) -> Header:
     """Return the shape and type in the header of an array's file."""
-    version = np.lib.format.read_magic(stream)
-    # The header's length, which is a number of 16 or 32 bits, is read before the header is.
+    head = io.BytesIO(stream.read(MAX_HEADER_BYTES))  # a file may claim 4 GB of header
+    version = np.lib.format.read_magic(head)
     if version == (1, 0):
-        size, read = stream.read(2), np.lib.format.read_array_header_1_0
+        shape, _, kind = np.lib.format.read_array_header_1_0(head)
     elif version == (2, 0):
-        size, read = stream.read(4), np.lib.format.read_array_header_2_0
+        shape, _, kind = np.lib.format.read_array_header_2_0(head)
     else:
         raise ValueError(f"version {version[0]}.{version[1]} of numpy's format")
-    length = int.from_bytes(size, "little")
-    if length > MAX_HEADER_BYTES:
-        raise ValueError(f"a header of {length} bytes")
-    shape, _, kind = read(io.BytesIO(size + stream.read(length)))
     return shape, kind
 
 
@@ -123,9 +120,7 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
             raise input_error(str(path), "cannot be read (it holds no array of numbers)", remedy)
         if kind.kind not in "biuf" or kind.itemsize > 16:
             raise input_error(str(path), f"{called} {kind}", "give real numbers")
-        count = 1
-        for side in shape:
-            count *= side
+        count = math.prod(shape)
         rows = max(rows, shape[0] if shape else 1, count // 16)
         total += count * kind.itemsize
     if rows > MAX_RAYS:
@@ -143,6 +138,14 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
             size, kind = struct.unpack(">I4s", head)
             yield kind, size, stream.tell() + size <= end
             stream.seek(size + 4, os.SEEK_CUR)
+
+
+def png_is_complete(path: Path) -> bool:
+    """Tell whether a PNG has its last chunk, and each before it."""
+    for kind, _, complete in png_chunks(path):
+        if kind == b"IEND" or not complete:
+            return complete
+    return False
 
 
 def lines_of(text: str) -> Iterator[str]:

@@ -104,11 +104,9 @@ def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
     """Return the dataclass `form` as a file writes it: keys added, of another type, or optional (None without them)."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
-    missing = dataclasses.MISSING
     fields = []
     for name, kind in hints.items():
-        default = defaults.get(name, missing)
-        given = dataclasses.field() if default is missing else dataclasses.field(default=default)
+        given = dataclasses.field(default=defaults.get(name, dataclasses.MISSING))
         fields.append((name, kind | None if name in optional else kind, given))
     return dataclasses.make_dataclass(form.__name__, fields, frozen=True, kw_only=True)
 

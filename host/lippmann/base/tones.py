@@ -83,31 +83,33 @@ def transfer_name(transfer: Transfer) -> str:
 def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
     """Map linear light to panel values in [0, 1]: "srgb" (IEC 61966-2-1), "gamma2.2", "linear", or a measured curve."""
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
+    values: Numbers
     if (measured := curve_of(transfer)) is not None:
-        return np.interp(light, measured[:, 1], measured[:, 0]).astype(np.float32)
-    if transfer == "linear":
-        return light
-    if transfer == "gamma2.2":
-        return np.asarray(light ** (1.0 / 2.2), np.float32)
-    if transfer == "srgb":
-        curve = 1.055 * light ** (1.0 / 2.4) - 0.055
-        return np.asarray(np.where(light <= 0.0031308, 12.92 * light, curve), np.float32)
-    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+        values = np.interp(light, measured[:, 1], measured[:, 0])
+    elif _known(transfer) == "srgb":
+        values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    else:
+        values = light if transfer == "linear" else light ** (1.0 / 2.2)
+    return values.astype(np.float32, copy=False)
 
 
 def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
     """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
-    v = np.asarray(values, np.float32)
+    v, light = np.asarray(values, np.float32), values
     if (measured := curve_of(transfer)) is not None:
-        return np.interp(v, measured[:, 0], measured[:, 1]).astype(np.float32)
-    if transfer == "linear":
-        return v
-    if transfer == "gamma2.2":
-        return np.asarray(v**2.2, np.float32)
-    if transfer == "srgb":
-        curve = ((v + 0.055) / 1.055) ** 2.4
-        return np.asarray(np.where(v <= 0.04045, v / 12.92, curve), np.float32)
-    raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+        light = np.interp(v, measured[:, 0], measured[:, 1])
+    elif _known(transfer) == "srgb":
+        light = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    else:
+        light = v if transfer == "linear" else v**2.2
+    return light.astype(np.float32, copy=False)
+
+
+def _known(transfer: Transfer) -> Transfer:
+    """Return a curve's name; refuse an unknown one."""
+    if transfer not in ("srgb", "gamma2.2", "linear"):
+        raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
+    return transfer
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:

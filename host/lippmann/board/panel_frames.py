@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, check_header, read_picture
+from lippmann.base.images import ENCODED_SUFFIXES, SUFFIXES, StoredRows, read_picture
 from lippmann.base.tones import Transfer, encoded_values, transfer_name, transfer_text
 from lippmann.board.session import Hello
 from lippmann.board.tiles import Pixels
@@ -118,7 +118,8 @@ def check_frame(
         agreed = _agreed(str(path), file, ("--transfer", Tones(transfer)), display)
 
     size_px = target.width, target.height
-    check_header(path, size_px, accept)
+    with StoredRows(path, size_px, accept) as rows:
+        rows[target.height - 1]  # InputError for a file that was cut
     curve, bits = agreed.transfer or USUAL_TRANSFER, agreed.bits or USUAL_BITS
     text, assumption = f"{transfer_name(curve)} and {bits} bits", ""
     # An encoded file needs no bits: its values are quantised already.

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lippmann.base import interrupts
-from lippmann.base.files import make_folder, moved, partial_folder, refused
+from lippmann.base.files import make_folder, moved, not_written, partial_folder
 from lippmann.capturing.povray_scene import write_scene
 from lippmann.capturing.povray_text import SPARE_ROWS, plain, write_rays
 from lippmann.display.description import Display
@@ -94,7 +94,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
                 for file in files:
                     moved(partial / file, folder / file)
     except OSError as error:
-        raise refused(folder, error) from None
+        raise not_written(folder, error) from None
     return Exported(folder / f"{name}.ini", tuple(files), spare_rows)
 
 

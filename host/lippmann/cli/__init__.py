@@ -8,6 +8,7 @@ import sys
 import tempfile
 import traceback
 from importlib import import_module
+from pathlib import Path
 
 import click
 from click.shell_completion import CompletionItem
@@ -18,37 +19,22 @@ from lippmann.base.files import is_full, made, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
-#: Commands in the order of the work, with the first sentence of their help, which is so told without loading them. Each
-#: is a function `command` in a module of the command's name.
-COMMANDS = {
-    "inspect": "Print the properties of a display file, with units and warnings, and what eyes will see.",
-    "fit": "Choose the cheapest lens model, samples and RTL build; of a scene also the layers and the build that draws "
-    "them.",
-    "trace": "Trace rays from pixels through the lenslets.",
-    "vectors": "Write test vectors: rays that are hard to compute.",
-    "regress": "Check the rays of another ray tracer or RTL design.",
-    "render": "Render the integral image of a scene, or of a folder of layers, for a display.",
-    "layers": "Cut a scene into layers that a board draws by itself.",
-    "animate": "Render a film, frame by frame, for a display.",
-    "capture": "Capture a scene through an imaging lens and a microlens array.",
-    "observe": "Compute what an eye sees through the lenslets.",
-    "view": "Make a browser page that shows an integral image.",
-    "pattern": "Draw a test pattern for a display's panel.",
-    "calibrate": "Calibrate a display from photographs of its mounted array.",
-    "export": "Write scenes and pictures in the forms of other tools.",
-    "board": "Start a virtual board, or use a real or virtual one.",
-    "stream": "Stream images to the panel of a board.",
-    "play": "Play a film of layers, or show a folder of layers, on a board that draws.",
-    "display": "Show an image on a monitor, full-screen and unscaled.",
-    "live": "Show a scene on a display, and move it by hand.",
-    "demo": "Run the main steps once: render, stream, draw, observe.",
-    "report": "Measure speed and error of each engine and lens model on displays, and write a report.",
-    "doctor": "Check libraries, rendering, the RTL's tools and serial ports.",
-}
+#: Commands in the order of the work. Each is a function `command` in a module of the command's name.
+COMMANDS = (
+    *("inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view"),
+    *("pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor"),
+)
 #: Commands of earlier versions, and the answer to each.
 OLD_COMMANDS = {
     "bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench",
 }
+
+
+def summary_of(command: str) -> str:
+    """Return the first sentence of a command's help, from its source: to load all commands would take seconds."""
+    source = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
+    body = source.partition("\ndef command(")[2]
+    return body.partition('"""')[2].partition("\n")[0].strip('"')
 
 
 class _Commands(click.Group):
@@ -70,10 +56,10 @@ class _Commands(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([(name, summary_of(name)) for name in COMMANDS])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        commands = [CompletionItem(name, help=text) for name, text in COMMANDS.items() if name.startswith(incomplete)]
+        commands = [CompletionItem(name, help=summary_of(name)) for name in COMMANDS if name.startswith(incomplete)]
         # Of the group itself, click completes the options.
         return commands + click.Command.shell_complete(self, ctx, incomplete)
 
@@ -95,17 +81,6 @@ def cli() -> None:
     """
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit with the code of its outcome."""
-    interrupts.install()
-    code = run(sys.argv[1:] if arguments is None else arguments)
-    if interrupts.received:
-        # Libraries that were interrupted while they loaded may crash when Python takes them down.
-        interrupts.leave(code)
-    interrupts.ignore()  # the work is done
-    sys.exit(code)
-
-
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
     """Run the command line, or another command (None: named as it was called), and return the exit code."""
     if sys.stdout is None:
@@ -114,7 +89,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     made.clear()
     try:
         with logs_on_stderr():
-            code = command.main(args=arguments, prog_name=name, standalone_mode=False)
+            code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=arguments)
     except SystemExit:
         raise
     except BrokenPipeError:

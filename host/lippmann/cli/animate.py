@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
 from lippmann import api
-from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb, write_animation
+from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb
 from lippmann.base.images import check_output
 from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Point, Vector
+from lippmann.cli.frame import Folder, argument, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point
 from lippmann.cli.options_rendering import RENDERING
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import Display, load_display
+from lippmann.cli.output import emit, progress_bar
+from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.motion.film import Film, load_film
 from lippmann.motion.film_frames import FrameFolder, check_folder, choose_shading, plan_film, warn_of_frame
-from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video
+from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video, write_views
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory, check_memory_mb
 from lippmann.rendering.executors import choose_executor
-from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.sampling import Window, colours_of
 from lippmann.rendering.sinks import render_into
@@ -41,14 +39,14 @@ GIF_SPEED = 50.0
 @make_command("animate")
 def command(
     film_path: str = argument("FILM"),
-    display_path: str = DISPLAY,
-    output: str = option("The frames' folder; made when missing.", flag="-o", metavar="FOLDER"),
+    display: Display = DISPLAY,
+    output: Folder = option("The frames' folder; made when missing."),
     scale: float = option("Factor on the whole film, about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
     fit: bool = option("Scale and move the whole film into the display's depth range.", False),
     options: RenderOptions = RENDERING,
     video: str | None = option("The panel's frames as a lossless video.", None, metavar="FILE.mkv"),
     view: str | None = option("What an eye sees of the film: .mp4, .gif or .png.", None, metavar="FILE"),
-    eye: Point | None = option("The eye of --view, mm; the display is at z = 0.", None, Vector(3)),
+    eye: Point | None = option("The eye of --view, mm; the display is at z = 0.", None),
     width: int | None = option(f"Pixels of --view.  [default: {api.VIEW_PX}]", None, click.IntRange(2, MAX_VIEW_PX)),
     cluster: str | None = option(
         "Render on the workers of this Dask scheduler: tcp://HOST:8786.", None, metavar="ADDRESS"
@@ -68,20 +66,19 @@ def command(
         raise InputError("--width belongs to --view; give both or neither")
     if fit and scale != 1.0:
         raise InputError("--scale and --fit both place the film; leave one out")
-    film, display = load_film(film_path), load_display(display_path)
-    panel, folder = display.panel, Path(output)
+    film, panel = load_film(film_path), display.panel
     check_memory(panel.width_px, panel.height_px, options.settings, colours_of(panel))
     scene_path = check_scene_file(film.scene)
     if not fit:
         warn_if_unplaced(scene_path)
-    check_folder(folder, film.frames)
+    check_folder(output, film.frames)
     if video is not None:
         check_output(video, LOSSLESS_SUFFIXES)
     window = None if view is None else _view_window(view, film, display, width or api.VIEW_PX, options.settings)
     start_mitsuba(device)
     plans = choose_shading(plan_film(film, display, options, None if fit else scale))
     started = time.perf_counter()
-    frames = FrameFolder(folder, plans)
+    frames = FrameFolder(output, plans)
     if frames.missing_plans and cluster is None:
         warn_of_frame(frames.missing_plans[0])
     with progress_bar("frames") as progress:
@@ -92,13 +89,13 @@ def command(
         write_video(video, values, panel.width_px, panel.height_px, film.frames_per_second)
     if view is not None and window is not None and eye is not None:
         with progress_bar("view") as progress:
-            _write_view(frames.images(progress), Eye(eye), window, view, film.frames_per_second)
+            views = (observe(one.radiance, display, Eye(eye), window).radiance for one in frames.images(progress))
+            write_views(view, views, window, film.frames_per_second)
     result = {
-        "folder": str(folder), "film": film.name, "display": display.name, "identity": display.identity,
-        "frames": film.frames, "frames_per_second": film.frames_per_second, "rendered": rendered,
-        "kept": film.frames - rendered, "seconds": seconds, "video": video, "view": view,
+        "folder": output, "film": film.name, "frames": film.frames, "frames_per_second": film.frames_per_second,
+        "rendered": rendered, "kept": film.frames - rendered, "seconds": seconds, "video": video, "view": view,
     }  # fmt: skip
-    emit(result, _summary(folder, film, display, rendered, seconds, (video, view)))
+    emit(result, _summary(output, film, display, rendered, seconds, (video, view)), display)
 
 
 def _summary(
@@ -125,13 +122,3 @@ def _view_window(path: str, film: Film, display: Display, width_px: int, setting
         "give a smaller --width, or an .mp4 file",
     )
     return window
-
-
-def _write_view(images: Iterable[IntegralImage], eye: Eye, window: Window, path: str, frames_per_second: float) -> None:
-    """Write what an eye sees of a film as a video or an animation."""
-    views = (observe(image.radiance, image.display, eye, window).radiance for image in images)
-    if Path(path).suffix.lower() in VIEW_SUFFIXES:
-        frames = (encoded_values(view, "srgb", 8) for view in views)
-        write_video(path, frames, window.width_px, window.height_px, frames_per_second)
-    else:
-        write_animation(path, views, there_and_back=False, frame_ms=1000.0 / frames_per_second)

@@ -14,10 +14,10 @@ from lippmann.board.packets import SCENE_VERSION
 from lippmann.board.session import REGISTERS, SCENE_BASE
 from lippmann.cli.board_start import start_command, stop_command
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DISPLAY, Vector
-from lippmann.cli.options_port import OPEN_BOARD, OpenBoard, check_board
+from lippmann.cli.options import DISPLAY, vector
+from lippmann.cli.options_port import OPEN_BOARD, OpenBoard
 from lippmann.cli.output import emit
-from lippmann.display.description import Panel, load_display
+from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.registers import BOARD_REGISTERS, Field, Register
 
@@ -43,13 +43,11 @@ command.add_command(stop_command)
 
 @make_command("program", command)
 def program_command(
-    file: str = argument("FILE.bit"),
+    file: Path = argument("FILE.bit"),
     board: str | None = option("The board, for a bitstream that names none.", None, metavar="NAME"),
     serial: str | None = option("Serial number of the board's USB adapter, where there are two boards.", None),
     flash: bool = option("Write the board's flash memory: the FPGA loads it at each power-up.", False),
-    display_path: str | None = option(
-        "Refuse a bitstream that is for another display.", None, flag="--display", metavar="FILE"
-    ),
+    display_path: Path | None = option("Refuse a bitstream that is for another display.", None),
 ) -> None:
     """Load a bitstream into an FPGA board by openFPGALoader.
 
@@ -57,19 +55,18 @@ def program_command(
 
     Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
     """
-    path = Path(file)
-    header = read_bitfile(path)
+    header = read_bitfile(file)
     if display_path is not None:
         display = load_display(display_path)
         if header.identity != display.identity:
             what = f"the bitstream is for display {header.identity or 'unknown'}, {display_path} is {display.identity}"
-            raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
-    programmed = program(path, board, serial, flash)
+            raise input_error(str(file), what, f"run make bitstream DISPLAY={display_path}")
+    programmed = program(file, board, serial, flash)
     result = {
         "file": file, "board": programmed.name, "device": header.device, "display": header.display,
         "identity": header.identity, "design": header.design, "flash": flash,
     }  # fmt: skip
-    what = f"{header.display} (design {header.design})" if header.display else file
+    what = f"{header.display} (design {header.design})" if header.display else str(file)
     emit(result, f"{programmed.name}: {'its flash memory holds' if flash else 'runs'} {what}")
 
 
@@ -104,7 +101,7 @@ def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 
 @make_command("setup", command)
 def setup_command(
-    display_path: str = DISPLAY,
+    display: Display = DISPLAY,
     force: bool = option("Accept a board that drives another display.", False),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
@@ -114,13 +111,10 @@ def setup_command(
 
     Example: lippmann board setup --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
-    display = load_display(display_path)
-    with open_board() as board:
-        if not force:
-            check_board(board, display, display_path, ", or set it up with --force")
+    with open_board(None if force else display, "set it up") as board:
         count = board.write_optics(display)
-        result = {"port": board.line.url, "identity": display.identity, "display": display.name, "writes": count}
-    emit(result, f"{result['port']}: optics of {display.name}")
+        url = board.line.url
+    emit({"port": url, "writes": count}, f"{url}: optics of {display.name}", display)
 
 
 @make_command("abort", command)
@@ -154,9 +148,9 @@ def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 
 @make_command("check", command)
 def check_command(
-    display_path: str = DISPLAY,
-    region: tuple[float, ...] | None = option(
-        "Pixels to compare; default: all.", None, Vector(4, "LEFT,TOP,WIDTH,HEIGHT")
+    display: Display = DISPLAY,
+    region: tuple[int, ...] | None = option(
+        "Pixels to compare; default: all.", None, vector("LEFT,TOP,WIDTH,HEIGHT", int)
     ),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
@@ -166,11 +160,12 @@ def check_command(
 
     Example: lippmann board check --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
-    display = load_display(display_path)
     panel = display.panel
-    left, top, width, height = _window(region, panel) if region else (0, 0, panel.width_px, panel.height_px)
-    with open_board() as board:
-        check_board(board, display, display_path)
+    left, top, width, height = region or (0, 0, panel.width_px, panel.height_px)
+    if not (0 <= left <= left + width - 1 < panel.width_px and 0 <= top <= top + height - 1 < panel.height_px):
+        what = f"is not inside a panel of {panel.width_px} x {panel.height_px} pixels"
+        raise input_error("--region", what, "give pixels: LEFT,TOP,WIDTH,HEIGHT")
+    with open_board(display) as board:
         check = check_rays(board, display, (left, left + width - 1), (top, top + height - 1))
         url = board.line.url
     if not check.equal:
@@ -181,18 +176,6 @@ def check_command(
         )
     result = {"port": url, "rays": check.rays, "crc": f"{check.board_crc:08x}", "equal": check.equal}
     emit(result, f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})")
-
-
-def _window(region: tuple[float, ...], panel: Panel) -> tuple[int, ...]:
-    """Return a region as integers; refuse one that is not on the panel."""
-    left, top, width, height = region
-    remedy = "give pixels: LEFT,TOP,WIDTH,HEIGHT"
-    if not (0 <= left <= left + width - 1 < panel.width_px and 0 <= top <= top + height - 1 < panel.height_px):
-        what = f"is not inside a panel of {panel.width_px} x {panel.height_px} pixels"
-        raise input_error("--region", what, remedy)
-    if any(number != int(number) for number in region):
-        raise input_error("--region", "contains a non-integer", remedy)
-    return tuple(map(int, region))
 
 
 @make_command("read", command)

@@ -16,11 +16,11 @@ from typing import Any
 import click
 
 from lippmann.base import interrupts
-from lippmann.base.files import new_file, no_space, on_full_disk, own_text, refused, replacing
-from lippmann.cli.frame import make_command, option
-from lippmann.cli.options_common import DISPLAY, FRACTION_BITS, Slot
+from lippmann.base.files import new_file, no_space, not_written, on_full_disk, own_text, write_file
+from lippmann.cli.frame import Folder, make_command, option
+from lippmann.cli.options import DISPLAY, FRACTION_BITS, TEXELS
 from lippmann.cli.output import emit, log
-from lippmann.display.description import Display, load_display
+from lippmann.display.description import Display
 from lippmann.errors import DeviceError, InputError, LippmannError, input_error
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation import virtual_board
@@ -33,14 +33,13 @@ LAUNCHER = "LIPPMANN_LAUNCHER"
 CAPTURE_SECONDS = 10.0
 #: Errors by their exit code.
 ERRORS = {kind.exit_code: kind for kind in LippmannError.__subclasses__()}
-PATH = click.Path(path_type=Path, readable=False)
 
 
 def _drawing(
     *,
     layers: int | None = option("Build a board that draws scenes of so many layers.", None, click.IntRange(1, 8)),
     slots: int | None = option("Its slots for textures.  [default: layers + 1]", None, click.IntRange(1, 15)),
-    slot: tuple[int, int] | None = option("Texels of a slot.  [default: 256x192]", None, Slot()),
+    slot: tuple[int, int] | None = option("Texels of a slot.  [default: 256x192]", None, TEXELS),
     bilinear: bool = option("Interpolate its texels.", False),
     samples: int | None = option("Rays for each pixel: 1, 2 or 4.  [default: 1]", None, click.Choice([1, 2, 4])),
 ) -> SceneBuild | None:
@@ -61,7 +60,7 @@ DRAWING: Any = _drawing
 
 @make_command("start")
 def start_command(
-    display_path: str = DISPLAY,
+    display: Display = DISPLAY,
     line: virtual_board.Port | None = option(
         "Kind of port.  [default: a Unix socket of yours alone; tcp with --tcp-port]", None
     ),
@@ -70,13 +69,9 @@ def start_command(
     fraction_bits: int | None = option(
         "Word length of its optics.  [default: 16; 18 when it draws nearest texels]", None, FRACTION_BITS
     ),
-    capture: Path | None = option(
-        "Write every new frame that is scanned out, as PNG; made when missing.", None, PATH, metavar="FOLDER"
-    ),
-    ready: Path | None = option(
-        "Write the board's URL to this JSON file, while the board runs.", None, PATH, metavar="FILE"
-    ),
-    trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, PATH, metavar="FILE.fst"),
+    capture: Folder | None = option("Write every new frame that is scanned out, as PNG; made when missing.", None),
+    ready: Path | None = option("Write the board's URL to this JSON file, while the board runs.", None),
+    trace: Path | None = option("Write waveforms of the clocks --trace-clocks.", None, metavar="FILE.fst"),
     scene: SceneBuild | None = DRAWING,
     memory: virtual_board.Memory = option(
         "Where its frames are: block RAM, or a chip of SDRAM with the controller of a real board.", "block"
@@ -98,7 +93,6 @@ def start_command(
     if trace_clocks[0] >= trace_clocks[1]:
         what = f"{trace_clocks[0]} to {trace_clocks[1]} is an empty range"
         raise input_error("--trace-clocks", what, "give the first clock first")
-    display = load_display(display_path)
     virtual_board.check_panel(display)
     _check_places(capture, ready, trace)
     if background and not ready:
@@ -136,7 +130,9 @@ def _serve(
         end.callback(lambda: counts.update(board.stop()))
         try:
             if ready:
-                _write_ready(ready, result)
+                if os.environ.get(LAUNCHER) not in (None, str(os.getppid())):
+                    raise DeviceError(f"{ready}: the command that waited for this board was killed; start it again")
+                write_file(ready, json.dumps(result) + "\n")
             emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
             with interrupts.held() as ended:
@@ -172,7 +168,7 @@ def _check_places(capture: Path | None, ready: Path | None, trace: Path | None) 
             raise input_error(name, f"{place} cannot be written to", change)
     if ready and ready.is_dir():
         raise input_error("--ready", f"{ready} is a folder", "name a file")
-    if ready and (other := _running(ready)):
+    if ready and _alive((other := _content(ready)).get("pid")):
         what = f"{ready} belongs to a board that runs ({other['url']})"
         raise input_error("--ready", what, "end it, or name a new file")
 
@@ -183,12 +179,14 @@ def _in_background(ready: Path) -> None:
     output = Path(f"{ready}.log")
     if (failure := _failure(output)) is not None:
         log(f"the board before had ended: {failure} (exit code {failure.exit_code})")
-    words = [sys.executable, "-P", "-m", "lippmann", "board", "start", *_option_words()]
+    # With --json the last line of the log is the error.
+    own_words = [word for word in click.get_current_context().obj if word not in ("--background", "--json")]
+    words = [sys.executable, "-P", "-m", "lippmann", *own_words, "--json"]
     own = {**os.environ, LAUNCHER: str(os.getpid())}
     try:
         both = new_file(output)
     except OSError as error:
-        raise refused(output, error) from None
+        raise not_written(output, error) from None
     with both:
         process = subprocess.Popen(
             words, stdin=subprocess.DEVNULL, stdout=both, stderr=both, start_new_session=True, env=own
@@ -198,7 +196,11 @@ def _in_background(ready: Path) -> None:
             while process.poll() is None and not ready.exists() and not ended:
                 time.sleep(CHECK_S)
         if not ready.exists():
-            failure = _failure(output) or _unheard(output, process.returncode)
+            # Without a message its log had no room for one, or there was none.
+            silent = (
+                f"the board ended without a message ({process.returncode}); start it without --background to see more"
+            )
+            failure = _failure(output) or (no_space(str(output)) if on_full_disk(output) else DeviceError(silent))
             output.unlink()
             raise failure
         result = json.loads(ready.read_text())
@@ -213,28 +215,6 @@ def _in_background(ready: Path) -> None:
         raise
 
 
-def _unheard(output: Path, code: int) -> LippmannError:
-    """Return the error of a board that ended without a message: its log had no room for one, or there was none."""
-    if on_full_disk(output):
-        return no_space(str(output))
-    return DeviceError(f"the board ended without a message ({code}); start it without --background to see more")
-
-
-def _option_words() -> list[str]:
-    """Return the words of the same board without --background; with --json: an error is the last line of the log."""
-    ctx = click.get_current_context()
-    words = []
-    for parameter in ctx.command.params:
-        value = ctx.params.get(parameter.name or "")
-        if isinstance(value, tuple) and isinstance(parameter.type, Slot):
-            words += [parameter.opts[0], "x".join(map(str, value))]
-        elif value is True and parameter.name != "background":
-            words.append(parameter.opts[0])
-        elif value is not None and not isinstance(value, bool):
-            words += [parameter.opts[0], *map(str, value if isinstance(value, tuple) else (value,))]
-    return words if "--json" in words else [*words, "--json"]
-
-
 def _failure(output: Path) -> LippmannError | None:
     """Return the error in the last line of a board's log, or None."""
     try:
@@ -242,14 +222,6 @@ def _failure(output: Path) -> LippmannError | None:
         return ERRORS.get(last["exit_code"], DeviceError)(last["error"])
     except (OSError, ValueError, LookupError, TypeError):
         return None
-
-
-def _write_ready(ready: Path, result: dict[str, Any]) -> None:
-    """Tell where the board is; DeviceError when nobody waits for it any more."""
-    if os.environ.get(LAUNCHER) not in (None, str(os.getppid())):
-        raise DeviceError(f"{ready}: the command that waited for this board was killed; start it again")
-    with replacing(ready) as partial:
-        partial.write_text(json.dumps(result) + "\n")
 
 
 def _remove_ready(ready: Path) -> None:
@@ -269,12 +241,6 @@ def _content(ready: Path) -> dict[str, Any]:
         return {}
 
 
-def _running(ready: Path) -> dict[str, Any]:
-    """Return `url` and `pid` of a ready file, when the process runs this command; else nothing."""
-    content = _content(ready)
-    return content if _alive(content.get("pid")) else {}
-
-
 def _alive(pid: int | None) -> bool:
     """Tell whether a process runs this command."""
     try:
@@ -285,7 +251,7 @@ def _alive(pid: int | None) -> bool:
 
 
 @make_command("stop")
-def stop_command(ready: Path = option("The --ready file of the board's start.", kind=PATH, metavar="FILE")) -> None:
+def stop_command(ready: Path = option("The --ready file of the board's start.")) -> None:
     """End a virtual board that runs in the background.
 
     Example: lippmann board stop --ready out/board.json
@@ -294,7 +260,7 @@ def stop_command(ready: Path = option("The --ready file of the board's start.", 
     failure = _failure(output)
     if not content and failure is None:
         raise input_error(str(ready), "names no board", "give the --ready file of `lippmann board start`")
-    if not _running(ready):
+    if not _alive(content.get("pid")):
         if content:
             ready.unlink(missing_ok=True)
         if failure is None:

@@ -7,22 +7,20 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 
 from lippmann.base.files import make_folder
 from lippmann.base.fullscreen import full_screen
 from lippmann.base.images import check_output
-from lippmann.base.progress import report_each
 from lippmann.base.variant import own_variant
-from lippmann.board.board import Board
 from lippmann.board.streaming import send_frame
 from lippmann.calibration.coded_patterns import FILE, PatternSet, Pixels, write_patterns
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, Finite, Point, Vector
-from lippmann.cli.options_port import BAUD, check_board, chosen_port
-from lippmann.cli.output import emit, log
-from lippmann.cli.progress_bar import progress_bar
+from lippmann.cli.frame import Folder, argument, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY_PATH, Point, finite
+from lippmann.cli.options_port import BAUD, opened_board
+from lippmann.cli.output import emit, log, progress_bar, with_progress
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.zones import status_share
@@ -43,27 +41,23 @@ def command() -> None:
 
 
 @contextmanager
-def _panel(
-    display: Display, path: str, port: str | None, baud: int | None, monitor: int
-) -> Iterator[Callable[[Pixels], object]]:
+def _panel(display: Display, port: str | None, baud: int | None, monitor: int) -> Iterator[Callable[[Pixels], object]]:
     """Give a function that shows pixels on the panel: that of a board, or a monitor."""
     if port is None:
         with full_screen((display.panel.width_px, display.panel.height_px), monitor) as show:
             yield show
         return
-    with Board.open(*chosen_port(port, baud)) as board:
-        check_board(board, display, path)
-        board.check_panel()
+    with opened_board(port, baud, display, frames=True) as board:
         yield lambda pixels: send_frame(board, pixels)
 
 
 @make_command("patterns", command)
 def patterns_command(
-    display_path: str = argument("DISPLAY.toml"),
-    output: str = option("Folder for the pictures and patterns.toml.", flag="-o", metavar="FOLDER"),
+    display: Display = argument("DISPLAY.toml"),
+    output: Folder = option("Folder for the pictures and patterns.toml."),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,
-    wait_s: float = option("Time that the board shows each pattern.", 2.0, Finite(0.0), flag="--wait"),
+    wait_s: float = option("Time that the board shows each pattern.", 2.0, finite(0.0)),
 ) -> None:
     """Draw the patterns that a camera photographs on the panel.
 
@@ -72,39 +66,64 @@ def patterns_command(
 
     Example: lippmann calibrate patterns scenes/displays/vga-square.toml -o out/patterns
     """
-    display = load_display(display_path)
     patterns = PatternSet.of(display)
-    files = write_patterns(patterns, display, Path(output))
+    files = write_patterns(patterns, display, output)
     if port is not None:
         import time
 
-        with _panel(display, display_path, port, baud, 0) as show, progress_bar("patterns") as progress:
-            for pattern in report_each(patterns.patterns, progress):
+        with _panel(display, port, baud, 0) as show:
+            for pattern in with_progress("patterns", patterns.patterns):
                 show(patterns.panel_values(pattern, display))
                 log(f"shown: {pattern.stem}")
                 time.sleep(wait_s)
-    result = {
-        "folder": output, "patterns": [one.name for one in files], "display": display.name,
-        "identity": display.identity, "period_px": patterns.period_px, "streamed": port is not None,
-    }  # fmt: skip
-    emit(result, f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 places into position-1, -2, -3")
+    names = [one.name for one in files]
+    result = {"folder": output, "patterns": names, "period_px": patterns.period_px, "streamed": port is not None}
+    text = f"{output}: {len(files)} patterns and {FILE}; photograph each from 3 places into position-1, -2, -3"
+    emit(result, text, display)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Simulation:
+    """A display as built, and the camera that is simulated in front of it."""
+
+    built: Display | None = option("Photograph this display as built by simulation.", None, flag="--simulated")
+    place: Point | None = option("Place of the simulated camera, mm.", None, flag="--from")
+    width_px: int = option("Width of simulated photographs.", 1280, click.IntRange(64, 16384), flag="--width")
+    focal: float = option("Focal length of the simulated lens, in widths of the photograph.", 2.5, finite(0.1))
+    seed: int = option("Seed of a simulated camera's rays and noise.", 0, click.IntRange(0))
+
+    def photograph(self, patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
+        """Photograph the patterns of the nominal display through the optics of the one as built."""
+        from lippmann.calibration.simulated_camera import Camera
+        from lippmann.calibration.simulated_photographs import photograph_folder
+
+        if self.built is None or self.place is None:
+            raise InputError("a simulated camera needs both --simulated BUILT.toml and --from X,Y,Z")
+        panel, own = self.built.panel, display.panel
+        if (panel.width_px, panel.height_px) != (own.width_px, own.height_px):
+            size = f"the panel has {panel.width_px} x {panel.height_px} pixels"
+            what = f"{size}, '{display.name}' has {own.width_px} x {own.height_px}"
+            raise input_error(f"display '{self.built.name}'", what, "give the same panel with its array as mounted")
+        height_px = round(self.width_px * 0.75)
+        # One lens for all places: a zoom between them would tell the solver another distance.
+        focal_px = self.focal * self.width_px
+        camera = Camera(self.place, (0.0, 0.0, 0.0), 0.0, self.width_px, height_px, focal_px, pupil_mm=1.0, blur_px=0.5)
+        with tempfile.TemporaryDirectory() as drawn:
+            write_patterns(patterns, display, Path(drawn))
+            return photograph_folder(self.built, camera, drawn, folder, self.seed)
 
 
 @make_command("shoot", command)
 def shoot_command(
-    display_path: str = argument("DISPLAY.toml"),
-    output: str = option("Folder for this position's photographs, such as photos/position-1.", flag="-o"),
+    display: Display = argument("DISPLAY.toml"),
+    output: Folder = option("Folder for this position's photographs, such as photos/position-1."),
     camera: int = option("Number of the webcam.", 0, click.IntRange(0)),
     monitor: int = option("Number of the monitor that is the panel.", 0, click.IntRange(0)),
     port: str | None = PANEL_PORT,
     baud: int | None = BAUD,
-    settle_s: float = option("Wait between a pattern and its photograph.", 0.4, Finite(0.0), flag="--settle"),
+    settle_s: float = option("Wait between a pattern and its photograph.", 0.4, finite(0.0)),
     average: int = option("Frames of the camera that make one photograph.", 4, click.IntRange(1, 64)),
-    built_path: str | None = option("Photograph this display as built by simulation.", None, flag="--simulated"),
-    place: Point | None = option("Place of the simulated camera, mm.", None, Vector(3), flag="--from"),
-    width_px: int = option("Width of simulated photographs.", 1280, click.IntRange(64, 16384), flag="--width"),
-    focal: float = option("Focal length of the simulated lens, in widths of the photograph.", 2.5, Finite(0.1)),
-    seed: int = option("Seed of a simulated camera's rays and noise.", 0, click.IntRange(0)),
+    simulated: Any = _Simulation,
     device: str = DEVICE,
 ) -> None:
     """Show each pattern and photograph it with a webcam, or by simulation.
@@ -113,60 +132,31 @@ def shoot_command(
 
     Example: lippmann calibrate shoot mine.toml -o photos/position-1 --camera 0 --monitor 1
     """
-    display, folder = load_display(display_path), Path(output)
     patterns = PatternSet.of(display)
-    if built_path is not None or place is not None:
-        if built_path is None or place is None:
-            raise InputError("a simulated camera needs both --simulated BUILT.toml and --from X,Y,Z")
-        built = load_display(built_path)
+    if simulated.built is not None or simulated.place is not None:
         with own_variant(device):
-            files = _simulated(patterns, display, built, place, (width_px, focal), folder, seed)
-        result = {"folder": output, "photographs": len(files), "simulated": built.name, "display": display.name}
-        emit(result, f"{output}: {len(files)} photographs of {built.name}, simulated")
+            files = simulated.photograph(patterns, display, output)
+        built = simulated.built.name
+        result = {"folder": output, "photographs": len(files), "simulated": built}
+        emit(result, f"{output}: {len(files)} photographs of {built}, simulated", display)
         return
     from lippmann.calibration.shooting import open_webcam, shoot
 
     with (
         open_webcam(camera) as webcam,
-        _panel(display, display_path, port, baud, monitor) as show,
+        _panel(display, port, baud, monitor) as show,
         progress_bar("shoot") as progress,
     ):
-        files = shoot(patterns, display, show, webcam, folder, settle_s, average, progress)
-    result = {"folder": output, "photographs": len(files), "camera": camera, "display": display.name}
-    emit(result, f"{output}: {len(files)} photographs")
-
-
-def _simulated(
-    patterns: PatternSet,
-    display: Display,
-    built: Display,
-    place: Point,
-    lens: tuple[int, float],
-    folder: Path,
-    seed: int,
-) -> list[Path]:
-    """Photograph a display as built: the patterns are the nominal display's, the optics those of the other."""
-    from lippmann.calibration.simulated_camera import Camera
-    from lippmann.calibration.simulated_photographs import photograph_folder
-
-    sizes = [(one.panel.width_px, one.panel.height_px) for one in (display, built)]
-    if sizes[0] != sizes[1]:
-        what = f"the panel has {sizes[1][0]} x {sizes[1][1]} pixels, '{display.name}' has {sizes[0][0]} x {sizes[0][1]}"
-        raise input_error(f"display '{built.name}'", what, "give the same panel with its array as mounted")
-    width_px, focal = lens
-    height_px = round(width_px * 0.75)
-    # One lens for all places: a zoom between them would tell the solver another distance.
-    camera = Camera(place, width_px=width_px, height_px=height_px, focal_px=focal * width_px, pupil_mm=1.0, blur_px=0.5)
-    with tempfile.TemporaryDirectory() as drawn:
-        write_patterns(patterns, display, Path(drawn))
-        return photograph_folder(built, camera, drawn, folder, seed)
+        files = shoot(patterns, display, show, webcam, output, settle_s, average, progress)
+    result = {"folder": output, "photographs": len(files), "camera": camera}
+    emit(result, f"{output}: {len(files)} photographs", display)
 
 
 @make_command("solve", command)
 def solve_command(
-    photos: str = argument("PHOTOS"),
-    display_path: str = DISPLAY,
-    output: str = option("The calibrated display file, .toml; a .npz for `report` beside it.", flag="-o"),
+    photos: Path = argument("PHOTOS"),
+    display_path: Path = DISPLAY_PATH,
+    output: Path = option("The calibrated display file, .toml; a .npz for `report` beside it."),
     bow: bool = option("Fit tilts and curvatures of the array over the panel, too.", False),
     radius: bool = option("Find the lenslets' radius, too.", False),
 ) -> None:
@@ -181,9 +171,9 @@ def solve_command(
 
     nominal, path = load_display(display_path), check_output(output, (".toml",))
     if path.exists() and path.samefile(display_path):
-        raise input_error(output, "is the nominal display file", "give the calibrated one another name")
+        raise input_error(str(output), "is the nominal display file", "give the calibrated one another name")
     with progress_bar("photographs") as progress:
-        calibration = calibrate(Path(photos), nominal, bow, radius, progress)
+        calibration = calibrate(photos, nominal, bow, radius, progress)
     sidecar_path = calibration.save(path)
     lines = [
         f"{one.name:<10}{one.value:+12.6f} +- {one.uncertainty:.6f} {one.unit}"
@@ -196,7 +186,7 @@ def solve_command(
         *(f"note: {one}" for one in calibration.remarks),
         f"{output}: {calibration.display.name}, identity {calibration.display.identity}",
     ]
-    emit({**calibration.summary(), "output": output, "kept": str(sidecar_path)}, lines)
+    emit({**calibration.summary(), "output": output, "kept": sidecar_path}, lines)
 
 
 #: Least share of the panel that an eye sees through the lenslets in front, for a picture that proves something.
@@ -207,10 +197,10 @@ WHOLE = 0.95
 
 @make_command("check", command)
 def check_command(
-    display_path: str = argument("CALIBRATED.toml"),
-    output: str | None = option("Folder for the pictures.", None, flag="-o", metavar="FOLDER"),
-    eye: Point | None = option("The eye that sees white, mm.", None, Vector(3)),
-    photos: str | None = option("Folder with photographs of 1-white and 2-dark, to be judged.", None, metavar="FOLDER"),
+    display: Display = argument("CALIBRATED.toml"),
+    output: Folder | None = option("Folder for the pictures.", None),
+    eye: Point | None = option("The eye that sees white, mm.", None),
+    photos: Folder | None = option("Folder with photographs of 1-white and 2-dark, to be judged.", None),
     device: str = DEVICE,
 ) -> int:
     """Draw pictures that prove a calibration, or judge photographs of them.
@@ -224,13 +214,13 @@ def check_command(
     """
     from lippmann.calibration.check import judge_folder, pictures
 
-    display = load_display(display_path)
     if photos is not None:
-        verdict = judge_folder(Path(photos))
+        verdict = judge_folder(photos)
         emit(
-            {**dataclasses.asdict(verdict), "display": display.name, "identity": display.identity},
+            dataclasses.asdict(verdict),
             f"{photos}: {100.0 * verdict.right_share:.1f} % of the panel is right; dark has "
             f"{100.0 * verdict.dark_share:.1f} % of the light ({100.0 * verdict.worst_dark_share:.1f} % at its worst)",
+            display,
         )
         return 0 if verdict.right else FOUND_WRONG
     if output is None or eye is None:
@@ -245,24 +235,23 @@ def check_command(
         raise input_error(
             f"--eye {eye[0]:g},{eye[1]:g},{eye[2]:g}", what, "choose a place nearer to the axis, or farther away"
         )
-    folder = Path(output)
-    make_folder(folder)
+    make_folder(output)
     with own_variant(device):
         images = pictures(display, eye)
     for name, image in images.items():
-        image.save(folder / f"{name}.png")
+        image.save(output / f"{name}.png")
     if own < WHOLE:
         log(f"{100.0 * (1.0 - own):.0f} % of the panel stays dark in 1-white: the eye sees neighbours' pixels there")
-    result = {"folder": output, "pictures": list(images), "eye_mm": eye, "own_share": own, "identity": display.identity}
-    emit(result, f"{output}: {', '.join(images)}; look from {eye[0]:g},{eye[1]:g},{eye[2]:g} mm")
+    result = {"folder": output, "pictures": list(images), "eye_mm": eye, "own_share": own}
+    emit(result, f"{output}: {', '.join(images)}; look from {eye[0]:g},{eye[1]:g},{eye[2]:g} mm", display)
     return 0
 
 
 @make_command("report", command)
 def report_command(
-    display_path: str = argument("CALIBRATED.toml"),
-    output: str = option("Folder for the page.", flag="-o", metavar="FOLDER"),
-    eye: Point | None = option("The eye of the views before and after.  [default: the first camera]", None, Vector(3)),
+    display_path: Path = argument("CALIBRATED.toml"),
+    output: Folder = option("Folder for the page."),
+    eye: Point | None = option("The eye of the views before and after.  [default: the first camera]", None),
     device: str = DEVICE,
 ) -> None:
     """Write a page about a calibration: uncertainties, residuals, and an eye's view before and after.
@@ -273,11 +262,10 @@ def report_command(
     from lippmann.calibration.result import load_calibration
     from lippmann.conformance.calibration_page import calibration_page
 
-    path = Path(display_path)
     with own_variant(device):
         page = calibration_page(
-            provenance(f"lippmann calibrate report {path.name}", ("numpy", "scipy", "opencv-python-headless")),
-            load_calibration(path), eye,
+            provenance(f"lippmann calibrate report {display_path.name}", ("numpy", "scipy", "opencv-python-headless")),
+            load_calibration(display_path), eye,
         )  # fmt: skip
-    files = page.write(Path(output), as_html=True)
+    files = page.write(output, as_html=True)
     emit({"folder": output, "files": [one.name for one in files]}, f"{output}: {', '.join(one.name for one in files)}")

@@ -9,30 +9,32 @@ from typing import Any
 import numpy as np
 
 from lippmann import api
-from lippmann.base.files import replacing
+from lippmann.base.files import write_file
 from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb
 from lippmann.base.variant import current_device
 from lippmann.capturing.capture import placement_before, shown_depth
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, SEED
-from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MEMORY_MB, SAMPLES, SHADING
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
+from lippmann.cli.options import DEVICE, SEED
+from lippmann.cli.options_rendering import SETTINGS
+from lippmann.cli.output import emit, progress_bar
 from lippmann.display.description import display_text
 from lippmann.errors import input_error
-from lippmann.rendering.options import Shading
+from lippmann.rendering.options import Settings
 from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
+
+#: The settings of a render that `lippmann.capture` takes.
+SETTINGS_GIVEN = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
 
 
 @make_command("capture")
 def command(
     scene_path: str = argument("SCENE"),
-    setup_path: str = option("Set-up file (.toml).", flag="--setup", metavar="FILE"),
-    output: str = option(".exr or .tif linear, .png for the panel.", flag="-o", metavar="OUT"),
+    setup_path: Path = option("Set-up file (.toml)."),
+    output: Path = option(".exr or .tif linear, .png for the panel.", metavar="OUT"),
     rotate: bool | None = option(
         "Rotate each elemental image by 180 degrees, so that depth comes out right.  [default: --rotate, for "
         "concave lenslets --no-rotate]",
@@ -40,17 +42,11 @@ def command(
         flag="--rotate/--no-rotate",
     ),
     size: int | None = option("Width of the image in pixels, for the same window.  [default: the display's]", None),
-    display_out: str | None = option(
-        "Write the file of the display that shows the image (.toml).", None, metavar="FILE"
-    ),
-    samples: int = SAMPLES,
+    display_out: Path | None = option("Write the file of the display that shows the image (.toml).", None),
     aperture: Aperture | None = option(
         "For a pickup: rays over the whole lenslet, or chief rays.  [default: full]", None
     ),
-    integrator: str = INTEGRATOR,
-    max_depth: int = MAX_DEPTH,
-    memory_mb: float | None = MEMORY_MB,
-    shading: Shading = SHADING,
+    settings: Settings = SETTINGS,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
@@ -63,55 +59,44 @@ def command(
     path, setup = check_output(output), load_setup(setup_path)
     setup = setup if size is None else setup.resized(size)
     if display_out is not None:
-        _check_display_out(check_output(display_out, (".toml",)), setup)
+        check_output(display_out, (".toml",))
+        if display_out.exists() and display_out.read_bytes() != display_text(setup.display).encode():
+            what = "exists already and is not the display of this image"
+            raise input_error(str(display_out), what, "give another name")
     rotate = not setup.concave if rotate is None else rotate
     scene_file = check_scene_file(scene_path)
     warn_if_unplaced(scene_file)
     scene = api.load_scene(scene_file, placement_before(setup, scene_file, setup_path), device)
     with progress_bar("capture") as progress:
-        image = api.capture(
-            scene, setup, samples, rotate=rotate, aperture=aperture, integrator=integrator, max_depth=max_depth,
-            seed=seed, memory_mb=memory_mb, shading=shading, progress=progress,
-        )  # fmt: skip
+        chosen = {name: getattr(settings, name) for name in SETTINGS_GIVEN}
+        image = api.capture(scene, setup, rotate=rotate, aperture=aperture, progress=progress, **chosen)
     image.save(path)
     if display_out is not None:
-        _write_display(Path(display_out), setup)
+        write_file(display_out, display_text(setup.display))
     result = {
         **_geometry(setup, scene, rotate),
-        "output": str(path),
+        "output": path,
         "display_out": display_out,
         **image.measured,
-        "integrator": integrator,
-        "samples": samples,
+        "integrator": settings.integrator,
+        "samples": settings.samples,
         "shading": image.metadata["shading"],
         "seed": seed,
         "device": current_device(),
         "peak_memory_mb": peak_memory_mb(),
     }
-    emit(result, _text(result))
+    emit(result, _text(result), setup.display)
 
 
 def _text(result: Mapping[str, Any]) -> str:
     low, high = result["shown_depth_mm"]
     shading = "shared light, " if result["shading"] == "shared" else ""
-    return (
-        f"{result['output']}: {result['width_px']} x {result['height_px']}, {shading}"
-        f"{result['image']} {result['relief']} image from "
-        f"{low:.1f} to {high:.1f} mm on '{result['display']}', vignetting {result['vignetting_percent']:.2f} %, "
-        f"lost in the array {result['array_loss_percent']:.2f} %, "
-        f"{result['seconds']:.2f} s ({result['samples_per_second'] / 1e6:.2f} M samples/s)"
+    form = (
+        "{output}: {width_px} x {height_px}, {light}{image} {relief} image from {low:.1f} to {high:.1f} mm on "
+        "'{display}', vignetting {vignetting_percent:.2f} %, lost in the array {array_loss_percent:.2f} %, "
+        "{seconds:.2f} s ({rate:.2f} M samples/s)"
     )
-
-
-def _check_display_out(path: Path, setup: Setup) -> None:
-    """Refuse to overwrite any file but this display's own."""
-    if path.exists() and path.read_bytes() != display_text(setup.display).encode():
-        raise input_error(str(path), "exists already and is not the display of this image", "give another name")
-
-
-def _write_display(path: Path, setup: Setup) -> None:
-    with replacing(path) as partial:
-        partial.write_text(display_text(setup.display), encoding="utf-8")
+    return form.format(**result, light=shading, low=low, high=high, rate=result["samples_per_second"] / 1e6)
 
 
 def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
@@ -120,19 +105,16 @@ def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
     depth = shown_depth(setup, [far, near], rotated)
     image = "real" if depth.min() >= 0.0 else "virtual" if depth.max() <= 0.0 else "real and virtual"
     panel, lens = setup.display.panel, setup.lens
+    distances = ("image_distance_mm", "magnification", "array_distance_mm", "camera_distance_mm")
     return {
         "setup": setup.name,
         "display": setup.display.name,
-        "identity": setup.display.identity,
         "width_px": panel.width_px,
         "height_px": panel.height_px,
         "elemental_image_px": setup.array.finest_mm / panel.coarsest_mm,
         "focal_length_mm": None if lens is None else lens.focal_length_mm,
-        "image_distance_mm": setup.image_distance_mm,
-        "magnification": setup.magnification,
+        **{name: getattr(setup, name) for name in distances},
         "array_position_mm": setup.position_mm,
-        "array_distance_mm": setup.array_distance_mm,
-        "camera_distance_mm": setup.camera_distance_mm,
         "pickup_gap_mm": setup.pickup.gap_mm if isinstance(setup.pickup, Pickup) else None,
         "rotated": rotated,
         "image": image,

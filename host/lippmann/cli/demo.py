@@ -15,9 +15,9 @@ import numpy as np
 
 from lippmann import api
 from lippmann.base.animation import write_animation, write_contact_sheet
-from lippmann.base.files import make_folder, replacing
+from lippmann.base.files import make_folder, write_file
 from lippmann.base.images import Radiance
-from lippmann.base.progress import Progress, report_each
+from lippmann.base.progress import Progress
 from lippmann.base.tones import decode, psnr_db
 from lippmann.board.board import check_rays
 from lippmann.board.drawn_scene import SceneBoard
@@ -26,10 +26,9 @@ from lippmann.board.panel_frames import panel_values
 from lippmann.board.streaming import send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.board.virtual_loop import capturing, frames_differ
-from lippmann.cli.frame import make_command, option
-from lippmann.cli.options_common import DEVICE, SCENES, Point
-from lippmann.cli.output import emit, log
-from lippmann.cli.progress_bar import progress_bar
+from lippmann.cli.frame import Folder, make_command, option
+from lippmann.cli.options import DEVICE, SCENES, Point
+from lippmann.cli.output import emit, log, progress_bar, with_progress
 from lippmann.display.description import Display, Panel, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window
@@ -65,7 +64,7 @@ REGION_PX = 512
 @make_command("demo")
 def command(
     scenes: str = SCENES,
-    output: str = option("Folder for the results.", "out/demo", flag="-o"),
+    output: Folder = option("Folder for the results.", Path("out/demo")),
     device: str = DEVICE,
 ) -> None:
     """Run the main steps once: render, stream, draw, observe.
@@ -75,7 +74,7 @@ def command(
 
     Example: lippmann demo
     """
-    folder, out = Path(scenes), Path(output)
+    folder, out = Path(scenes), output
     if not (folder / SCENE).is_file():
         raise InputError(f"{folder / SCENE}: no such scene; run in the project's top folder, or give --scenes")
     make_folder(out, "choose another folder with -o")
@@ -98,8 +97,7 @@ def command(
         directs, decibels = _views(scene, scanned, out, device)
         drawn = _draw_films(folder, out, device)
     page = page_html(display, scanned.radiance, "The fish, as the virtual board's panel shows it", directs)
-    with replacing(out / "index.html") as partial:
-        partial.write_text(page, encoding="utf-8")
+    write_file(out / "index.html", page)
     result = {
         "display": display.name,
         "render_seconds": image.measured["seconds"],
@@ -115,8 +113,7 @@ def command(
         "views": [{"eye_mm": direct.eye_mm, "psnr_db": psnr} for direct, psnr in zip(directs, decibels, strict=True)],
         "drawn": drawn,
     }
-    with replacing(out / "demo.json") as partial:
-        partial.write_text(json.dumps(result, indent=2) + "\n")
+    write_file(out / "demo.json", json.dumps(result, indent=2) + "\n")
     if not (result["rays_equal"] and result["bytes_differ"] == 0 and result["crc_equal"]):
         raise DeviceError(f"{out / 'demo.json'}: the board did not show what was rendered; please report this")
     if any(film["pixels_differ"] or film["underflows"] for film in drawn.values()):
@@ -187,8 +184,7 @@ def _views(scene: Scene, image: IntegralImage, out: Path, device: str) -> tuple[
         return render_view(scene, eye, window, Settings(samples=samples)).radiance
 
     eyes = [(float(x), 0.0, EYE_DISTANCE_MM) for x in np.linspace(-REACH_MM, REACH_MM, FRAMES)]
-    with progress_bar("observe") as progress:
-        views = [seen(eye, window) for eye in report_each(eyes, progress)]
+    views = [seen(eye, window) for eye in with_progress("observe", eyes)]
     write_animation(out / "views.gif", views)
     chosen = range(0, FRAMES, (FRAMES - 1) // 2)
     directs = [Direct(eyes[k], direct(eyes[k], window, 4)) for k in chosen]
@@ -217,11 +213,10 @@ def _draw_films(scenes: Path, out: Path, device: str) -> dict[str, dict[str, Any
         count = len(panels) if film.frames > 1 else STILL_VIEWS
         # The eye goes from the left to the right and back.
         eyes = [(-REACH_MM * math.cos(2.0 * math.pi * k / count), 0.0, EYE_DISTANCE_MM) for k in range(count)]
-        with progress_bar("observe") as progress:
-            views = [
-                api.observe(panels[k % len(panels)], eye, window=window, device=device).radiance
-                for k, eye in enumerate(report_each(eyes, progress))
-            ]
+        views = [
+            api.observe(panels[k % len(panels)], eye, window=window, device=device).radiance
+            for k, eye in enumerate(with_progress("observe", eyes))
+        ]
         write_animation(out / f"drawn-{name}.gif", views, there_and_back=False)
     return results
 

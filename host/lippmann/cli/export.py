@@ -12,21 +12,19 @@ from typing import Any
 import click
 import numpy as np
 
-from lippmann.base.files import make_folder, replacing
+from lippmann.base.files import make_folder, write_file
 from lippmann.base.images import SUFFIXES, check_output, write_picture
-from lippmann.base.progress import report_each
 from lippmann.base.variant import start_mitsuba
 from lippmann.capturing.capture import check_placement, placement_before
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.capturing.povray_export import POVRAY, export_display, write_folder
 from lippmann.capturing.povray_optics import setup_view
-from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.frame import Folder, argument, flag_of, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
-from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
+from lippmann.cli.options import DEVICE, DISPLAY, MAX_NUMBERS, SEED, Point, finite, vector
 from lippmann.cli.options_rendering import MOVED, Moved
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import Display, load_display
+from lippmann.cli.output import emit, with_progress
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.many_views import Viewer, eyes_of, focus_depths, image_viewer, scene_viewer
 from lippmann.eye.observer import Eye, whole_window
@@ -51,13 +49,9 @@ def command() -> None:
 @make_command("povray", command)
 def povray(
     scene_path: str = argument("SCENE"),
-    display_path: str | None = option(
-        "Display file (.toml): the rays of its pixels.", None, flag="--display", metavar="FILE"
-    ),
-    setup_path: str | None = option(
-        "Set-up file (.toml): camera, lenslets and imaging lens.", None, flag="--setup", metavar="FILE"
-    ),
-    output: str = option("The files' folder; made when missing.", flag="-o", metavar="FOLDER"),
+    display: Display | None = option("Display file (.toml): the rays of its pixels.", None),
+    setup_path: Path | None = option("Set-up file (.toml): camera, lenslets and imaging lens.", None),
+    output: Folder = option("The files' folder; made when missing."),
     model: Model | None = option("Lens model of a display's rays.  [default: exact]", None),
     device: str = DEVICE,
 ) -> None:
@@ -71,11 +65,11 @@ def povray(
 
     Example: lippmann export povray scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o out/pov
     """
-    if (display_path is None) == (setup_path is None):
+    if (display is None) == (setup_path is None):
         raise InputError("give one of --display and --setup, which POV-Ray shall render through")
     if model is not None and setup_path is not None:
         raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
-    folder = Path(output)
+    folder = output
     path = check_scene_file(scene_path)
     if kind_of(path) != "mitsuba":
         raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")
@@ -87,23 +81,21 @@ def povray(
         check_placement(scene, setup)
         exported = write_folder(scene, view, folder)
     else:
-        assert display_path is not None
-        display = load_display(display_path)
+        assert display is not None
         panel = display.panel
         start_mitsuba(device)
         exported = export_display(load_scene(path), display, model or "exact", folder)
     at = POVRAY.find()
     result = {
-        "folder": str(folder),
-        "ini": str(exported.ini),
-        "files": list(exported.files),
+        "folder": folder,
+        **vars(exported),
         "width_px": panel.width_px,
         "height_px": panel.height_px,
-        "spare_rows": exported.spare_rows,
-        "povray": None if at is None else str(at),
+        "povray": at,
     }
-
-    lines = [f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(output)} && povray {exported.ini.name}"]
+    lines = [
+        f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(str(folder))} && povray {exported.ini.name}"
+    ]
     if exported.spare_rows:
         lines.append(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove the top row")
     if at is None:
@@ -128,20 +120,19 @@ class _Subject:
 
 def _subject(
     source: str = argument("SOURCE"),
-    display_path: str = DISPLAY,
+    display: Display = DISPLAY,
     width: int = option("Width of a view, pixels.", 400, click.IntRange(1, MAX_VIEW_PX)),
     samples: int = option("Rays for each pixel of a view.", 16, click.IntRange(1, MAX_SAMPLES)),
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> _Subject:
-    display = load_display(display_path)
     window = whole_window(display, width)
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the views would be {window.height_px} pixels high; give a smaller --width")
     if Path(source).suffix.lower() in SUFFIXES:
         for name in moved.given:
-            raise InputError(f"--{name.replace('_', '-')} is for scenes; leave it out with an image")
+            raise InputError(f"{flag_of(name)} is for scenes; leave it out with an image")
         image = IntegralImage.load(source, display)
         start_mitsuba(device)
         return _Subject(display, window, image_viewer(image, window, samples, seed), None)
@@ -154,17 +145,17 @@ def _subject(
 #: The options of all views.
 SUBJECT: Any = _subject
 CONE = option(
-    "Angle between the outermost eyes, degrees.  [default: the viewing zone]", None, Finite(0.0), flag="--cone"
+    "Angle between the outermost eyes, degrees.  [default: the viewing zone]", None, finite(0.0), flag="--cone"
 )
-DISTANCE = option("Distance of the eyes, mm.  [default: the display's]", None, Finite(0.0), flag="--distance")
-MAX_VIEWS = 100
-TILES = click.IntRange(1, MAX_VIEWS)
+DISTANCE = option("Distance of the eyes, mm.  [default: the display's]", None, finite(0.0), flag="--distance")
+DEPTHS = vector("Z,Z,...", remedy="give a list of numbers such as -20,0,20")
+TILES = click.IntRange(1, MAX_NUMBERS)
 
 
 @make_command("quilt", command)
 def quilt(
     subject: _Subject = SUBJECT,
-    output: str = option("The quilt; the tiling is added to its name.", flag="-o", metavar="FILE.png"),
+    output: Path = option("The quilt; the tiling is added to its name.", metavar="FILE.png"),
     columns: int = option("Views across.", 8, TILES),
     rows: int = option("Views up.", 6, TILES),
     cone: float | None = CONE,
@@ -178,7 +169,7 @@ def quilt(
     Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
     """
     window = subject.window
-    path = check_output(quilt_path(Path(output), columns, rows, window.width_px / window.height_px))
+    path = check_output(quilt_path(output, columns, rows, window.width_px / window.height_px))
     eyes = [Eye(at) for at in eyes_of(subject.display, columns * rows, 1, cone, distance)]
     check_memory_mb(
         BASE_MEMORY_MB + len(eyes) * window.width_px * window.height_px * 12 / 1e6,
@@ -186,12 +177,11 @@ def quilt(
         f"{len(eyes)} views of {window.width_px} x {window.height_px} pixels",
         "give a smaller --width or fewer views",
     )
-    with progress_bar("views") as progress:
-        picture = tiled(map(subject.view_from, report_each(eyes, progress)), columns, rows)
+    picture = tiled(map(subject.view_from, with_progress("views", eyes)), columns, rows)
     eyes_metadata = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
     write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": subject.display.name, **eyes_metadata})
     result = {
-        "output": str(path), "columns": columns, "rows": rows, "aspect": window.width_px / window.height_px,
+        "output": path, "columns": columns, "rows": rows, "aspect": window.width_px / window.height_px,
         "width_px": picture.shape[1], "height_px": picture.shape[0], "view_width_px": window.width_px,
         "view_height_px": window.height_px, "eyes_mm": [list(eye.position_mm) for eye in eyes],
     }  # fmt: skip
@@ -201,7 +191,7 @@ def quilt(
 @make_command("views", command)
 def views(
     subject: _Subject = SUBJECT,
-    output: str = option("The views' folder; made when missing.", flag="-o", metavar="FOLDER"),
+    output: Folder = option("The views' folder; made when missing."),
     across: int = option("Eyes from left to right.", 9, TILES),
     down: int = option("Rows of eyes, from the bottom.", 1, TILES),
     cone: float | None = CONE,
@@ -213,14 +203,13 @@ def views(
     Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml -o out/views
     """
     eyes = [Eye(at) for at in eyes_of(subject.display, across, down, cone, distance)]
-    names = _write_folder(subject, eyes, Path(output), "view", linear)
+    names = _write_folder(subject, eyes, output, "view", linear)
     window = subject.window
     text = eyes_text(
         (window.width_mm, window.height_mm), names, [eye.position_mm for eye in eyes], width_px=window.width_px,
         height_px=window.height_px, across=across, down=down,
     )  # fmt: skip
-    with replacing(Path(output) / EYES) as partial:
-        partial.write_text(text)
+    write_file(output / EYES, text)
     emit(
         {"folder": output, **json.loads(text)},
         f"{output}: {len(eyes)} views of {window.width_px} x {window.height_px} pixels",
@@ -230,10 +219,10 @@ def views(
 @make_command("focal-stack", command)
 def focal_stack(
     subject: _Subject = SUBJECT,
-    output: str = option("The pictures' folder; made when missing.", flag="-o", metavar="FOLDER"),
-    eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None, Vector(3)),
-    pupil: float = option("Diameter of its pupil, mm; a camera's lens is wider than an eye's.", 10.0, Finite(0.0)),
-    depths: str | None = option("Depths z in focus, mm.  [default: five through the scene]", None, metavar="Z,Z,..."),
+    output: Folder = option("The pictures' folder; made when missing."),
+    eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None),
+    pupil: float = option("Diameter of its pupil, mm; a camera's lens is wider than an eye's.", 10.0, finite(0.0)),
+    depths: tuple[float, ...] | None = option("Depths z in focus, mm.  [default: five in the scene]", None, DEPTHS),
     count: int = option("Number of depths through the scene.", 5, TILES),
     linear: bool = option("EXR files of linear light instead of PNG.", False),
 ) -> None:
@@ -243,13 +232,13 @@ def focal_stack(
     """
     at = subject.middle if eye is None else eye
     if depths is not None:
-        focus = list(_numbers("--depths", depths))
+        focus = list(depths)
     elif subject.scene is not None:
         focus = focus_depths(subject.scene.depth_range_mm, count)
     else:
         raise InputError("an image does not tell the depths of its scene; give --depths")
     eyes = [Eye(at, pupil, z) for z in focus]
-    names = _write_folder(subject, eyes, Path(output), "focus", linear)
+    names = _write_folder(subject, eyes, output, "focus", linear)
     pictures = [{"file": name, "focus_mm": z} for name, z in zip(names, focus, strict=True)]
     emit(
         {"folder": output, "eye_mm": list(at), "pupil_mm": pupil, "pictures": pictures},
@@ -260,8 +249,8 @@ def focal_stack(
 @make_command("depth", command)
 def depth(
     subject: _Subject = SUBJECT,
-    output: str = option("Depths z: .tif in mm, or .png in 16 bits, the farthest 0.", flag="-o", metavar="FILE"),
-    eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None, Vector(3)),
+    output: Path = option("Depths z: .tif in mm, or .png in 16 bits, the farthest 0."),
+    eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None),
 ) -> None:
     """Write how far away a scene is in each pixel of an eye's view.
 
@@ -284,19 +273,8 @@ def depth(
     values = (depths - far) / max(near - far, 1e-9) if is_png else depths
     write_picture(path, np.repeat(values[..., None], 3, axis=2), metadata, "linear", 16)
     empty = float(1.0 - there.mean())
-    result = {"output": str(path), "eye_mm": list(at), "far_mm": far, "near_mm": near, "empty_share": empty}
+    result = {"output": path, "eye_mm": list(at), "far_mm": far, "near_mm": near, "empty_share": empty}
     emit(result, f"{path}: depths from {far:.4g} to {near:.4g} mm; {100 * empty:.1f} % of the pixels see no surface")
-
-
-def _numbers(where: str, text: str) -> tuple[float, ...]:
-    """Return the numbers of a list with commas."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if not numbers or not np.isfinite(numbers).all() or len(numbers) > MAX_VIEWS:
-        raise InputError(f"{where}: '{text[:80]}' is no list of numbers; give such as -20,0,20")
-    return numbers
 
 
 def _write_folder(subject: _Subject, eyes: Sequence[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
@@ -308,7 +286,6 @@ def _write_folder(subject: _Subject, eyes: Sequence[Eye], folder: Path, stem: st
         raise input_error(
             str(folder), f"holds {others[0]} of another export", "choose another -o, or remove the folder"
         )
-    with progress_bar("views") as progress:
-        for name, eye in zip(names, report_each(eyes, progress), strict=True):
-            write_picture(folder / name, subject.view_from(eye), {})
+    for name, eye in zip(names, with_progress("views", eyes), strict=True):
+        write_picture(folder / name, subject.view_from(eye), {})
     return names

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from decimal import ROUND_CEILING, Context
+from pathlib import Path
 
 import click
 
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, SEED, Finite, Slot, Vector
+from lippmann.cli.frame import argument, flag_of, make_command, option
+from lippmann.cli.options import DEVICE, SEED, TEXELS, vector
 from lippmann.cli.options_rendering import MOVED, Moved
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
+from lippmann.cli.output import emit, progress_bar
 from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit
-from lippmann.display.description import load_display
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.layers.layer_choice import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERANCE_DB, LayerChoice, choose_layers
 from lippmann.optics.display_properties import display_properties
@@ -26,19 +26,17 @@ from lippmann.scenes.scene import check_scene_file
 
 @make_command("fit")
 def command(
-    display_path: str = argument("DISPLAY.toml"),
-    tolerance: float = option(
-        "Largest error, in pixels of the reconstructed view; greater than 0.", TOLERANCE, Finite()
-    ),
+    display: Display = argument("DISPLAY.toml"),
+    tolerance: float = option("Largest error, in pixels of the reconstructed view; greater than 0.", TOLERANCE),
     depths: tuple[float, float] | None = option(
-        "The scene's range of z, mm.  [default: the display's own depth range]", None, Vector(2, "FAR,NEAR")
+        "The scene's range of z, mm.  [default: the display's own depth range]", None, vector("FAR,NEAR")
     ),
-    scene: str | None = option("Scene (.xml): also choose the layers of it that a board draws.", None, metavar="FILE"),
+    scene: Path | None = option("Scene (.xml): also choose the layers of it that a board draws.", None),
     tolerance_db: float = option("Least PSNR of the layers' view at any place of a moving eye, dB.", TOLERANCE_DB),
     slot: tuple[tuple[int, int], ...] = option(
         f"Texels of a slot that is tried; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
         SLOTS,
-        Slot(),
+        TEXELS,
         multiple=True,
     ),
     block_rams: int = option("Most block RAMs of the drawing.", BLOCK_RAMS, click.IntRange(1)),
@@ -54,15 +52,14 @@ def command(
     Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
     """
     if scene is None and moved.given:
-        raise InputError(f"--{next(iter(moved.given)).replace('_', '-')} places a scene; give --scene too")
-    display = load_display(display_path)
+        raise InputError(f"{flag_of(next(iter(moved.given)))} places a scene; give --scene too")
     far, near = depths or display_properties(display).depth_range_mm
     if not far <= near:
         raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")
     display_fit = fit(display, (far, near), tolerance)
     build = None if display_fit.build is None else display_fit.build.as_dict()
     result = {
-        "display": display.name, "tolerance": tolerance, "depths_mm": [far, near],
+        "tolerance": tolerance, "depths_mm": [far, near],
         "model": display_fit.choice.model, "model_errors": display_fit.choice.error_px,
         "samples": display_fit.samples, "sample_error": display_fit.sample_error_px,
         "build": build, "build_error": display_fit.build_error_px,
@@ -80,7 +77,7 @@ def command(
         }  # fmt: skip
         lines += _layers(choice, tolerance_db)
     head = f"{display.name}, z = {far:.4g} to {near:.4g} mm; errors in pixels of the reconstructed view"
-    emit(result, (head, *lines))
+    emit(result, (head, *lines), display)
 
 
 def _samples(display_fit: Fit, tolerance: float) -> str:

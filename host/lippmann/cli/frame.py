@@ -1,17 +1,20 @@
 """The frame of a command: a function whose parameters have their options and arguments as defaults.
 
-The type of an option and its flag are those of the parameter, unless they are given. A parameter whose default is a
-function or class is a group of options: `board: Board = _opened` has the options that `_opened` declares, and gets what
-it returns. A parameter of `_opened` that has no default gets the value of the command's parameter of that name.
+The type of an option and its flag are those of the parameter, unless they are given: `scene_path` is --scene, `wait_s`
+is --wait, `output` is -o. A parameter whose default is a function or class is a group of options: `board: Board =
+_opened` has the options that `_opened` declares, and gets what it returns. A parameter of `_opened` that has no default
+gets the value of the command's parameter of that name.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NewType, get_args, get_origin, get_type_hints
 
 import click
 from click.shell_completion import CompletionItem
@@ -20,6 +23,43 @@ from lippmann.errors import did_you_mean
 
 Function = Callable[..., Any]
 REQUIRED = inspect.Parameter.empty
+#: The path of a folder.
+Folder = NewType("Folder", Path)
+
+
+class Kind(click.ParamType[Any]):
+    """A type of options: its form in help texts, and what reads a text or raises ValueError."""
+
+    name = "kind"
+
+    def __init__(self, form: str, read: Callable[[str], Any]) -> None:
+        self.form, self.read = form, read
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a text; refuse it with what `read` says is wrong."""
+        try:
+            return self.read(value) if isinstance(value, str) else value
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Return the form."""
+        return self.form
+
+
+def path_kind(form: str) -> Kind:
+    """Return the type of a path, that of a FILE or a FOLDER."""
+
+    def read(text: str) -> Path:
+        if not text:
+            raise ValueError(f"it is empty; name a {form.lower()}")
+        return Path(text)
+
+    return Kind(form, read)
+
+
+#: Types of options by the types of their parameters, as far as click does not know them.
+KINDS: dict[object, Kind] = {Path: path_kind("FILE"), Folder: path_kind("FOLDER")}
 #: The option that each command has; see `lippmann.cli.output`.
 JSON = click.Option(("--json", "as_json"), is_flag=True, help="One JSON object on stdout.")
 
@@ -45,13 +85,19 @@ class Declared:
             kind = get_args(kind)[0]
         attributes: dict[str, Any] = dict(self.attributes)
         if attributes["type"] is None:
-            attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else kind
-        if attributes["type"] is str:  # mostly a file, and nothing else is known of it
+            attributes["type"] = Choice(get_args(kind)) if get_origin(kind) is Literal else KINDS.get(kind, kind)
+        # A text is mostly a file's name, and nothing else is known of it.
+        if attributes["type"] is str or getattr(attributes["type"], "form", "") in ("FILE", "FOLDER"):
             attributes["shell_complete"] = lambda *_: [CompletionItem("", type="file")]
         if self.flag is None:
             return click.Argument((name,), **attributes)
-        flag = self.flag or f"--{name.replace('_', '-')}"
+        flag = self.flag or flag_of(name)
         return click.Option((flag, name), is_flag=True if kind is bool else None, **attributes)
+
+
+def flag_of(name: str) -> str:
+    """Return the flag of a parameter."""
+    return "-o" if name == "output" else "--" + re.sub("_(path|s)$", "", name).replace("_", "-")
 
 
 def option(

@@ -16,7 +16,7 @@ from lippmann.base.images import check_output
 from lippmann.base.toml import schema
 from lippmann.base.tones import transfer_name
 from lippmann.cli.frame import Choice, argument, make_command, option
-from lippmann.cli.options_common import Point, Vector
+from lippmann.cli.options import Point
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
 from lippmann.optics.display_properties import (
@@ -59,7 +59,7 @@ def command(
     kind: str | None = option(
         "Print the JSON Schema of a kind of TOML file.", None, Choice(tuple(FILES)), flag="--schema"
     ),
-    eye: Point | None = option("Tell what an eye sees from here, mm.", None, Vector(3)),
+    eye: Point | None = option("Tell what an eye sees from here, mm.", None),
     zones: str | None = option("Picture of the zones of eyes, from above.", None, metavar="FILE.svg|.png"),
     draw: str | None = option("Drawing of the panel and some lenslets.", None, metavar="FILE.svg|.png"),
 ) -> None:

@@ -6,6 +6,7 @@ import csv
 import math
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,11 @@ import click
 
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Slot
-from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import Display, load_display
+from lippmann.cli.frame import Folder, argument, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, SEED, TEXELS
+from lippmann.cli.options_rendering import LIGHT, MOVED, Moved
+from lippmann.cli.output import emit, progress_bar
+from lippmann.display.description import Display
 from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words
 from lippmann.layers.layer_choice import Row, measured_cuts, row_of
@@ -46,16 +46,15 @@ MEASURED = (1, 2, 3, 4, 6, 8)
 @make_command("layers")
 def command(
     scene_path: str = argument("SCENE"),
-    display_path: str = DISPLAY,
-    output: str = option("Folder for the layers; it is made.", flag="-o", metavar="FOLDER"),
+    display: Display = DISPLAY,
+    output: Folder = option("Folder for the layers; it is made."),
     count: int | None = option(f"Number of layers.  [default: {COUNT}]", None, click.IntRange(1, MAX_LAYERS)),
     apart: str | None = option("Shapes by id (`*`, `?`) that become a layer of their own, to move.", None),
-    slot: tuple[int, int] = option("Most texels of a layer.  [default: 256x192]", SLOT, Slot()),
+    slot: tuple[int, int] = option("Most texels of a layer.  [default: 256x192]", SLOT, TEXELS),
     samples: int = option("Samples for each texel.", 16, click.IntRange(1, 4096)),
     filter: Filter = option("Filter that the printed hardware and decibels are for.", "nearest"),
-    costs: str | None = option("Table: decibels over the number of layers, up to --count.", None, metavar="OUT.csv"),
-    integrator: str = INTEGRATOR,
-    max_depth: int = MAX_DEPTH,
+    costs: Path | None = option("Table: decibels over the number of layers, up to --count.", None, metavar="OUT.csv"),
+    light: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
@@ -66,7 +65,6 @@ def command(
 
     Example: lippmann layers scenes/chart/chart.xml --display scenes/displays/vga-square.toml --scale 0.25 -o out/chart
     """
-    display = load_display(display_path)
     table = None if costs is None else check_output(costs, (".csv",))
     cuts: list[tuple[Cut, list[float]]]
     if is_pictures(scene_path):
@@ -78,7 +76,7 @@ def command(
             raise input_error(scene_path, what, "leave out --count, or change the pictures in the file")
         cuts = [(cut, [])]
     else:
-        settings = Settings(samples, integrator=integrator, max_depth=max_depth, seed=seed)
+        settings = replace(light, samples=samples)
         checked = check_scene_file(scene_path)
         placement, arrange = moved.placement(checked), moved.arrange(checked)
         count = COUNT if count is None else count
@@ -100,10 +98,7 @@ def command(
     warn_of_textures(cut.stack, names)
     warn_of_depths(depths, display)
     _warn_if_undrawable(cut, display, names)
-    emit(
-        {"output": str(file), "display": display.name, **_json(cut, names), "costs": rows},
-        _text(file, cut, names, rows),
-    )
+    emit({"output": file, **_json(cut, names), "costs": rows}, _text(file, cut, names, rows), display)
 
 
 def _split_parts(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:

@@ -11,14 +11,13 @@ import numpy as np
 
 from lippmann.base.machine import peak_memory_mb
 from lippmann.base.variant import start_mitsuba
-from lippmann.board.board import Board
 from lippmann.board.streaming import Sender
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
-from lippmann.cli.options_port import BAUD, PORT, check_board, chosen_port
-from lippmann.cli.options_rendering import INTEGRATOR, MAX_DEPTH, MOVED, Moved
+from lippmann.cli.frame import argument, flag_of, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point, finite
+from lippmann.cli.options_port import BAUD, PORT, opened_board
+from lippmann.cli.options_rendering import LIGHT, MOVED, Moved
 from lippmann.cli.output import emit
-from lippmann.display.description import Display, load_display
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, whole_window
 from lippmann.layers.layers_folder import is_layers
@@ -40,7 +39,7 @@ VIEW_PX = 480
 @make_command("live")
 def command(
     scene_path: str = argument("SCENE"),
-    display_path: str = DISPLAY,
+    display: Display = DISPLAY,
     monitor: int | None = option("Fill this monitor: the panel.  [default: a window]", None, click.IntRange(0)),
     window: bool | None = option(
         "Show a window; --no-window leaves the picture to the board of --port.  [default: --window]",
@@ -50,14 +49,13 @@ def command(
     port: str | None = PORT,
     baud: int | None = BAUD,
     force: bool = option("Accept a board that drives another display.", False),
-    eye: Point | None = option("Open a second window with the view of this eye, mm.", None, Vector(3)),
-    turn: float = option("Turn the scene by itself, degrees a second.", 0.0, Finite()),
-    turn_seconds: float | None = option("Turn it for this long.  [default: to the end]", None, Finite(0.0)),
-    seconds: float | None = option("End after this long, and when the picture is fine.", None, Finite(0.0)),
+    eye: Point | None = option("Open a second window with the view of this eye, mm.", None),
+    turn: float = option("Turn the scene by itself, degrees a second.", 0.0),
+    turn_seconds: float | None = option("Turn it for this long.  [default: to the end]", None, finite(0.0)),
+    seconds: float | None = option("End after this long, and when the picture is fine.", None, finite(0.0)),
     samples: int = option("Samples of each pixel at which a resting picture is done.", MOST_SAMPLES, click.IntRange(1)),
     model: ModelOption = option("Lens model; auto chooses the cheapest for the scene's first place.", "auto"),
-    integrator: str = INTEGRATOR,
-    max_depth: int = MAX_DEPTH,
+    settings: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
@@ -70,10 +68,10 @@ def command(
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
-    display, film = load_display(display_path), _load_film(scene_path)
+    film = _load_film(scene_path)
     path = check_scene_file(scene_path if film is None else film.scene)
     view = None if eye is None else EyeView(display, Eye(eye), whole_window(display, VIEW_PX))
-    panel, settings = display.panel, Settings(integrator=integrator, max_depth=max_depth, seed=seed)
+    panel = display.panel
     check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
     _check_panels(monitor, port, window, eye)
     turn_seconds = seconds if (turn or film) and turn_seconds is None else turn_seconds
@@ -87,7 +85,9 @@ def command(
         view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compiled before it waits
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
-        sender = None if port is None else _board_sender(stack, port, baud, None if force else display, display_path)
+        sender, checked = None, None if force else display
+        if port is not None:
+            sender = Sender(stack.enter_context(opened_board(port, baud, checked, "show it", True)))
         shown = Screens() if window is False else stack.enter_context(screens())
         opened = _open_windows(shown, display, monitor, view)
         show = LiveShow(picture, hand, shown, view, None if sender is None else sender.send, reel)
@@ -114,10 +114,10 @@ def _emit_result(
     if sender is not None:
         board = {"port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes}
     result = {
-        "scene": scene, "display": display.name, "model": model, **asdict(played), "board": board,
+        "scene": scene, "model": model, **asdict(played), "board": board,
         "placement": str(hand.placement()), "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
-    emit(result, _summary(played, hand))
+    emit(result, _summary(played, hand), display)
 
 
 def _load_film(path: str) -> Film | None:
@@ -137,17 +137,6 @@ def _check_panels(monitor: int | None, port: str | None, window: bool | None, ey
         raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
 
 
-def _board_sender(
-    stack: contextlib.ExitStack, port: str, baud: int | None, display: Display | None, display_path: str
-) -> Sender:
-    """Open a board, and return what sends pictures to it; it must drive a display unless that is None."""
-    board = stack.enter_context(Board.open(*chosen_port(port, baud)))
-    if display is not None:
-        check_board(board, display, display_path, ", or show it with --force")
-    board.check_panel()
-    return Sender(board)
-
-
 def _summary(played: Played, hand: Hand) -> str:
     """Return the line about a live picture that has ended."""
     moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
@@ -160,7 +149,7 @@ def _summary(played: Played, hand: Hand) -> str:
 def _film_scale(moved: Moved) -> float | None:
     """Return the factor on a whole film; None to fit it. InputError for other options of a scene's placement."""
     for name in moved.given.keys() - {"scale", "fit"}:
-        raise InputError(f"--{name.replace('_', '-')} does not place a film; use --scale or --fit, or its own [world]")
+        raise InputError(f"{flag_of(name)} does not place a film; use --scale or --fit, or its own [world]")
     if moved.fit and moved.scale is not None:
         raise InputError("--scale and --fit both place the film; leave one out")
     scale = 1.0 if moved.scale is None else moved.scale

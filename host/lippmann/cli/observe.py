@@ -10,18 +10,15 @@ import click
 import numpy as np
 
 from lippmann import api
-from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_animation, write_contact_sheet
+from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_contact_sheet
 from lippmann.base.images import SUFFIXES, check_output
-from lippmann.base.progress import report_each
-from lippmann.base.tones import encoded_values
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, LENS_MODEL, SEED, Finite, Point, Vector
-from lippmann.cli.output import emit, log
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import Display, load_display
+from lippmann.cli.options import DEVICE, DISPLAY, LENS_MODEL, SEED, Point, vector
+from lippmann.cli.output import emit, log, with_progress
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, View, whole_window
-from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_video
+from lippmann.motion.video import VIEW_SUFFIXES, even_window, write_views
 from lippmann.optics.rays import Model
 from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory_mb
 from lippmann.rendering.integral_image import IntegralImage
@@ -35,10 +32,10 @@ STORED_PX = 1 << 26
 
 
 def _misaligned(
-    rotation_error: float = option("Rotation of the array, degrees.", 0.0, Finite()),
-    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), Vector(2)),
-    gap_error: float = option("Change of the gap, mm.", 0.0, Finite()),
-    pitch_scale: float = option("Factor on the array's pitch.", 1.0, Finite()),
+    rotation_error: float = option("Rotation of the array, degrees.", 0.0),
+    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), vector("X,Y")),
+    gap_error: float = option("Change of the gap, mm.", 0.0),
+    pitch_scale: float = option("Factor on the array's pitch.", 1.0),
 ) -> Callable[[Display], Display]:
     return lambda display: display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
 
@@ -50,21 +47,21 @@ MISALIGNED: Any = _misaligned
 @make_command("observe")
 def command(
     image_path: str = argument("IMAGE"),
-    display_path: str = DISPLAY,
-    eye: Point = option("Position of the eye, mm; the display is at z = 0, the viewer at z > 0.", kind=Vector(3)),
-    output: str = option("Output: .png, .exr or .tif; with --sweep .mp4, .gif or .png.", flag="-o", metavar="VIEW"),
+    display: Display = DISPLAY,
+    eye: Point = option("Position of the eye, mm; the display is at z = 0, the viewer at z > 0."),
+    output: Path = option("Output: .png, .exr or .tif; with --sweep .mp4, .gif or .png.", metavar="VIEW"),
     width: int = option("Width of the view, pixels.", api.VIEW_PX, click.IntRange(1, MAX_VIEW_PX)),
     samples: int = option("Rays for each pixel of the view.", 16, click.IntRange(1, MAX_SAMPLES)),
-    pupil: float = option("Diameter of the pupil, mm.", 0.0, Finite()),
-    focus: float = option("Depth z on which the eye focuses, mm.", 0.0, Finite()),
+    pupil: float = option("Diameter of the pupil, mm.", 0.0),
+    focus: float = option("Depth z on which the eye focuses, mm.", 0.0),
     model: Model = LENS_MODEL,
     no_crosstalk: bool = option("Draw rays that see a neighbour's elemental image black.", False),
     misalign: Callable[[Display], Display] = MISALIGNED,
     sweep: tuple[float, float] | None = option(
-        "Move the eye from x = X0 to X1; writes an animation.", None, Vector(2, "X0,X1")
+        "Move the eye from x = X0 to X1; writes an animation.", None, vector("X0,X1")
     ),
     frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", None, click.IntRange(2, 1000)),
-    sheet: str | None = option("Contact sheet of a sweep.", None, metavar="SHEET.png"),
+    sheet: Path | None = option("Contact sheet of a sweep.", None, metavar="SHEET.png"),
     force: bool = option("Accept an image that was made for another display.", False),
     seed: int = SEED,
     device: str = DEVICE,
@@ -76,7 +73,6 @@ def command(
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
     path = _check_files(image_path, output, sheet, frames, sweep is not None)
-    display = load_display(display_path)
     xs = [eye[0]] if sweep is None else np.linspace(*sweep, frames or SWEEP_FRAMES).tolist()
     eyes = [Eye((x, eye[1], eye[2]), pupil, focus) for x in xs]
     window = whole_window(display, width)
@@ -86,19 +82,18 @@ def command(
         raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
     built = misalign(display)
     image = _load_image(image_path, display, force, len(eyes), window)
-    with progress_bar("observe") as progress:
-        views = [
-            api.observe(
-                image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
-                crosstalk=not no_crosstalk, seed=seed, device=device,
-            )
-            for one in report_each(eyes, progress)
-        ]  # fmt: skip
+    views = [
+        api.observe(
+            image, one.position_mm, pupil, focus, samples=samples, display=built, window=window, model=model,
+            crosstalk=not no_crosstalk, seed=seed, device=device,
+        )
+        for one in with_progress("observe", eyes)
+    ]  # fmt: skip
     if sweep is None:
         views[0].metadata["view_of"] = Path(image_path).name
         views[0].save(path)
     else:
-        _write_sweep(path, views, window)
+        write_views(path, [view.radiance for view in views], window, 1000.0 / FRAME_MS, there_and_back=True)
     if sheet is not None:
         chosen = np.linspace(0, len(xs) - 1, min(len(xs), 9)).round().astype(int)
         captions = [f"eye x = {xs[k]:+.0f} mm" for k in chosen]
@@ -117,17 +112,8 @@ def _load_image(path: str, display: Display, force: bool, count: int, window: Wi
     return IntegralImage.load(path, display, force, panel_px > STORED_PX)
 
 
-def _write_sweep(path: Path, views: Sequence[View], window: Window) -> None:
-    """Write a sweep's views to and fro, as a video or as an animation."""
-    if path.suffix.lower() in VIEW_SUFFIXES:
-        pictures = [encoded_values(view.radiance, "srgb", 8) for view in (*views, *views[-2:0:-1])]
-        write_video(path, pictures, window.width_px, window.height_px, 1000.0 / FRAME_MS)
-    else:
-        write_animation(path, [view.radiance for view in views])
-
-
 def _emit_result(
-    path: Path, sheet: str | None, window: Window, eyes: Sequence[Eye], views: Sequence[View], built: Display
+    path: Path, sheet: Path | None, window: Window, eyes: Sequence[Eye], views: Sequence[View], built: Display
 ) -> None:
     """Print what was written and what the eyes see; log a border that is dark."""
     dark = max(view.status_share["blocked"] for view in views)
@@ -141,26 +127,28 @@ def _emit_result(
     share = np.mean([view.status_share["crosstalk"] for view in views])
     emit(
         {
-            "output": str(path), "sheet": sheet, "width_px": window.width_px, "height_px": window.height_px,
+            "output": path, "sheet": sheet, "width_px": window.width_px, "height_px": window.height_px,
             "views": seen,
         },
         f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays",
     )  # fmt: skip
 
 
-def _check_files(image: str, output: str, sheet: str | None, frames: int | None, moves: bool) -> Path:
+def _check_files(image: str, output: Path, sheet: Path | None, frames: int | None, moves: bool) -> Path:
     """Refuse outputs and options that do not go together; return the output's path."""
-    if not moves and Path(output).suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
-        raise input_error(output, "is a moving view", f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}")
+    if not moves and output.suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
+        raise input_error(
+            str(output), "is a moving view", f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}"
+        )
     path = check_output(output, VIEW_SUFFIXES + ANIMATION_SUFFIXES if moves else SUFFIXES)
     of_a_sweep = [flag for flag, value in (("--sheet", sheet), ("--frames", frames)) if value is not None]
     if of_a_sweep and not moves:
         raise InputError(f"{of_a_sweep[0]} is for a sweep; give --sweep X0,X1 too")
     for written in filter(None, (output, sheet)):
-        if Path(written).exists() and Path(image).exists() and Path(written).samefile(image):
+        if written.exists() and Path(image).exists() and written.samefile(image):
             raise InputError(f"{written}: is the image itself; give the view another name")
     if sheet is not None:
-        if Path(sheet).resolve() == path.resolve():
+        if sheet.resolve() == path.resolve():
             raise InputError(f"{sheet}: is the animation too; give the sheet another name")
         check_output(sheet, (".png",))
     return path

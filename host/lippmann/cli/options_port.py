@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -36,15 +37,34 @@ def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
     return url, baud or usual_baud(url)
 
 
-OpenBoard = Callable[[], Board]
+def opened_board(
+    port: str | None, baud: int | None, display: Display | None = None, action: str = "", frames: bool = False
+) -> Board:
+    """Open a board; refuse one that drives another than a display. `action` is what --force would do all the same.
+
+    `frames`: it is to show frames, which `Board.check_panel` checks. Raises as `chosen_port` and `Board.open`.
+    """
+    board = Board.open(*chosen_port(port, baud))
+    try:
+        if display is not None:
+            check_board(board, display, action)
+        if frames:
+            board.check_panel()
+    except BaseException:
+        board.close()
+        raise
+    return board
 
 
-def _opened(*, port: str | None = PORT, baud: int | None = BAUD) -> OpenBoard:
-    return lambda: Board.open(*chosen_port(port, baud))
+OpenBoard = Callable[..., Board]
 
 
-#: Opens the board that --port and --baud name, or the only board found. Raises as `chosen_port` and `Board.open`.
-OPEN_BOARD: Any = _opened
+def _open_board(*, port: str | None = PORT, baud: int | None = BAUD) -> OpenBoard:
+    return functools.partial(opened_board, port, baud)
+
+
+#: `opened_board` with the board that --port and --baud name, or the only board found.
+OPEN_BOARD: Any = _open_board
 
 
 def _confirmed(urls: list[str]) -> bool:
@@ -53,9 +73,11 @@ def _confirmed(urls: list[str]) -> bool:
     return sys.stdin is not None and sys.stdin.isatty() and click.confirm(question, err=True)
 
 
-def check_board(board: Board, display: Display, path: str, otherwise: str = "") -> None:
-    """Refuse a board that drives another display than that of the file `path`; `otherwise` is added to the remedy."""
+def check_board(board: Board, display: Display, action: str = "") -> None:
+    """Refuse a board that drives another display; `action` is what --force would do all the same."""
     own = f"{board.info.identity:016x}"
     if own != display.identity:
-        what = f"the board drives display {own}, {path} is {display.identity}"
-        raise input_error(board.line.url, what, f"give the board's display file{otherwise}")
+        what = f"the board drives display {own}, '{display.name}' is {display.identity}"
+        raise input_error(
+            board.line.url, what, f"give the board's display file{action and f', or {action} with --force'}"
+        )

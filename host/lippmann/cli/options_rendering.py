@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from lippmann.cli.frame import option
-from lippmann.cli.options_common import FRACTION_BITS, Point, Vector
+from lippmann.cli.frame import flag_of, option
+from lippmann.cli.options import FRACTION_BITS, Point
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.fixed.words import WIDEST
@@ -19,31 +19,46 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import Arrange, Placement, placement_beside, usual_arrange
 from lippmann.scenes.scene import Scene, load_scene
 
-SAMPLES = option("Samples for each pixel, 1 to 65536.", 4)
-INTEGRATOR = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights")
-MAX_DEPTH = option("Surfaces that a ray may meet, 1 to 1000.", 4)
-SHADING = option(
-    "Whether rays share the light of diffuse surfaces; auto does where it pays and a trial has 45 dB or more.", "auto"
-)
-MEMORY_MB = option("Memory limit.  [default: four fifths of the free memory]", None)
+
+def _light(
+    seed: int,
+    integrator: str = option("lights, any of Mitsuba's (direct, path, ...), or scene for the file's own.", "lights"),
+    max_depth: int = option("Surfaces that a ray may meet, 1 to 1000.", 4),
+) -> Settings:
+    return Settings(integrator=integrator, max_depth=max_depth, seed=seed)
+
+
+#: How light is followed; the command has --seed too.
+LIGHT: Any = _light
+
+
+def _settings(
+    aperture: Aperture | None,
+    samples: int = option("Samples for each pixel, 1 to 65536.", 4),
+    light: Settings = LIGHT,
+    memory_mb: float | None = option("Memory limit.  [default: four fifths of the free memory]", None),
+    shading: Shading = option(
+        "Whether rays share the light of diffuse surfaces; auto does where it pays and a trial has 45 dB or more.",
+        "auto",
+    ),
+) -> Settings:
+    return replace(light, samples=samples, aperture=aperture or "full", memory_mb=memory_mb, shading=shading)
+
+
+#: How a scene is rendered; the command has --seed and --aperture too.
+SETTINGS: Any = _settings
 
 
 def _render_options(
-    seed: int,
     model: ModelOption = option("Lens model; auto chooses the cheapest within the tolerance.", "auto"),
     tolerance: float = option("Error that auto allows, pixels of the reconstructed view; above 0.", TOLERANCE),
     engine: Engine = option("Traces the rays through the lenslets; rtl shows what the FPGA would show.", "fast"),
     fraction_bits: int | None = option(
         f"Word length of the engines twin and rtl.  [default: {WIDEST}]", None, FRACTION_BITS
     ),
-    samples: int = SAMPLES,
     aperture: Aperture = option("Chief rays, or rays over the whole lenslet.", "chief"),
-    integrator: str = INTEGRATOR,
-    max_depth: int = MAX_DEPTH,
-    memory_mb: float | None = MEMORY_MB,
-    shading: Shading = SHADING,
+    settings: Settings = SETTINGS,
 ) -> RenderOptions:
-    settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     return RenderOptions(model, tolerance, engine, fraction_bits, settings)
 
 
@@ -56,8 +71,8 @@ class Moved:
     """The changes of a scene's placement that a command's options ask for."""
 
     scale: float | None = option("mm for each scene unit.", None)
-    rotate: Point | None = option("Degrees about x, then y, then z.", None, Vector(3))
-    offset: Point | None = option("Position of the scene's origin, mm.", None, Vector(3))
+    rotate: Point | None = option("Degrees about x, then y, then z.", None)
+    offset: Point | None = option("Position of the scene's origin, mm.", None)
     depth: float | None = option("Moves the scene towards the viewer, mm.", None)
     near: float | None = option("Depth z where primary rays start, mm.", None)
     far: float | None = option("Farthest depth of interest, mm.", None)
@@ -76,7 +91,7 @@ class Moved:
             return None if self.given.keys() - {"rotate"} else usual_arrange(scene_path)
         first, allowed = ("fit", {"fit", "rotate"}) if self.fit else ("from-camera", {"from_camera"})
         for name in self.given.keys() - allowed:
-            raise InputError(f"--{name.replace('_', '-')} and --{first} both place the scene; leave one out")
+            raise InputError(f"{flag_of(name)} and --{first} both place the scene; leave one out")
         return "fit" if self.fit else "camera"
 
     def placement(self, scene_path: Path) -> Placement:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from pathlib import Path
 
 from lippmann.base.images import check_output
 from lippmann.base.variant import own_variant
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, FRACTION_BITS, Point, Vector
+from lippmann.cli.options import DEVICE, DISPLAY, FRACTION_BITS, Point, vector
 from lippmann.cli.output import emit, log
-from lippmann.display.description import load_display
+from lippmann.display.description import Display
 from lippmann.eye.observer import Eye
 from lippmann.eye.test_patterns import Kind, draw
 from lippmann.rendering.bands import check_memory
@@ -19,10 +20,10 @@ from lippmann.rendering.options import Settings
 @make_command("pattern")
 def command(
     kind: Kind = argument("KIND"),
-    display_path: str = DISPLAY,
-    output: str = option(".png for the panel; .exr or .tif linear.", flag="-o", metavar="OUT"),
-    eye: Point | None = option("The eye of white-for-eye, mm; the display is at z = 0.", None, Vector(3)),
-    lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", None, Vector(2, "I,J")),
+    display: Display = DISPLAY,
+    output: Path = option(".png for the panel; .exr or .tif linear.", metavar="OUT"),
+    eye: Point | None = option("The eye of white-for-eye, mm; the display is at z = 0.", None),
+    lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", None, vector("I,J", int)),
     fraction_bits: int | None = option(
         "Draw it as a board of this word length does.  [default: exactly]", None, FRACTION_BITS
     ),
@@ -33,7 +34,6 @@ def command(
     Example: lippmann pattern view-numbers --display scenes/displays/vga-square.toml -o views.png
     """
     path = check_output(output)
-    display = load_display(display_path)
     panel = display.panel
     check_memory(panel.width_px, panel.height_px, Settings(), colours=1)
     with nullcontext() if eye is None else own_variant(device):
@@ -42,8 +42,6 @@ def command(
     lit = float(image.radiance.any(axis=2).mean())
     if eye is not None and not lit:
         log("note: this eye sees no pixel through its own lenslet, so the panel is black; see lippmann inspect --eye")
-    result = {
-        "output": str(path), "kind": kind, "display": display.name, "identity": display.identity,
-        "width_px": panel.width_px, "height_px": panel.height_px, "lit_share": lit,
-    }  # fmt: skip
-    emit(result, f"{path}: {kind}, {panel.width_px} x {panel.height_px}, {100 * lit:.2f} % of the pixels lit")
+    size = {"width_px": panel.width_px, "height_px": panel.height_px}
+    result = {"output": path, "kind": kind, **size, "lit_share": lit}
+    emit(result, f"{path}: {kind}, {panel.width_px} x {panel.height_px}, {100 * lit:.2f} % of the pixels lit", display)

@@ -10,11 +10,10 @@ from lippmann.base import interrupts
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import Played, load_textures, play_film
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DISPLAY
-from lippmann.cli.options_port import OPEN_BOARD, OpenBoard, check_board
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import load_display
+from lippmann.cli.options import DISPLAY
+from lippmann.cli.options_port import OPEN_BOARD, OpenBoard
+from lippmann.cli.output import emit, progress_bar
+from lippmann.display.description import Display
 from lippmann.errors import input_error
 from lippmann.layers.layers_folder import check_for_display, warn_of_depths
 from lippmann.motion.layer_film import check_keys, load_layer_film
@@ -23,7 +22,7 @@ from lippmann.motion.layer_film import check_keys, load_layer_film
 @make_command("play")
 def command(
     film_path: str = argument("FILM"),
-    display_path: str = DISPLAY,
+    display: Display = DISPLAY,
     repeat: int = option("Play the film this many times; 0: until Ctrl-C.", 1, click.IntRange(0)),
     every_frame: bool = option("Wait until the panel shows each frame: a virtual board is slower than a film.", False),
     force: bool = option("Accept a board that drives another display.", False),
@@ -36,14 +35,11 @@ def command(
 
     Example: lippmann play swim-layers.toml --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
     """
-    display = load_display(display_path)
     film = load_layer_film(film_path)
     check_for_display(film.stack, display, film_path)
     check_keys(film, display, film_path)
     warn_of_depths(film.depths_mm(), display)
-    with open_board() as board:
-        if not force:
-            check_board(board, display, display_path, ", or play with --force")
+    with open_board(None if force else display, "play") as board:
         board.check_no_pattern()
         scene = SceneBoard(board)
         if len(film.stack.layers) > scene.build.layers:

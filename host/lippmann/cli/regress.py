@@ -15,8 +15,8 @@ from lippmann.base import interrupts
 from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
-from lippmann.cli.frame import make_command, option
-from lippmann.cli.options_common import LENS_MODEL, Finite, word_length
+from lippmann.cli.frame import Folder, flag_of, make_command, option
+from lippmann.cli.options import LENS_MODEL, word_length
 from lippmann.cli.output import as_json, emit, log
 from lippmann.conformance.comparison import Bounds, load_bounds
 from lippmann.conformance.coverage_points import summary
@@ -24,7 +24,7 @@ from lippmann.conformance.judge import Verdict, judge
 from lippmann.conformance.ray_sets import ForeignRays
 from lippmann.conformance.ray_stream import StreamReader, bounded_lines
 from lippmann.conformance.vector_files import read_foreign
-from lippmann.display.description import load_display
+from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error, printable
 from lippmann.optics.rays import Model
 
@@ -34,27 +34,22 @@ FOUND_WRONG = 4
 
 @make_command("regress")
 def command(
-    display_path: str | None = option("Display file (.toml). With --rays.", None, flag="--display", metavar="FILE"),
-    rays_path: str | None = option("Rays to judge: .npz, .csv or .mem.", None, flag="--rays", metavar="FILE"),
+    display: Display | None = option("Display file (.toml). With --rays.", None),
+    rays_path: Path | None = option("Rays to judge: .npz, .csv or .mem.", None),
     stream: bool = option("Judge the answers to lippmann vectors --stream, from stdin.", False),
-    inputs_path: str | None = option(
-        "Inputs of a .mem; by default inputs.mem beside it.", None, flag="--inputs", metavar="FILE"
-    ),
+    inputs_path: Path | None = option("Inputs of a .mem; by default inputs.mem beside it.", None),
     model: Model = LENS_MODEL,
     fraction_bits: int = word_length("a .csv or .mem"),
     tolerance_urad: float | None = option(
         "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32.  [default: 2]",
         None,
-        Finite(),
     ),
     tolerance_nm: float | None = option(
-        "Tolerance of points in numbers, beside the effect of that rounding.  [default: 50]", None, Finite()
+        "Tolerance of points in numbers, beside the effect of that rounding.  [default: 50]", None
     ),
-    bounds_path: str | None = option(
-        "Bounds by step and by hard case (.toml), for both tolerances.", None, flag="--bounds", metavar="FILE"
-    ),
-    junit: str | None = option("JUnit XML of the verdicts, for continuous integration.", None, metavar="FILE"),
-    report: str | None = option("Folder for a page with plots of the errors.", None, metavar="FOLDER"),
+    bounds_path: Path | None = option("Bounds by step and by hard case (.toml), for both tolerances.", None),
+    junit: Path | None = option("JUnit XML of the verdicts, for continuous integration.", None),
+    report: Folder | None = option("Folder for a page with plots of the errors.", None),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
@@ -64,24 +59,21 @@ def command(
 
     Example: lippmann regress --display scenes/displays/paper-square.toml --rays rays.npz
     """
-    for flag, path in (("--bounds", bounds_path), ("--junit", junit), ("--report", report)):
-        if path == "":
-            raise input_error(flag, "it is empty", f"name a {'folder' if flag == '--report' else 'file'}")
     bounds = _read_bounds(bounds_path, tolerance_urad, tolerance_nm)
     output = _Output(junit, report)
     if stream:
         source = click.get_current_context().get_parameter_source
-        for name in ("display_path", "rays_path", "inputs_path", "model", "fraction_bits"):
+        for name in ("display", "rays_path", "inputs_path", "model", "fraction_bits"):
             if source(name) is not ParameterSource.DEFAULT:
-                flag = f"--{name.removesuffix('_path').replace('_', '-')}"
+                flag = flag_of(name)
                 raise input_error(flag, "the stream has it", f"leave out {flag} or --stream")
         return _judge_stream(bounds, output)
-    if rays_path is None or display_path is None:
+    if rays_path is None or display is None:
         raise InputError("no rays; give --display and --rays, or --stream")
-    return _judge_file(Path(rays_path), display_path, inputs_path, model, fraction_bits, bounds, output)
+    return _judge_file(rays_path, read_foreign(rays_path, display, model, fraction_bits, inputs_path), bounds, output)
 
 
-def _read_bounds(path: str | None, urad: float | None, nm: float | None) -> Bounds:
+def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bounds:
     """Return the bounds of a file, or those of two tolerances."""
     tolerances = {"direction_urad": urad, "point_nm": nm}
     for (key, value), name in zip(tolerances.items(), ("--tolerance-urad", "--tolerance-nm"), strict=True):
@@ -90,21 +82,21 @@ def _read_bounds(path: str | None, urad: float | None, nm: float | None) -> Boun
         if value is not None and value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
     if path is not None:
-        return load_bounds(Path(path))
+        return load_bounds(path)
     return Bounds(direction_urad=urad or Bounds.direction_urad, point_nm=nm or Bounds.point_nm)
 
 
 class _Output:
     """The files that verdicts are written to, where they are asked for."""
 
-    def __init__(self, junit: str | None, report: str | None) -> None:
-        self.junit = None if junit is None else check_output(Path(junit), (".xml",))
-        self.report = None if report is None else Path(report)
-        self.maps = None
-        if self.report is not None:
+    def __init__(self, junit: Path | None, report: Path | None) -> None:
+        self.junit, self.report, self.maps = junit, report, None
+        if junit is not None:
+            check_output(junit, (".xml",))
+        if report is not None:
             from lippmann.conformance.regress_page import ErrorMaps  # with the libraries that draw its plots
 
-            make_folder(self.report)
+            make_folder(report)
             self.maps = ErrorMaps()
 
     def count_errors(self, foreign: ForeignRays, bounds: Bounds) -> None:
@@ -128,29 +120,20 @@ class _Output:
             errors_page(origin, verdicts, self.maps, words, ended).write(self.report, as_html=True)
 
 
-def _judge_file(
-    rays: Path,
-    display_path: str,
-    inputs: str | None,
-    model: Model,
-    fraction_bits: int,
-    bounds: Bounds,
-    output: _Output,
-) -> int:
-    """Judge a file of rays."""
-    display = load_display(display_path)
-    foreign = read_foreign(rays, display, model, fraction_bits, None if inputs is None else Path(inputs))
+def _judge_file(path: Path, foreign: ForeignRays, bounds: Bounds, output: _Output) -> int:
+    """Judge the rays of a file."""
+    display, words = foreign.inputs.display, foreign.words is not None
     verdict = judge(foreign, bounds)
     output.count_errors(foreign, bounds)
     if verdict.right:
         lines = [f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)"]
     else:
         lines = verdict.headline.split("; ", 1)
-    lines = [*verdict.lines, *lines, summary([verdict.covered], foreign.words is not None)[1]]
-    about = {"rays": str(rays), "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
-    output.write([(rays.stem, verdict)], foreign.words is not None, None, about)
-    about_display = {"right": verdict.right, "display": display.name, "identity": display.identity, "model": model}
-    emit({**dataclasses.asdict(verdict), **about_display, "bounds": about["bounds"]}, lines)
+    lines = [*verdict.lines, *lines, summary([verdict.covered], words)[1]]
+    about = {"rays": str(path), "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
+    output.write([(path.stem, verdict)], words, None, about)
+    own = {"right": verdict.right, "model": foreign.inputs.model, **about}
+    emit({**dataclasses.asdict(verdict), **own}, lines, display)
     return 0 if verdict.right else FOUND_WRONG
 
 
@@ -181,11 +164,7 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
     lines = [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", line]
     lines = [*lines, *[f"stream: {reader.hash}"] * bool(reader.hash)] if verdicts else ["nothing was judged"]
-    about = {
-        "made": reader.command,
-        "hash": reader.hash or None,
-        "bounds": dataclasses.asdict(bounds),
-    }
+    about = {"made": reader.command, "hash": reader.hash or None, "bounds": dataclasses.asdict(bounds)}
     output.write(verdicts, words, ended, about)
     # As of any command that fails.
     failure = {"error": ended, "exit_code": code} if ended is not None else {}

@@ -14,10 +14,9 @@ from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.variant import current_device
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, SEED
+from lippmann.cli.options import DEVICE, DISPLAY_PATH, SEED
 from lippmann.cli.options_rendering import MOVED, RENDERING, Moved
-from lippmann.cli.output import emit
-from lippmann.cli.progress_bar import progress_bar
+from lippmann.cli.output import emit, progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import Filter, plan_layers
@@ -36,7 +35,7 @@ SCENE_ONLY_OPTIONS = ("aperture", "integrator", "max_depth", "tolerance", "shadi
 @make_command("render")
 def command(
     scene_path: str = argument("SCENE"),
-    display_path: str = DISPLAY,
+    display_path: str = DISPLAY_PATH,
     output: str = option(".exr or .tif linear, .png for the panel.", flag="-o", metavar="OUT"),
     options: RenderOptions = RENDERING,
     moved: Moved = MOVED,

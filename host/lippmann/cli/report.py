@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
 from lippmann.base.variant import start_mitsuba
-from lippmann.cli.frame import make_command, option
-from lippmann.cli.options_common import DEVICE, SCENES, SEED, shipped_scenes
+from lippmann.cli.frame import Folder, make_command, option
+from lippmann.cli.options import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit
 from lippmann.errors import input_error
 
@@ -25,10 +25,8 @@ if TYPE_CHECKING:
 class ReportOptions:
     """The options of a report."""
 
-    output: str = option("Output folder; created when missing.", "out/report", flag="-o", metavar="FOLDER")
-    against: str | None = option(
-        "Folder of the run to compare with.  [default: the folder of -o]", None, metavar="FOLDER"
-    )
+    output: Folder = option("Output folder; created when missing.", Path("out/report"))
+    against: Folder | None = option("Folder of the run to compare with.  [default: the folder of -o]", None)
     scenes: str = SCENES
     quick: bool = option("A trial: few measurements, no simulation.", False)
     seed: int = SEED
@@ -77,10 +75,10 @@ def write_report(
     from lippmann.conformance.engine_speeds import PAGE
     from lippmann.conformance.figures import read_stored
 
-    scenes, folder = shipped_scenes(options.scenes), Path(options.output)
-    before = read_stored(Path(options.against or options.output), tables)
+    scenes, folder = shipped_scenes(options.scenes), options.output
+    before = read_stored(options.against or folder, tables)
     if options.against is not None and before is None:
-        raise input_error(options.against, "holds no run of the report", "name a folder that holds report-*.csv")
+        raise input_error(str(options.against), "holds no run of the report", "name a folder that holds report-*.csv")
     make_folder(folder, "choose another place")
     for name in (f"{PAGE}.md", f"{PAGE}.html"):
         check_output(folder / name, (".md", ".html"))
@@ -92,7 +90,7 @@ def write_report(
     moves = [{**dataclasses.asdict(move), "ratio": move.ratio} for move in comparison.moved]
     result = {
         **page.origin,
-        "folder": options.output,
+        "folder": str(folder),
         "files": [str(file) for file in files],
         "seconds": seconds,
         "tables": {name: page.tables[name] for name in tables},

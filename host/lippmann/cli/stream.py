@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import time
 from dataclasses import asdict
-from typing import Any
 
 from lippmann.base.images import check_input
 from lippmann.board.board import Board
@@ -15,11 +14,10 @@ from lippmann.board.retries import END_SCENE
 from lippmann.board.streaming import Sent, send_frame
 from lippmann.board.tiles import Pixels
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import Finite
+from lippmann.cli.options import finite
 from lippmann.cli.options_port import BAUD, PORT, check_board, chosen_port
-from lippmann.cli.output import emit, log
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import TransferName, load_display
+from lippmann.cli.output import emit, log, progress_bar
+from lippmann.display.description import Display, TransferName
 from lippmann.errors import NoBoardError, device_error
 
 #: Pause between attempts to reopen a lost board, s.
@@ -31,9 +29,7 @@ def command(
     images: tuple[str, ...] = argument("IMAGE...", kind=str, nargs=-1),
     port: str | None = PORT,
     baud: int | None = BAUD,
-    display_path: str | None = option(
-        "The board's display file; its curve and bits must be the image's.", None, flag="--display", metavar="FILE"
-    ),
+    display: Display | None = option("The board's display file; its curve and bits must be the image's.", None),
     transfer: TransferName | None = option(
         "The panel's curve; must be the image's. Default: the image's, or srgb if it names none.", None
     ),
@@ -41,8 +37,7 @@ def command(
     resume_s: float = option(
         "When the connection is lost, wait for the board and continue with the tiles that it lacks.",
         0.0,
-        Finite(0.0),
-        flag="--resume",
+        finite(0.0),
         metavar="SECONDS",
         show_default=False,
     ),
@@ -56,14 +51,13 @@ def command(
 
     Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
     """
-    display = None if display_path is None else load_display(display_path)
     for image in images:
         check_input(image)
     url, rate = chosen_port(port, baud)
     with contextlib.closing(_Stream(url, rate, resume_s, verify)) as stream:
         hello = stream.board.info
         if display is not None and not force:
-            check_board(stream.board, display, str(display_path), ", or stream with --force")
+            check_board(stream.board, display, "stream")
         behind = stream.board.draws_scene()
         if behind and verify:
             what = "the panel shows the scene that the board draws, so that a frame cannot be verified there"
@@ -75,14 +69,15 @@ def command(
         assumptions = [file.assumption for file in files if file.assumption]
         if assumptions:
             log(assumptions[0] + (f" (and {len(assumptions) - 1} other images)" if assumptions[1:] else ""))
-        results = []
+        results, lines = [], []
         for image, file in zip(images, files, strict=True):
             sent = stream.send(file.pixels(), f"streaming {image}")
             rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
             verified = {"verified": True} if verify else {}
+            lines.append(f"{image}: {_summary(sent, behind)}{', verified on the panel' if verify else ''}")
             results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **verified})
     result = {"port": url, "identity": f"{hello.identity:016x}", "behind_scene": behind, "frames": results}
-    emit(result, (_line(one, behind) for one in results))
+    emit(result, lines)
 
 
 class _Stream:
@@ -141,17 +136,14 @@ class _Stream:
             time.sleep(RETRY_S)
 
 
-def _line(result: dict[str, Any], behind: bool) -> str:
-    """Return a frame's result as one line."""
-    if result["unchanged"]:
-        text = "stored already" if behind else "already on the panel"
-    else:
-        kinds = ", ".join(
-            f"{result[kind]} {kind}" for kind in ("raw", "solid", "qoi", "copied", "skipped") if result[kind]
-        )
-        text = (
-            f"{result['image_bytes'] / 1000:.0f} KB in {result['seconds']:.3g} s "
-            f"({result['bytes_per_second'] / 1000:.4g} KB/s; {result['wire_bytes'] / 1000:.4g} KB on the line; "
-            f"{result['tiles']} tiles: {kinds}; {result['resends']} sent again)"
-        )
-    return f"{result['image']}: {text}" + (", verified on the panel" if result.get("verified") else "")
+def _summary(sent: Sent, behind: bool) -> str:
+    """Return what was sent of a frame, or that nothing was, in words."""
+    if sent.unchanged:
+        return "stored already" if behind else "already on the panel"
+    counts = {kind: getattr(sent, kind) for kind in ("raw", "solid", "qoi", "copied", "skipped")}
+    kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    return (
+        f"{sent.image_bytes / 1000:.0f} KB in {sent.seconds:.3g} s "
+        f"({sent.rate / 1000:.4g} KB/s; {sent.wire_bytes / 1000:.4g} KB on the line; "
+        f"{sent.tiles} tiles: {kinds}; {sent.resends} sent again)"
+    )

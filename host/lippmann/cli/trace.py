@@ -17,9 +17,9 @@ from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
+from lippmann.cli.options import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import emit
-from lippmann.display.description import Display, load_display
+from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.errors import input_error, not_there, reason
 from lippmann.optics.backend import NumpyBackend
@@ -35,7 +35,7 @@ ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm"
 
 @make_command("trace")
 def command(
-    display_path: str = DISPLAY,
+    display: Display = DISPLAY,
     engine: Engine = option("Implementation of the ray trace.", "golden"),
     model: Model = LENS_MODEL,
     pixels: str = option(
@@ -48,7 +48,7 @@ def command(
     wavelength_nm: float | None = option("nm; the array must name its glass.", None, flag="--wavelength"),
     seed: int = SEED,
     device: str = DEVICE,
-    output: str = option(None, flag="-o", metavar="RAYS.npz"),
+    output: Path = option(None, metavar="RAYS.npz"),
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
@@ -64,7 +64,6 @@ def command(
     if engine != "fast" and device == "cuda":
         raise click.UsageError(f"--device cuda belongs to the engine fast; leave it out with {engine}")
     path = check_output(output, (".npz",))
-    display = load_display(display_path)
     if wavelength_nm is not None:
         display = display.at_wavelength(wavelength_nm)
     random = np.random.default_rng(seed)
@@ -89,11 +88,11 @@ def command(
         aims = np.zeros_like(rays.pixel) if points is None else points
         np.savez(stream, pixel=rays.pixel, aperture_mm=aims, **{name: getattr(rays, name) for name in ARRAYS})
     result = {
-        "output": str(path), "display": display.name, "identity": display.identity, "engine": engine, "model": model,
+        "output": path, "engine": engine, "model": model,
         "rays": len(pixel), "seed": seed, "seconds": seconds, "status": status,
     }  # fmt: skip
     shares = ", ".join(f"{name} {n}" for name, n in status.items() if n)
-    emit(result, f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}")
+    emit(result, f"{len(pixel)} rays in {seconds:.3g} s ({shares}): {path}", display)
 
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:

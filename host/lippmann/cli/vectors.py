@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from lippmann.base.provenance import provenance
-from lippmann.cli.frame import make_command, option
-from lippmann.cli.options_common import DISPLAY, LENS_MODEL, SEED, word_length
+from lippmann.cli.frame import Folder, make_command, option
+from lippmann.cli.options import DISPLAY_PATH, LENS_MODEL, SEED, word_length
 from lippmann.cli.output import as_json, emit
 from lippmann.conformance.hard_cases import hard_sets
 from lippmann.conformance.ray_stream import Stream
@@ -22,13 +22,13 @@ from lippmann.optics.rays import Model
 
 @make_command("vectors")
 def command(
-    display_path: str = DISPLAY,
+    display_path: Path = DISPLAY_PATH,
     case: str = option("Name of a hard case, or all; an unknown name lists them.", "all"),
     model: Model = LENS_MODEL,
     fraction_bits: int = word_length("the fixed-point files"),
     count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
     seed: int = SEED,
-    output: str | None = option("New output folder.", None, flag="-o", metavar="FOLDER"),
+    output: Folder | None = option("New output folder.", None),
     stream: bool = option("Write the questions to stdout, for a program before lippmann regress --stream.", False),
     words: bool = option("With --stream: words of the RTL, hexadecimal.", False),
     random: int = option("With --stream: random rays after the hard ones.", 0, click.IntRange(0, 10**8)),
@@ -42,7 +42,7 @@ def command(
     """
     display = load_display(display_path)
     line = (
-        f"lippmann vectors --display {shlex.quote(display_path)} --case {case} --model {model} "
+        f"lippmann vectors --display {shlex.quote(str(display_path))} --case {case} --model {model} "
         f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
     )
     if stream:
@@ -61,7 +61,7 @@ def command(
     options = {"model": model, "fraction_bits": fraction_bits, "seed": seed}
     sets = hard_sets(display, case, seed, count)
     about = provenance(line, ("numpy", "mpmath")) | options
-    entries = write_vectors(Path(output), sets, model, fraction_bits, about)
+    entries = write_vectors(output, sets, model, fraction_bits, about)
     result = {
         "output": output,
         "sets": len(entries),

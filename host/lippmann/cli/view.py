@@ -10,14 +10,13 @@ import click
 
 from lippmann import api
 from lippmann.base import interrupts
-from lippmann.base.files import replacing
+from lippmann.base.files import write_file
 from lippmann.base.images import SUFFIXES, check_output, read_picture
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options_common import DEVICE, DISPLAY, SEED, Finite, Point, Vector
+from lippmann.cli.frame import KINDS, argument, flag_of, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point, finite
 from lippmann.cli.options_rendering import MOVED, Moved
-from lippmann.cli.output import emit, log
-from lippmann.cli.progress_bar import progress_bar
-from lippmann.display.description import Display, load_display
+from lippmann.cli.output import emit, log, progress_bar
+from lippmann.display.description import Display
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.eye.many_views import grid_of_eyes
 from lippmann.eye.observer import Eye
@@ -31,23 +30,19 @@ from lippmann.scenes.scene import check_scene_file
 @make_command("view")
 def command(
     image_path: str = argument("IMAGE"),
-    display_path: str = DISPLAY,
-    output: str | None = option(
-        "The page.  [default: beside the image, named after it]", None, flag="-o", metavar="PAGE.html"
-    ),
+    display: Display = DISPLAY,
+    output: Path | None = option("The page.  [default: beside the image, named after it]", None, metavar="PAGE.html"),
     direct_paths: tuple[tuple[Point, str], ...] = option(
         "A direct render of the scene from that eye, through the panel's window; may be repeated.",
         (),
-        (Vector(3), str),
+        (KINDS[Point], str),
         flag="--direct",
         multiple=True,
         metavar="X,Y,Z PICTURE",
     ),
-    scene_path: str | None = option(
-        "Render direct views of this scene from a grid of eyes.", None, flag="--scene", metavar="SCENE"
-    ),
+    scene_path: Path | None = option("Render direct views of this scene from a grid of eyes.", None, metavar="SCENE"),
     moved: Moved = MOVED,
-    frames_per_second: float = option("Of the frames of a film.", FRAMES_PER_SECOND, Finite(0.1)),
+    frames_per_second: float = option("Of the frames of a film.", FRAMES_PER_SECOND, finite(0.1)),
     title: str | None = option("Heading of the page.  [default: the image's name]", None),
     serve: bool = option("Serve the page on loopback until Ctrl-C, instead of writing it.", False),
     tcp_port: int = option("Port of --serve; 0: any free port.", 0, click.IntRange(0, 65535), show_default=False),
@@ -63,9 +58,8 @@ def command(
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
     """
     if moved.given and scene_path is None:
-        raise InputError(f"--{next(iter(moved.given)).replace('_', '-')} belongs to --scene; give both or neither")
+        raise InputError(f"{flag_of(next(iter(moved.given)))} belongs to --scene; give both or neither")
     path = _page_path(image_path, output, serve, tcp_port)
-    display = load_display(display_path)
     scene = None if scene_path is None else check_scene_file(scene_path)
     image, *later = (IntegralImage.load(one, display, force) for one in frames_of(image_path))
     directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
@@ -77,17 +71,23 @@ def command(
             progress=progress,
         )  # fmt: skip
     count = len(directs) + (0 if scene is None else len(grid_of_eyes(display)))
-    result = {"display": display.name, "identity": display.identity, "bytes": len(page), "direct_views": count}
+    result = {"bytes": len(page), "direct_views": count}
     if path is None:
-        _serve(page, tcp_port, result)
+        with PageServer(page, tcp_port) as server:
+            emit({"url": server.url, **result}, f"{server.url} (Ctrl-C ends it)", display)
+            sys.stdout.flush()
+            try:
+                server.serve_forever(poll_interval=0.1)
+            except KeyboardInterrupt:
+                interrupts.received.clear()
+        log("the page is no longer served")
         return
-    with replacing(path) as partial:
-        partial.write_bytes(page)
+    write_file(path, page)
     text = f"{path}: {len(page) / 1e6:.1f} MB, {count} direct views; open it in a browser"
-    emit({"output": str(path), **result}, text)
+    emit({"output": path, **result}, text, display)
 
 
-def _page_path(image_path: str, output: str | None, serve: bool, tcp_port: int) -> Path | None:
+def _page_path(image_path: str, output: Path | None, serve: bool, tcp_port: int) -> Path | None:
     """Return the page's file; `None` when the page is served. Refuse options that do not go together."""
     if serve and output is not None:
         raise InputError("--serve keeps the page in memory; leave out -o or --serve")
@@ -122,15 +122,3 @@ def _read_direct(eye: Point, path: str, display: Display) -> Direct:
     except LippmannError as error:
         raise InputError(f"{path}: {error}") from None
     return direct
-
-
-def _serve(page: bytes, tcp_port: int, result: dict[str, object]) -> None:
-    """Serve until Ctrl-C or SIGTERM."""
-    with PageServer(page, tcp_port) as server:
-        emit({"url": server.url, **result}, f"{server.url} (Ctrl-C ends it)")
-        sys.stdout.flush()
-        try:
-            server.serve_forever(poll_interval=0.1)
-        except KeyboardInterrupt:
-            interrupts.received.clear()
-    log("the page is no longer served")

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.base.files import moved, partial_folder, refused
+from lippmann.base.files import moved, not_written, partial_folder
 from lippmann.base.limits import MAX_TABLE_BYTES, lines_of, load_arrays, read_limited
 from lippmann.conformance.faults import FIELDS
 from lippmann.conformance.fifty_digits import condition, true_hits, true_rays
@@ -97,7 +97,7 @@ def write_vectors(
             _write_header(partial, entries, fraction_bits, about)
             moved(partial, folder)
     except OSError as error:
-        raise refused(folder, error) from None
+        raise not_written(folder, error) from None
     return entries
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from lippmann.base.animation import FRAME_MS, save_animation, write_animation
+from lippmann.base.animation import FRAME_MS, animation_bytes, write_animation
 from lippmann.base.fullscreen import show_frames
 from lippmann.base.tones import encoded_values
 from lippmann.eye.observer import View
@@ -46,9 +45,8 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         """Return the animation that a notebook shows, to and fro."""
-        stream = io.BytesIO()
-        save_animation(stream, [view.radiance for view in self.views], "PNG")
-        return f'<img src="data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}">'
+        animation = animation_bytes([view.radiance for view in self.views], "PNG")
+        return f'<img src="data:image/png;base64,{base64.b64encode(animation).decode()}">'
 
     def __repr__(self) -> str:
         """Return number and size, not the pixels."""

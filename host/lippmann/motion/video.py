@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.base.animation import write_animation
 from lippmann.base.files import not_written, replacing
-from lippmann.base.images import check_output
+from lippmann.base.images import Radiance, check_output
+from lippmann.base.tones import encoded_values
 from lippmann.errors import MissingLibraryError, to_install
 from lippmann.rendering.sampling import Window
 
@@ -65,3 +67,20 @@ def write_video(
             raise not_written(path, "ffmpeg stopped", partial) from None
         if encoder.returncode:
             raise not_written(path, "ffmpeg stopped", partial)
+
+
+def write_views(
+    path: str | Path, views: Iterable[Radiance], window: Window, frames_per_second: float, there_and_back: bool = False
+) -> None:
+    """Write what an eye sees in a window, (height, width, 3) linear radiance each, as a video or an animation.
+
+    The file's suffix decides. Raises as `write_video` and `write_animation`.
+    """
+    if Path(path).suffix.lower() not in VIEW_SUFFIXES:
+        write_animation(path, views, there_and_back, 1000.0 / frames_per_second)
+        return
+    frames: Iterable[Values] = (encoded_values(view, "srgb", 8) for view in views)
+    if there_and_back:
+        forth = list(frames)
+        frames = [*forth, *forth[-2:0:-1]]
+    write_video(path, frames, window.width_px, window.height_px, frames_per_second)

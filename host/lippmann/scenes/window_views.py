@@ -22,7 +22,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.base.images import LINEAR_SUFFIXES, Radiance, read_picture
+from lippmann.base.images import LINEAR_SUFFIXES, Radiance, StoredRows
 from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode
 from lippmann.errors import input_error
@@ -143,8 +143,9 @@ def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
     Its size is known, and refused, before memory is taken for its pixels.
     """
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
-        picture = read_picture(path, allow=lambda pixels: _check_size(path, count * pixels))
-        radiance, metadata = picture.radiance, picture.metadata
+        with StoredRows(path) as rows:
+            _check_size(path, count * rows.shape[0] * rows.shape[1])
+            radiance, metadata = np.asarray(rows), rows.metadata
     else:
         radiance, metadata = _read_by_pillow(path, count), {}
     return np.clip(radiance, 0.0, LARGEST, out=radiance), metadata

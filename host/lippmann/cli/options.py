@@ -1,0 +1,77 @@
+"""Parameter types and options that most commands share."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lippmann.cli.frame import KINDS, Choice, Kind, option
+from lippmann.display.description import Display, load_display
+from lippmann.errors import InputError
+from lippmann.fixed.words import FRACTIONS, WIDEST
+
+Point = tuple[float, float, float]
+#: Most numbers of a list.
+MAX_NUMBERS = 100
+
+
+def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
+    """Return the type of finite numbers, or integers, with commas as in 0,0,600, or with an x as in 256x192."""
+    separator = "," if "," in form else "x"
+    size = form.count(separator) + 1
+
+    def read(text: str) -> tuple[float, ...]:
+        try:
+            numbers = tuple(map(number, text.split(separator)))
+        except ValueError:
+            numbers = ()
+        right = 1 <= len(numbers) <= MAX_NUMBERS if form.endswith("...") else len(numbers) == size
+        if not right or not all(map(math.isfinite, numbers)):
+            how = remedy or f"give {size} {'whole' if number is int else 'finite'} numbers with commas"
+            raise ValueError(f"'{text}' is not {form}; {how}")
+        return numbers
+
+    return Kind(form, read)
+
+
+def finite(least: float = -math.inf) -> Kind:
+    """Return the type of a finite number, at least `least`."""
+
+    def read(text: str) -> float:
+        number = float(text)
+        if not math.isfinite(number):
+            raise ValueError(f"'{text}' is not finite; give a number")
+        if number < least:
+            raise ValueError(f"{text} is less than {least:g}")
+        return number
+
+    return Kind("FLOAT", read)
+
+
+#: Texels of a slot, across and down.
+TEXELS = vector("WIDTHxHEIGHT", int, "give texels across and down, such as 256x192")
+
+KINDS |= {Display: Kind("FILE", load_display), float: finite(), Point: vector("X,Y,Z")}
+#: The path of a display's file, and the display itself.
+DISPLAY_PATH = option("Display file (.toml).", metavar="FILE")
+DISPLAY = option("Display file (.toml).", flag="--display")
+SCENES = option("The project's folder of scenes.", "scenes")
+DEVICE = option("Where the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))
+LENS_MODEL = option("Lens model.", "exact")
+SEED = option("Random seed.", 0, click.IntRange(0, 2**32 - 1))
+FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
+
+
+def word_length(what: str, default: int = WIDEST) -> Any:
+    """Declare the option --fraction-bits; `what` names the things whose word length it is."""
+    return option(f"Word length of {what}.", default, FRACTION_BITS)
+
+
+def shipped_scenes(path: str) -> Path:
+    """Return the project's folder of scenes; refuse another folder."""
+    if not (Path(path) / "displays/paper-square.toml").is_file():
+        raise InputError(f"{path}: the project's scenes are not there; run in the project's top folder")
+    return Path(path)
