@@ -60,8 +60,8 @@ def command(
         "Print the JSON Schema of a kind of TOML file.", None, Choice(tuple(FILES)), flag="--schema"
     ),
     eye: Point | None = option("Tell what an eye sees from here, mm.", None),
-    zones: str | None = option("Picture of the zones of eyes, from above.", None, metavar="FILE.svg|.png"),
-    draw: str | None = option("Drawing of the panel and some lenslets.", None, metavar="FILE.svg|.png"),
+    zones: Path | None = option("Picture of the zones of eyes, from above.", None, metavar="FILE.svg|.png"),
+    draw: Path | None = option("Drawing of the panel and some lenslets.", None, metavar="FILE.svg|.png"),
 ) -> None:
     """Print the properties of a display file, with units and warnings, and what eyes will see.
 
@@ -99,9 +99,9 @@ def command(
         from lippmann.eye import display_drawing  # at its first use: it loads the engines
 
         if zones is not None:
-            display_drawing.draw_zones(display, Path(zones), eye)
+            display_drawing.draw_zones(display, zones, eye)
         if draw is not None:
-            display_drawing.draw_display(display, Path(draw))
+            display_drawing.draw_display(display, draw)
     lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
     if eye_view is not None:
         x, y, z = eye_view.eye_mm

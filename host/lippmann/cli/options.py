@@ -56,7 +56,7 @@ TEXELS = vector("WIDTHxHEIGHT", int, "give texels across and down, such as 256x1
 
 KINDS |= {Display: Kind("FILE", load_display), float: finite(), Point: vector("X,Y,Z")}
 #: The path of a display's file, and the display itself.
-DISPLAY_PATH = option("Display file (.toml).", metavar="FILE")
+DISPLAY_PATH = option("Display file (.toml).")
 DISPLAY = option("Display file (.toml).", flag="--display")
 SCENES = option("The project's folder of scenes.", "scenes")
 DEVICE = option("Where the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))

@@ -13,7 +13,7 @@ from click.core import ParameterSource
 from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.variant import current_device
-from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.frame import argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY_PATH, SEED
 from lippmann.cli.options_rendering import MOVED, RENDERING, Moved
 from lippmann.cli.output import emit, progress_bar
@@ -35,8 +35,8 @@ SCENE_ONLY_OPTIONS = ("aperture", "integrator", "max_depth", "tolerance", "shadi
 @make_command("render")
 def command(
     scene_path: str = argument("SCENE"),
-    display_path: str = DISPLAY_PATH,
-    output: str = option(".exr or .tif linear, .png for the panel.", flag="-o", metavar="OUT"),
+    display_path: Path = DISPLAY_PATH,
+    output: Path = option(".exr or .tif linear, .png for the panel.", metavar="OUT"),
     options: RenderOptions = RENDERING,
     moved: Moved = MOVED,
     seed: int = SEED,
@@ -70,7 +70,7 @@ def command(
         opened = _open_layers(scene_path, display, options, moved, filter)
     else:
         if not keeps_bands:
-            check_display_memory(display, options.settings, display_path)
+            check_display_memory(display, options.settings, str(display_path))
         opened = _open_scene(scene_file, display, options, moved, device, keeps_bands)
     with progress_bar("render") as progress, opened as plan:
         sink: KeptBands | MemorySink = KeptBands(bands_folder(path), plan) if keeps_bands else MemorySink(plan)
@@ -84,14 +84,13 @@ def command(
     seconds = {"start_seconds": start_seconds, "load_seconds": load_seconds, "write_seconds": write_seconds}
     own = {"integrator": options.settings.integrator, "samples": options.settings.samples, "seed": seed}
     result = {
-        "output": str(path), "display": display.name, "identity": display.identity,
-        "width_px": display.panel.width_px, "height_px": display.panel.height_px,
+        "output": path, "width_px": display.panel.width_px, "height_px": display.panel.height_px,
         "model": metadata["model"], "engine": metadata["engine"], **own, "shading": metadata.get("shading"),
         "device": None if scene_file is None else current_device(), **measured,
         # With the two above, the whole process: before the command, scene and warnings, and the file.
         **seconds, "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
-    emit(result, _summary(path, display, metadata, measured))
+    emit(result, _summary(path, display, metadata, measured), display)
 
 
 def _summary(path: Path, display: Display, metadata: Mapping[str, str], measured: Mapping[str, float]) -> str:
@@ -125,7 +124,7 @@ def _open_scene(
 def _open_layers(path: str, display: Display, options: RenderOptions, moved: Moved, filter: Filter) -> Iterator[Plan]:
     """Yield the plan of a picture of layers; refuse options that only scenes have."""
     for name in moved.given.keys() - {"scale", "offset"} | {name for name in SCENE_ONLY_OPTIONS if _given(name)}:
-        raise InputError(f"--{name.replace('_', '-')} is for scenes; leave it out with layers")
+        raise InputError(f"{flag_of(name)} is for scenes; leave it out with layers")
     stack, names = load_named_layers(path)
     scale = 1.0 if moved.scale is None else moved.scale
     try:
