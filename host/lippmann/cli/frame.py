@@ -8,6 +8,7 @@ gets the value of the command's parameter of that name.
 
 from __future__ import annotations
 
+import functools
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -123,7 +124,7 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
     def decorate(function: Function) -> click.Command:
         made = click.Command(
             name,
-            callback=lambda **values: _call(function, values),
+            callback=lambda **values: _call(function, {name: read_now(value) for name, value in values.items()}),
             params=[*parameters(function), JSON],
             help=function.__doc__,
         )
@@ -132,6 +133,11 @@ def make_command(name: str, into: click.Group | None = None) -> Callable[[Functi
         return made
 
     return decorate
+
+
+def read_now(value: Any) -> Any:
+    """Return an option's value. Parsing reads no files: what reads one is a `functools.partial` until here."""
+    return value() if isinstance(value, functools.partial) else value
 
 
 def parameters(function: Function) -> Iterator[click.Parameter]:

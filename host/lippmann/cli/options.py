@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,8 @@ def finite(least: float = -math.inf) -> Kind:
 #: Texels of a slot, across and down.
 TEXELS = vector("WIDTHxHEIGHT", int, "give texels across and down, such as 256x192")
 
-KINDS |= {Display: Kind("FILE", load_display), float: finite(), Point: vector("X,Y,Z")}
+KINDS |= {float: finite(), Point: vector("X,Y,Z")}
+KINDS[Display] = Kind("FILE", lambda text: functools.partial(load_display, text))
 #: The path of a display's file, and the display itself.
 DISPLAY_PATH = option("Display file (.toml).")
 DISPLAY = option("Display file (.toml).", flag="--display")
