@@ -375,9 +375,16 @@ def view(
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)
     page = view_page(
-        image, scene, later=later, frames_per_second=frames_per_second, title=title, placement=placement,
-        arrange=arrange, seed=seed, device=device,
-    )  # fmt: skip
+        image,
+        scene,
+        later=later,
+        frames_per_second=frames_per_second,
+        title=title,
+        placement=placement,
+        arrange=arrange,
+        seed=seed,
+        device=device,
+    )
     write_file(target, page)
     if path is None:
         webbrowser.open(target.as_uri())

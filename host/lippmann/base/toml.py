@@ -39,18 +39,32 @@ Table = dict[str, Any]
 Value = Any
 #: Keys at the top of a file that only one kind of file has.
 KINDS = {
-    "placement": "placement", "display": "setup", "lens": "setup", "camera": "setup", "pickup": "setup",
-    "scene": "film", "world": "film", "layers": "layer film", "panel": "display", "gap_mm": "display",
-    "picture": "pictures", "depth_picture": "depth picture",
-}  # fmt: skip
+    "placement": "placement",
+    "display": "setup",
+    "lens": "setup",
+    "camera": "setup",
+    "pickup": "setup",
+    "scene": "film",
+    "world": "film",
+    "layers": "layer film",
+    "panel": "display",
+    "gap_mm": "display",
+    "picture": "pictures",
+    "depth_picture": "depth picture",
+}
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
 #: Beginnings of names that people give to keys of other names.
 SYNONYMS = {
-    "skew": ("shear",), "slant": ("shear",), "angle": ("rotation_deg",), "tilt": ("rotation_deg",),
-    "turn": ("rotation_deg",), "layout": ("grid", "subpixels"), "stripes": ("subpixels",),
+    "skew": ("shear",),
+    "slant": ("shear",),
+    "angle": ("rotation_deg",),
+    "tilt": ("rotation_deg",),
+    "turn": ("rotation_deg",),
+    "layout": ("grid", "subpixels"),
+    "stripes": ("subpixels",),
     "eye": ("viewing_distance_mm",),
-}  # fmt: skip
+}
 #: Remedy for text that is not TOML.
 ENDLESS = "a number of thousands of digits"
 MEND = "mend the syntax there (write numbers with a point, text in quotes)"

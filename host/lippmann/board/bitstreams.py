@@ -29,10 +29,17 @@ PROGRAM_DONE = b"\x5e\x00\x00\x00"
 NO_OPERATION, RESET_CRC = 0xFF, 0x3B
 #: JTAG identities of the family.
 DEVICES = {
-    0x21111043: "LFE5U-12F", 0x41111043: "LFE5U-25F", 0x41112043: "LFE5U-45F", 0x41113043: "LFE5U-85F",
-    0x01111043: "LFE5UM-25F", 0x01112043: "LFE5UM-45F", 0x01113043: "LFE5UM-85F",
-    0x81111043: "LFE5UM5G-25F", 0x81112043: "LFE5UM5G-45F", 0x81113043: "LFE5UM5G-85F",
-}  # fmt: skip
+    0x21111043: "LFE5U-12F",
+    0x41111043: "LFE5U-25F",
+    0x41112043: "LFE5U-45F",
+    0x41113043: "LFE5U-85F",
+    0x01111043: "LFE5UM-25F",
+    0x01112043: "LFE5UM-45F",
+    0x01113043: "LFE5UM-85F",
+    0x81111043: "LFE5UM5G-25F",
+    0x81112043: "LFE5UM5G-45F",
+    0x81113043: "LFE5UM5G-85F",
+}
 REMEDY = "give a file that make bitstream wrote"
 
 
@@ -118,14 +125,20 @@ USB_DEVICES = Path("/sys/bus/usb/devices")
 #: Words of openFPGALoader, in small letters, and what they come to: the cause is the first of these that it says,
 #: whatever it says last.
 CAUSES = (
-    (r"permission denied|access denied|usb_open\(\) failed", "openFPGALoader may not use the board",
-     "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again"),
+    (
+        r"permission denied|access denied|usb_open\(\) failed",
+        "openFPGALoader may not use the board",
+        "add yourself to its group by sudo usermod -aG plugdev $USER, and log in again",
+    ),
     (r"unable to claim", "another program uses the board's adapter", "close it, then run it again"),
-    (r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
-     "several adapters of its kind are on USB", "name one with --serial: lippmann doctor tells the numbers"),
+    (
+        r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
+        "several adapters of its kind are on USB",
+        "name one with --serial: lippmann doctor tells the numbers",
+    ),
     (r"mismatch|id err", "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
     (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
-)  # fmt: skip
+)
 #: Its words when it finds no board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
 #: What is no cause: how its own error ends.

@@ -408,10 +408,17 @@ def _minimised(problem: Problem, x: Floats, weights: Weights, robust: bool) -> F
         return matrix
 
     fit = least_squares(
-        residuals, x[problem.free], slopes, x_scale="jac",
-        loss="soft_l1" if robust else "linear", f_scale=ROBUST, ftol=SETTLED, xtol=1e-12, gtol=1e-12,
+        residuals,
+        x[problem.free],
+        slopes,
+        x_scale="jac",
+        loss="soft_l1" if robust else "linear",
+        f_scale=ROBUST,
+        ftol=SETTLED,
+        xtol=1e-12,
+        gtol=1e-12,
         max_nfev=MOST_STEPS,
-    )  # fmt: skip
+    )
     return whole(fit.x)
 
 

@@ -73,8 +73,10 @@ def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
 
 def starts(display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice]) -> list[tuple[Problem, Floats]]:
     """Return the problems of the likeliest numberings, and first values of their parameters, the best first."""
-    planes = [np.column_stack([one.points(view.index), np.zeros(len(view.index))])
-              for one, view in zip(seen, views, strict=True)]  # fmt: skip
+    planes = [
+        np.column_stack([one.points(view.index), np.zeros(len(view.index))])
+        for one, view in zip(seen, views, strict=True)
+    ]
     lens = first_lens(planes, [view.photo_px for view in views], views[0].shape)
     poses = [first_pose(plane, view.photo_px, lens) for plane, view in zip(planes, views, strict=True)]
     places = [place for _, place in poses]

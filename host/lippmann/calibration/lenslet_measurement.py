@@ -257,10 +257,20 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
     read = read[np.argsort(groups[read], kind="stable")]
     readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
     return Lenslets(
-        decoded.name, decoded.shape, names[kept], photo[kept], panel, np.zeros_like(panel), cells,
-        np.asarray(np.linalg.inv(grown), np.float64), moves, spread, outline.agree,
-        decoded.modulation, readings,
-    )  # fmt: skip
+        decoded.name,
+        decoded.shape,
+        names[kept],
+        photo[kept],
+        panel,
+        np.zeros_like(panel),
+        cells,
+        np.asarray(np.linalg.inv(grown), np.float64),
+        moves,
+        spread,
+        outline.agree,
+        decoded.modulation,
+        readings,
+    )
 
 
 def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:

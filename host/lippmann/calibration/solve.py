@@ -301,12 +301,20 @@ def _result(
     cameras, rows = [], []
     for k, view in enumerate(whole.views):
         axes = [f"place_{axis}_{k}" for axis in "xyz"]
-        place, uncertainty = ([factor * number(axis) for axis in axes]
-                              for factor, number in ((1.0, solution.value), (1.96, solution.deviation)))  # fmt: skip
-        cameras.append(FoundCamera(
-            name=view.name, place_mm=place, uncertainty_mm=uncertainty, lenslets=len(view.index), agree=view.agree,
-            modulation=view.modulation,
-        ))  # fmt: skip
+        place, uncertainty = (
+            [factor * number(axis) for axis in axes]
+            for factor, number in ((1.0, solution.value), (1.96, solution.deviation))
+        )
+        cameras.append(
+            FoundCamera(
+                name=view.name,
+                place_mm=place,
+                uncertainty_mm=uncertainty,
+                lenslets=len(view.index),
+                agree=view.agree,
+                modulation=view.modulation,
+            )
+        )
         centres, residual = whole.centres(solution.x, whole.places[k]), whole.residuals(solution.x, k)
         kept = np.asarray((abs(residual[:, :2]) < OUTLIER * solution.weights.scatter[k][0]).all(axis=1))
         # Seen less expected; pixel rows count down.

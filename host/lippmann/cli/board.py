@@ -63,9 +63,14 @@ def program_command(
             raise input_error(str(file), what, f"run make bitstream DISPLAY={display_path}")
     programmed = program(file, board, serial, flash)
     result = {
-        "file": file, "board": programmed.name, "device": header.device, "display": header.display,
-        "identity": header.identity, "design": header.design, "flash": flash,
-    }  # fmt: skip
+        "file": file,
+        "board": programmed.name,
+        "device": header.device,
+        "display": header.display,
+        "identity": header.identity,
+        "design": header.design,
+        "flash": flash,
+    }
     what = f"{header.display} (design {header.design})" if header.display else str(file)
     emit(result, f"{programmed.name}: {'its flash memory holds' if flash else 'runs'} {what}")
 

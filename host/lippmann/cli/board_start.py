@@ -104,10 +104,17 @@ def start_command(
         _in_background(ready)
         return
     board = virtual_board.start(
-        display, port=line, tcp_port=tcp_port, baud=baud, fraction_bits=fraction_bits, capture=capture,
-        trace=trace, trace_clocks=trace_clocks, scene=scene,
+        display,
+        port=line,
+        tcp_port=tcp_port,
+        baud=baud,
+        fraction_bits=fraction_bits,
+        capture=capture,
+        trace=trace,
+        trace_clocks=trace_clocks,
+        scene=scene,
         memory=memory,
-    )  # fmt: skip
+    )
     _serve(board, display, "bits" if baud else "bytes", capture, ready)
 
 
@@ -116,9 +123,14 @@ def _serve(
 ) -> None:
     """Run a board until it ends or Ctrl-C: write the ready file, print where it is, and keep its frames as PNG."""
     result = {
-        "url": board.url, "pid": os.getpid(), "display": display.name, "identity": display.identity,
-        "width": display.panel.width_px, "height": display.panel.height_px, "line": line,
-    }  # fmt: skip
+        "url": board.url,
+        "pid": os.getpid(),
+        "display": display.name,
+        "identity": display.identity,
+        "width": display.panel.width_px,
+        "height": display.panel.height_px,
+        "line": line,
+    }
     counts: dict[str, Any] = {}
     with contextlib.ExitStack() as end:
         if ready:

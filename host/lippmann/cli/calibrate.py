@@ -265,7 +265,8 @@ def report_command(
     with own_variant(device):
         page = calibration_page(
             provenance(f"lippmann calibrate report {display_path.name}", ("numpy", "scipy", "opencv-python-headless")),
-            load_calibration(display_path), eye,
-        )  # fmt: skip
+            load_calibration(display_path),
+            eye,
+        )
     files = page.write(output, as_html=True)
     emit({"folder": output, "files": [one.name for one in files]}, f"{output}: {', '.join(one.name for one in files)}")

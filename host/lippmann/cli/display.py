@@ -44,7 +44,10 @@ def command(
     with full_screen((target.width, target.height), monitor) as show:
         show(pixels, seconds)
     result = {
-        "image": image, "monitor": monitor, "width": target.width, "height": target.height,
+        "image": image,
+        "monitor": monitor,
+        "width": target.width,
+        "height": target.height,
         "identity": f"{target.identity:016x}",
-    }  # fmt: skip
+    }
     emit(result, f"{image}: shown on monitor {monitor}, {target.width} x {target.height}")

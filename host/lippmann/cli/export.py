@@ -181,10 +181,16 @@ def quilt(
     eyes_metadata = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
     write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": subject.display.name, **eyes_metadata})
     result = {
-        "output": path, "columns": columns, "rows": rows, "aspect": window.width_px / window.height_px,
-        "width_px": picture.shape[1], "height_px": picture.shape[0], "view_width_px": window.width_px,
-        "view_height_px": window.height_px, "eyes_mm": [list(eye.position_mm) for eye in eyes],
-    }  # fmt: skip
+        "output": path,
+        "columns": columns,
+        "rows": rows,
+        "aspect": window.width_px / window.height_px,
+        "width_px": picture.shape[1],
+        "height_px": picture.shape[0],
+        "view_width_px": window.width_px,
+        "view_height_px": window.height_px,
+        "eyes_mm": [list(eye.position_mm) for eye in eyes],
+    }
     emit(result, f"{path}: {columns * rows} views of {window.width_px} x {window.height_px} pixels")
 
 
@@ -206,9 +212,14 @@ def views(
     names = _write_folder(subject, eyes, output, "view", linear)
     window = subject.window
     text = eyes_text(
-        (window.width_mm, window.height_mm), names, [eye.position_mm for eye in eyes], width_px=window.width_px,
-        height_px=window.height_px, across=across, down=down,
-    )  # fmt: skip
+        (window.width_mm, window.height_mm),
+        names,
+        [eye.position_mm for eye in eyes],
+        width_px=window.width_px,
+        height_px=window.height_px,
+        across=across,
+        down=down,
+    )
     write_file(output / EYES, text)
     emit(
         {"folder": output, **json.loads(text)},

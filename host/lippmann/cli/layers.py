@@ -121,12 +121,17 @@ def _json(cut: Cut, names: tuple[str, ...]) -> dict[str, Any]:
     return {
         "layers": [
             {
-                "name": name, "depth_mm": layer.depth_mm, "front_mm": slab.front_mm, "back_mm": slab.back_mm,
-                "width": layer.width, "height": layer.height, "palette_db": palette_db,
+                "name": name,
+                "depth_mm": layer.depth_mm,
+                "front_mm": slab.front_mm,
+                "back_mm": slab.back_mm,
+                "width": layer.width,
+                "height": layer.height,
+                "palette_db": palette_db,
             }
             for name, layer, slab, palette_db in layers
         ]
-    }  # fmt: skip
+    }
 
 
 def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[Row]) -> Iterator[str]:

@@ -114,9 +114,13 @@ def _emit_result(
     if sender is not None:
         board = {"port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes}
     result = {
-        "scene": scene, "model": model, **asdict(played), "board": board,
-        "placement": str(hand.placement()), "peak_memory_mb": peak_memory_mb(),
-    }  # fmt: skip
+        "scene": scene,
+        "model": model,
+        **asdict(played),
+        "board": board,
+        "placement": str(hand.placement()),
+        "peak_memory_mb": peak_memory_mb(),
+    }
     emit(result, _summary(played, hand), display)
 
 

@@ -37,9 +37,16 @@ def draw_residuals(field: Floats, cameras: Rows) -> Plot:
         typical = max(1e-3, float(np.median(np.hypot(rows[:, RIGHT], rows[:, DOWN]))) if len(rows) else 1.0)
         span = max(1e-6, float(np.ptp(rows[:, X])) if len(rows) else 1.0)
         axis.quiver(
-            rows[:, X], rows[:, Y], rows[:, RIGHT], -rows[:, DOWN], color=COLOURS[0], angles="xy", scale_units="xy",
-            scale=40.0 * typical / span, width=0.003,
-        )  # fmt: skip
+            rows[:, X],
+            rows[:, Y],
+            rows[:, RIGHT],
+            -rows[:, DOWN],
+            color=COLOURS[0],
+            angles="xy",
+            scale_units="xy",
+            scale=40.0 * typical / span,
+            width=0.003,
+        )
         axis.set(title=f"{cameras[k]['name']}: median {typical:.3f} px", xlabel="x, mm", ylabel="y, mm", aspect="equal")
     return Plot("calibration-residuals", finish_picture(picture))
 

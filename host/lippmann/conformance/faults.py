@@ -29,10 +29,17 @@ STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "wo
 
 #: Arrays of a foreign file that may be compared: the step that computes each, and its columns.
 FIELDS = {
-    "panel_mm": ("panel", 2), "home": ("lenslet", 2), "start_mm": ("lenslet", 2), "near_mm": ("aim", 2),
-    "lenslet": ("lenslet", 2), "centre_mm": ("lenslet", 2), "local_mm": ("dome", 3), "origin_mm": ("dome", 3),
-    "direction": ("exit", 3), "status": ("status", 1),
-}  # fmt: skip
+    "panel_mm": ("panel", 2),
+    "home": ("lenslet", 2),
+    "start_mm": ("lenslet", 2),
+    "near_mm": ("aim", 2),
+    "lenslet": ("lenslet", 2),
+    "centre_mm": ("lenslet", 2),
+    "local_mm": ("dome", 3),
+    "origin_mm": ("dome", 3),
+    "direction": ("exit", 3),
+    "status": ("status", 1),
+}
 
 #: Steps to neighbours, in columns and rows or in lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
@@ -145,19 +152,27 @@ def _number_variants(display: Display) -> Iterator[Variant]:
         ("lenslet", "pitch of a row for both of pitch_mm", "array.pitch_mm", px),
         ("status", "extent_mm left out", "array.extent_mm", None),
         ("lenslet", "viewing_distance_mm left out", "viewing_distance_mm", None),
-        ("lenslet", "viewing_distance_mm counted from the panel", "viewing_distance_mm",
-         eye_mm - display.aperture_distance_mm),
+        (
+            "lenslet",
+            "viewing_distance_mm counted from the panel",
+            "viewing_distance_mm",
+            eye_mm - display.aperture_distance_mm,
+        ),
         ("lenslet", "viewing_axis_mm left out", "viewing_axis_mm", (0.0, 0.0)),
         ("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-axis_x, -axis_y)),
-        ("first face", "plano_side turned over", "array.plano_side",
-         "viewer" if array.plano_side == "panel" else "panel"),
+        (
+            "first face",
+            "plano_side turned over",
+            "array.plano_side",
+            "viewer" if array.plano_side == "panel" else "panel",
+        ),
         ("first face", "gap_mm left out", "gap_mm", 0.0),
         ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + T),
         ("dome", "focal length taken for the radius", "array.radius_mm", focal_mm),
         ("dome", "radius taken for the focal length", "array.radius_mm", R * (array.index - 1.0)),
         ("dome", "diameter taken for the radius", "array.radius_mm", 0.5 * R),
         ("dome", "radius taken for the diameter", "array.radius_mm", 2.0 * R),
-    ):  # fmt: skip
+    ):
         change = partial(with_number, number, value)
         with suppress(*NO_RAYS):
             if System.of(change(PanelRays("", display, NOWHERE, None)).display) != System.of(display):

@@ -216,8 +216,9 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
     """
     dense = changed(steep(display), index=1.9)
     for name, nearest, farthest, centres in (
-        ("grazing-exit", 1e-15, 0.1, False), ("grazing-exit/words", 3e-8, 3e-6, True),
-    ):  # fmt: skip
+        ("grazing-exit", 1e-15, 0.1, False),
+        ("grazing-exit/words", 3e-8, 3e-6, True),
+    ):
         pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
         share = random_sizes(random, nearest, farthest, len(pixels))
         yield PanelRays(name, dense, pixels, last + share * (inner - last))
@@ -383,8 +384,11 @@ def offsets(display: Display) -> dict[str, Display]:
     """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
     p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
     moves = {
-        "half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0), "metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300),
-    }  # fmt: skip
+        "half": (0.5 * p, 0.5 * row),
+        "third": (p / 3.0, -row / 3.0),
+        "metre": (1e3, -1e3),
+        "1e-300": (1e-300, -1e-300),
+    }
     # An array that ends would leave no lenslet before the panel.
     ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
     return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}

@@ -145,15 +145,28 @@ def values(display: Display) -> dict[str, str]:
     eye = display.viewing_distance_mm
     wide, high = array.extent_mm or (0.0, 0.0)
     numbers: dict[str, float | str] = {
-        "width_px": panel.width_px, "height_px": panel.height_px,
-        "pixel_x": panel.pitches_mm[0], "pixel_y": panel.pitches_mm[1],
-        "grid": array.grid, "pitch_x": array.pitches_mm[0], "pitch_y": array.pitches_mm[1], "shear": array.shear,
-        "rotation": array.rotation_deg, "offset_x": array.offset_mm[0], "offset_y": array.offset_mm[1],
-        "extent_x": wide, "extent_y": high,
-        "radius": array.radius_mm, "index": array.index, "thickness": array.thickness_mm, "plano": array.plano_side,
-        "gap": display.gap_mm, "eye_distance": 0.0 if eye is None else eye,
-        "eye_x": display.viewing_axis_mm[0], "eye_y": display.viewing_axis_mm[1],
-    }  # fmt: skip
+        "width_px": panel.width_px,
+        "height_px": panel.height_px,
+        "pixel_x": panel.pitches_mm[0],
+        "pixel_y": panel.pitches_mm[1],
+        "grid": array.grid,
+        "pitch_x": array.pitches_mm[0],
+        "pitch_y": array.pitches_mm[1],
+        "shear": array.shear,
+        "rotation": array.rotation_deg,
+        "offset_x": array.offset_mm[0],
+        "offset_y": array.offset_mm[1],
+        "extent_x": wide,
+        "extent_y": high,
+        "radius": array.radius_mm,
+        "index": array.index,
+        "thickness": array.thickness_mm,
+        "plano": array.plano_side,
+        "gap": display.gap_mm,
+        "eye_distance": 0.0 if eye is None else eye,
+        "eye_x": display.viewing_axis_mm[0],
+        "eye_y": display.viewing_axis_mm[1],
+    }
     return {name: value if isinstance(value, str) else repr(value) for name, value in numbers.items()}
 
 

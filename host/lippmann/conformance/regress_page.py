@@ -169,10 +169,16 @@ def errors_page(
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
     arrays = [
-        {"step": FIELDS[name][0], "array": name, "rays": error_map.rays, "worst": error_map.worst,
-         "unit": error_map.unit, "units": error_map.worst_units}
+        {
+            "step": FIELDS[name][0],
+            "array": name,
+            "rays": error_map.rays,
+            "worst": error_map.worst,
+            "unit": error_map.unit,
+            "units": error_map.worst_units,
+        }
         for name, error_map in maps.items()
-    ]  # fmt: skip
+    ]
     columns = ("rays", "wrong", "first_wrong", "stage", "fault")
     sets = [{"set": name, **{key: getattr(one, key) for key in columns}} for name, one in verdicts]
     met, coverage = summary((one.covered for _, one in verdicts), words)

@@ -34,7 +34,7 @@ from lippmann.conformance.ray_sets import (
     memory_lines,
     widths,
     words_of_lines,
-)  # fmt: skip
+)
 from lippmann.display.description import Display, display_text
 from lippmann.errors import input_error, not_there
 from lippmann.fixed.words import PIXEL_BITS, Ints

@@ -215,8 +215,12 @@ def _draw_section(axis: Axes, display: Display) -> None:
     for k in np.flatnonzero(gets_through(rays.status) & (rays.lenslet == (i, j)).all(axis=1)):
         entered = x[k] + share * (aims[k] * pitch - x[k])
         start = rays.local_mm[k, 2]
-        axis.plot((x[k], entered, out[k], out[k] + slope[k] * (reach - start)), (near - gap, near, start, reach),
-                  color=RAY, linewidth=0.8)  # fmt: skip
+        axis.plot(
+            (x[k], entered, out[k], out[k] + slope[k] * (reach - start)),
+            (near - gap, near, start, reach),
+            color=RAY,
+            linewidth=0.8,
+        )
     focal, distance = array.focal_length_mm, display.aperture_distance_mm
     words = f"gap {gap:.4g}, thickness {thickness:.4g}, focal length {focal:.4g}, D {distance:.4g} mm"
     axis.set(xlabel="along a row of lenslets, mm", ylabel="z, mm", aspect="equal", title=words)

@@ -140,9 +140,14 @@ def ramps(at: Pixels) -> Values:
 
 
 PATTERNS: dict[Kind, Callable[[Pixels], Values]] = {
-    "lens-centres": lens_centres, "cells": cells, "view-numbers": view_numbers, "single-lens": single_lens,
-    "ramp": ramp, "ramps": ramps, "checker": checker,
-}  # fmt: skip
+    "lens-centres": lens_centres,
+    "cells": cells,
+    "view-numbers": view_numbers,
+    "single-lens": single_lens,
+    "ramp": ramp,
+    "ramps": ramps,
+    "checker": checker,
+}
 
 
 def white_for_eye(display: Display, eye: Eye) -> Values:

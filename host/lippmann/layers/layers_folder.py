@@ -358,8 +358,10 @@ def _placed(light: Rgba, reach: Reach, depth_mm: float, centre: Pair, width: flo
     reached = reach.area(depth_mm)
     rows, columns = light.shape[:2]
     if width is None:  # as large as needed to cover all, about its centre
-        across, up = (2.0 * max(abs(low - c), abs(high - c)) for low, high, c in
-                      ((reached.left, reached.right, centre[0]), (reached.bottom, reached.top, centre[1])))  # fmt: skip
+        across, up = (
+            2.0 * max(abs(low - c), abs(high - c))
+            for low, high, c in ((reached.left, reached.right, centre[0]), (reached.bottom, reached.top, centre[1]))
+        )
         width = max(across, up * columns / rows)
     pixel = width / columns
     left, top = centre[0] - 0.5 * width, centre[1] + 0.5 * rows * pixel

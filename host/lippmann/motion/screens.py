@@ -148,8 +148,11 @@ class Screens:
         pygame = self._pygame
         shifted = bool(getattr(event, "mod", 0) & pygame.KMOD_SHIFT)
         across, up = {
-            pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1),
-        }.get(event.key, (0, 0))  # fmt: skip
+            pygame.K_LEFT: (-1, 0),
+            pygame.K_RIGHT: (1, 0),
+            pygame.K_UP: (0, 1),
+            pygame.K_DOWN: (0, -1),
+        }.get(event.key, (0, 0))
         if event.key in (pygame.K_ESCAPE, pygame.K_q):
             return False
         if event.key == pygame.K_r:

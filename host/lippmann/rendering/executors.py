@@ -237,9 +237,15 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
         )
         with interrupts.blocked_in_children():
             cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=security,
-                memory_limit=0, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
-            )  # fmt: skip
+                n_workers=count,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address=None,
+                security=security,
+                memory_limit=0,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                silence_logs=logging.CRITICAL,
+            )
         end.enter_context(cluster)
         yield cluster.scheduler_address, security
 

@@ -67,9 +67,7 @@ class RenderTimes(NamedTuple):
         """Return them by name, as `IntegralImage.measured` has them; with the bands of a sink that keeps them."""
         bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
         rate = self.rays / max(self.seconds, 1e-9)
-        return {
-            "seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands
-        }  # fmt: skip
+        return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands}
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:

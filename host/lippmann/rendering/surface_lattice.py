@@ -150,8 +150,9 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
     """Return the places of numbered points."""
     back = (point & 1) != 0
     place = point >> 1
-    lattice = dr.binary_search(0, dr.width(lattices.first) - 1,
-                               lambda k: dr.gather(mi.UInt32, lattices.first, k + 1) <= place)  # fmt: skip
+    lattice = dr.binary_search(
+        0, dr.width(lattices.first) - 1, lambda k: dr.gather(mi.UInt32, lattices.first, k + 1) <= place
+    )
     steps, row_steps, kind = (
         dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps, lattices.kind)
     )

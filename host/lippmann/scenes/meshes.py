@@ -49,16 +49,35 @@ USUAL = 1.0
 #: glTF's number of float32; extensions of materials, which change only looks; those that are noted.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
-    "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_unlit", "KHR_materials_transmission", "KHR_materials_clearcoat", "KHR_lights_punctual",
+    "KHR_texture_transform",
+    "KHR_texture_basisu",
+    "EXT_texture_webp",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit",
+    "KHR_materials_transmission",
+    "KHR_materials_clearcoat",
+    "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
-)  # fmt: skip
+)
 #: Options before the name of a texture in an MTL file, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
 #: Files that a mesh may name: no other file of this machine is read.
 NAMED = (
-    ".bin", ".mtl", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm",
-)  # fmt: skip
+    ".bin",
+    ".mtl",
+    ".png",
+    ".jpg",
+    ".jpeg",
+    ".tif",
+    ".tiff",
+    ".bmp",
+    ".tga",
+    ".gif",
+    ".webp",
+    ".dds",
+    ".jp2",
+    ".ppm",
+)
 #: Words of trimesh's messages on what it leaves out.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"

@@ -145,8 +145,12 @@ def placement_beside(path: Path) -> Placement:
 def usual_arrange(path: Path) -> Arrange | None:
     """Return how a display places another tool's scene without a placement beside it; None for all other scenes."""
     usual: dict[Kind | None, Arrange] = {
-        "quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit", "depth picture": "camera",
-    }  # fmt: skip
+        "quilt": "fill",
+        "views": "fill",
+        "mesh": "fit",
+        "splats": "fit",
+        "depth picture": "camera",
+    }
     return usual.get(kind_of(path)) if _placement_file(path) is None else None
 
 

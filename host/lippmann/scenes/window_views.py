@@ -54,9 +54,13 @@ class Views:
     def show_on(self, shape: Element, folder: Path) -> None:
         """Let a shape of the scene in a folder show the views (the emitter `light_field`), and reflect nothing."""
         np.savez(
-            folder / "views.npz", views=self.pictures, x_mm=self.x_mm, y_mm=self.y_mm, distance_mm=self.distance_mm,
+            folder / "views.npz",
+            views=self.pictures,
+            x_mm=self.x_mm,
+            y_mm=self.y_mm,
+            distance_mm=self.distance_mm,
             size_mm=self.size_mm,
-        )  # fmt: skip
+        )
         value(plugin(shape, "bsdf", "diffuse"), "rgb", "reflectance", 0.0)
         value(plugin(shape, "emitter", "light_field"), "string", "filename", "views.npz")
 

@@ -108,10 +108,20 @@ def verilated(
             flags = [*flags, "-DVM_COVERAGE=1"]
         _run(
             [
-                "verilator_bin", "--cc", "--prefix", "Vtop", "-Mdir", str(work), "--top-module", top, "-O3", *options,
-                *(f"-G{name}={value}" for name, value in (parameters or {}).items()), *map(str, sources),
+                "verilator_bin",
+                "--cc",
+                "--prefix",
+                "Vtop",
+                "-Mdir",
+                str(work),
+                "--top-module",
+                top,
+                "-O3",
+                *options,
+                *(f"-G{name}={value}" for name, value in (parameters or {}).items()),
+                *map(str, sources),
             ]
-        )  # fmt: skip
+        )
         parts = sorted(work.glob("Vtop*.cpp"))
         process = "#include <unistd.h>\n" if _counters() else ""
         (work / "all.cpp").write_text(process + "".join(map(_include, [*parts, *main])))

@@ -39,9 +39,16 @@ class RayHarness:
         self.clocks = 0
 
     def trace(
-        self, u: Ints, v: Ints, a: Ints, b: Ints, config: Configuration,
-        seed: int = 0, idle: float = 0.0, stall: float = 0.0,
-    ) -> FixedRays:  # fmt: skip
+        self,
+        u: Ints,
+        v: Ints,
+        a: Ints,
+        b: Ints,
+        config: Configuration,
+        seed: int = 0,
+        idle: float = 0.0,
+        stall: float = 0.0,
+    ) -> FixedRays:
         """Run rays through the RTL, with chances of a pause at the input and at the output in each clock.
 
         Words as `lippmann.fixed.ray_pipeline.ray_pipeline` takes and gives them. Raises LippmannError when rays stop
@@ -92,9 +99,14 @@ class SceneHarness:
             self._loaded[slot] = content.tobytes()
 
     def draw(
-        self, rays: FixedRays, words: SceneWords, seed: int = 0, idle: float = 0.0, stall: float = 0.0,
+        self,
+        rays: FixedRays,
+        words: SceneWords,
+        seed: int = 0,
+        idle: float = 0.0,
+        stall: float = 0.0,
         meanwhile: tuple[int, Bytes] | None = None,
-    ) -> Bytes:  # fmt: skip
+    ) -> Bytes:
         """Draw a frame of exit rays; returns its pixels (N, 3).
 
         Pauses as in `RayHarness.trace`. `meanwhile` is a slot and what is loaded into it while the frame is drawn.

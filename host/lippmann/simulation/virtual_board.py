@@ -380,11 +380,13 @@ def compiled(
     numbers = board_parameters(display, build, byte_link, clock_hz, scene, memory)
     panel = display.panel
     defines = [
-        f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
-        f"-DLIPPMANN_BYTE_LINK={int(byte_link)}", f"-DLIPPMANN_VSYNC={numbers['VPositive']}",
+        f"-DLIPPMANN_WIDTH={panel.width_px}",
+        f"-DLIPPMANN_HEIGHT={panel.height_px}",
+        f"-DLIPPMANN_BYTE_LINK={int(byte_link)}",
+        f"-DLIPPMANN_VSYNC={numbers['VPositive']}",
         *["-DLIPPMANN_TRACE"] * trace,
         *[f"-DLIPPMANN_MEMORY_HZ={MEMORY_HZ}LL", f"-DLIPPMANN_CLOCK_HZ={clock_hz}LL"] * (memory == "sdram"),
-    ]  # fmt: skip
+    ]
     options = [*UNCHECKED, *["--trace-fst"] * trace]
     if netlist:
         files, numbers = list(netlist), {}
