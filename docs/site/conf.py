@@ -107,7 +107,7 @@ def plain_types(app, what, name, thing, options, signature, returned):
     """Leave the ranges of keys out of a dataclass's signature: its attributes are described below it."""
     if what == "class" and dataclasses.is_dataclass(thing):
         start_mitsuba("llvm")  # its types have names only in a variant
-        hints = get_type_hints(thing, localns={"mi": mitsuba()})
+        hints = get_type_hints(thing, localns={"mi": mitsuba(), "mts": mitsuba()})
         given = inspect.signature(thing)
         typed = [one.replace(annotation=hints[one.name]) for one in given.parameters.values()]
         return stringify_signature(given.replace(parameters=typed, return_annotation=given.empty)), returned

@@ -391,7 +391,7 @@ def test_files_that_are_there_already(mi, tmp_path, capfd):
     assert sorted([*files, "notes.txt"]) == sorted(file.name for file in folder.iterdir())
     # A place where the system makes no folder, even for who may do everything.
     assert run([*command, "/proc/lippmann-export"]) == 2
-    assert "cannot be written" in capfd.readouterr().err
+    assert "cannot be made" in capfd.readouterr().err
 
 
 def test_glass_that_is_not_closed_is_refused(mi, tmp_path):
@@ -515,8 +515,11 @@ def test_the_command(mi, tmp_path, capfd):
     assert done.command == "povray s.ini"
     assert done.seconds > 0.0
     assert (folder / "s.exr").is_file()
+    capfd.readouterr()
     assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(scene)]) == 2
-    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(tmp_path / "no" / "pov")]) == 2
+    assert "s.xml: cannot be made (File exists); choose another place with -o" in capfd.readouterr().err
+    assert run(["export", "povray", str(scene), "--display", str(display), "-o", str(tmp_path / "new" / "pov")]) == 0
+    assert (tmp_path / "new" / "pov" / "s.ini").is_file()
 
 
 def test_without_povray_it_says_how_to_install_it(tmp_path, monkeypatch):

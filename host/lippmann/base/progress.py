@@ -24,3 +24,21 @@ def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[
         yield item
         if progress is not None:
             progress(done, len(items))
+
+
+class RowProgress:
+    """Reports the rows of a picture that are done, also those of the band that is being rendered."""
+
+    def __init__(self, progress: Progress | None, done: int, total: int) -> None:
+        self.done, self._total, self._progress = done, total, progress
+        self(0)
+
+    def __call__(self, band_rows: int) -> None:
+        """Report that so many rows of the next band are done."""
+        if self._progress is not None:
+            self._progress(self.done + band_rows, self._total)
+
+    def add(self, rows: int) -> None:
+        """Count the rows of a finished band, and report."""
+        self.done += rows
+        self(0)

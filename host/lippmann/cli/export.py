@@ -71,6 +71,7 @@ def povray(
         raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
     folder = output
     path = check_scene_file(scene_path)
+    make_folder(folder, "choose another place with -o")
     if kind_of(path) != "mitsuba":
         raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")
     if setup_path is not None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
-from lippmann.base.progress import Progress
+from lippmann.base.progress import Progress, RowProgress
 from lippmann.errors import LippmannWarning, NoSpaceError, input_error
 from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
@@ -78,26 +78,18 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
     """
     missing = sink.missing_bands()
     total = sum(len(band.rows) for band in sink.bands)
-    done = total - sum(len(band.rows) for band in missing)
-
-    def report(band_rows: int) -> None:
-        """Report the rows that are done, also those of the band that is being rendered."""
-        if progress is not None:
-            progress(done + band_rows, total)
-
-    report(0)
+    report = RowProgress(progress, total - sum(len(band.rows) for band in missing), total)
     planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
     rays, prepare_seconds, started = 0, 0.0, time.perf_counter()
     try:
         for rendered in executor(missing, report):
             sink.take(rendered)
             rows = len(rendered.band.rows)
-            done += rows
-            report(0)
+            report.add(rows)
             rays += rows * rendered.band.plan.display.panel.width_px * rendered.band.plan.rays
             prepare_seconds += rendered.prepare_seconds
     except BaseException:
-        sink.stop(done)
+        sink.stop(report.done)
         raise
     seconds = time.perf_counter() - started - prepare_seconds
     prepare_seconds += planning_seconds

@@ -176,15 +176,18 @@ def _recorded_losses() -> Iterator[list[str]]:
             losses.append(str((record.exc_info and record.exc_info[1]) or record.getMessage()))
         return False  # nothing of trimesh's log is shown
 
-    logger = logging.getLogger("trimesh")
-    level = logger.level
-    logger.addFilter(record_loss)
+    logger, handler = logging.getLogger("trimesh"), logging.Handler()
+    handler.addFilter(record_loss)
+    level, propagate = logger.level, logger.propagate
+    logger.addHandler(handler)
     logger.setLevel(logging.DEBUG)
+    logger.propagate = False
     try:
         yield losses
     finally:
-        logger.removeFilter(record_loss)
+        logger.removeHandler(handler)
         logger.setLevel(level)
+        logger.propagate = propagate
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
