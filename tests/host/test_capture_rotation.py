@@ -39,7 +39,7 @@ def display_for(
 def test_involution_within_each_cell(grid, rotation, offset, ratio, eye, lattice):
     display = display_for(grid, rotation, offset, ratio, eye=eye, lattice=lattice)
     partner = rotation_map(display)
-    cell, centre = cells_of(display)
+    cell, centre, _ = cells_of(display)
     assert np.array_equal(partner[partner], np.arange(len(partner)))
     assert np.array_equal(cell[partner], cell)
     # Those that change places land at most a pixel from the mirror image of their place in the lenslet's centre.
@@ -72,7 +72,7 @@ def test_wide_elemental_images_are_cut_by_the_picture_s_edge(grid):
         )
         partner = rotation_map(display)
         assert np.array_equal(partner[partner], np.arange(len(partner)))
-        cell, _ = cells_of(display)
+        cell, _, _ = cells_of(display)
         assert np.array_equal(cell[partner], cell)
 
 
@@ -84,7 +84,7 @@ def test_cells_of_a_near_eye_are_those_of_the_trace(grid, lattice):
     panel = display.panel
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     rays = trace(display, np.stack([column.ravel() + 0.5, row.ravel() + 0.5], axis=1), None, "pinhole")
-    cell, centre = cells_of(display)
+    cell, centre, _ = cells_of(display)
     _, owner = np.unique(rays.lenslet, axis=0, return_inverse=True)
     assert len(set(zip(owner.tolist(), cell.tolist(), strict=True))) == len(centre) == owner.max() + 1
     eye_mm, axis_mm = EYES[1]
@@ -101,7 +101,7 @@ def test_cells_of_a_near_eye_are_those_of_the_trace(grid, lattice):
 def test_square_cells_are_turned_whole(offset, ratio):
     """By hand: each cell's block of pixels, reversed along both axes."""
     display = display_for("square", 0.0, offset, ratio)
-    cell, centre = cells_of(display)
+    cell, centre, _ = cells_of(display)
     height, width = display.panel.height_px, display.panel.width_px
     picture = generator(1).random((height, width, 3))
     turned = rotated(picture, rotation_map(display))
@@ -151,7 +151,7 @@ def test_twice_is_nothing(grid):
 def test_each_cell_takes_the_best_centre(grid, rotation, ratio, eye, lattice):
     """By the rule, cell by cell: no integer pair within 1 of the one asked for keeps more pixels in the cell."""
     display = display_for(grid, rotation, (0.31, -0.12), ratio, width_px=61, height_px=47, eye=eye, lattice=lattice)
-    partner, (cell, centre) = rotation_map(display), cells_of(display)
+    partner, (cell, centre, _) = rotation_map(display), cells_of(display)
     width = display.panel.width_px
     for k, asked in enumerate(2.0 * centre - 1.0):
         own = {(int(p % width), int(p // width)) for p in np.flatnonzero(cell == k)}
@@ -178,6 +178,6 @@ def test_the_paper_s_displays(name):
 
     display = load_display(Path(__file__).parents[2] / f"scenes/displays/{name}.toml")
     partner = rotation_map(display)
-    cell = cells_of(display)[0]
+    cell = cells_of(display).cell
     assert np.array_equal(partner[partner], np.arange(len(partner)))
     assert np.array_equal(cell[partner], cell)

@@ -9,71 +9,129 @@ good pairs, the nearest. Pixels at the rim that would leave the cell stay where 
 So the map is an involution and a permutation of each cell's pixels, on every lattice, also a rotated or shifted one.
 The centre of rotation is at most half a pixel off the lenslet's centre in x and in y. On a square lattice that is not
 rotated, every cell inside the image is a rectangle of pixels, and all of it is rotated.
+
+**Speed.** Only pixels nearer to their cell's boundary than a pixel's diagonal can leave the cell, so only these are
+tried with every pair. On upright square cells m depends on the column only and n on the row only, so both are found
+from one row and one column of pixels.
 """
 
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lippmann.display.description import Display
 from lippmann.optics.backend import NumpyBackend
-from lippmann.optics.lattice import number_lenslets
-from lippmann.optics.rays import Floats, Indices
+from lippmann.optics.rays import Indices
 from lippmann.optics.system import System
 
 #: Rounding of pixel coordinates, pixels.
 ROUNDING = 1e-9
 
 
-def cells_of(display: Display) -> tuple[Indices, Floats]:
-    """Return the cell of each pixel, (height * width,), counted from 0, and the cells' centres, (cells, 2) pixels.
+class Cells(NamedTuple):
+    """The lenslets' cells on a panel; pixels are numbered row by row."""
 
-    A cell is a lenslet's elemental image. Its centre is the lenslet's, if no eye is near.
-    """
+    #: (height * width,) cell of each pixel, counted from 0.
+    cell: Indices
+    #: (cells, 2) pixel coordinates of the elemental images' centres: the lenslets', if no eye is near.
+    centre: npt.NDArray[np.float64]
+    #: (height * width,) whether a step of one pixel in x and one in y may leave the cell.
+    rim: npt.NDArray[np.bool_]
+
+
+def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice(None)) -> Cells:
+    """Return the elemental images of a display, or of some rows and columns: the panel's cells, one of each lenslet."""
     panel, system = display.panel, System.of(display)
     frame, lattice, convergence = system.frame, system.lattice, system.convergence
-    row, column = np.arange(panel.height_px)[:, np.newaxis], np.arange(panel.width_px)
+    row, column = np.arange(panel.height_px)[rows, np.newaxis], np.arange(panel.width_px)[np.newaxis, columns]
     point = frame.array_from_panel(*frame.panel_from_pixel(column + 0.5, row + 0.5))
-    i, j, *_ = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
-    lenslets, cell = number_lenslets(np.stack(np.broadcast_arrays(i, j), axis=-1).reshape(-1, 2).astype(np.int64))
-    cx, cy = lattice.centre(*lenslets.T.astype(float))
+    i, j, x, y = lattice.locate(NumpyBackend(), *convergence.towards_eye(*point))
+    # Numbers the cells that occur, in the order of (i, j).
+    first_i, first_j = int(i.min()), int(j.min())
+    span = int(np.ptp(j)) + 1
+    key = (i.astype(np.int64) - first_i) * span + (j.astype(np.int64) - first_j)
+    occurs = np.zeros(int(key.max()) + 1, bool)
+    occurs[key] = True
+    i, j = np.divmod(np.flatnonzero(occurs), span)
+    cx, cy = lattice.centre(i + float(first_i), j + float(first_j))
     x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
     centre = frame.panel_from_array(cx + x0, cy + y0)
-    return cell, np.stack(frame.pixel_from_panel(*centre), axis=1)
+    rim = np.zeros(key.shape, bool)
+    for ax, ay in lattice.axes:
+        step = float(np.abs(frame.turn(ax, ay)) @ panel.pitches_mm) * (1.0 + ROUNDING)
+        across = x if (ax, ay) == (1.0, 0.0) else y if (ax, ay) == (0.0, 1.0) else ax * x + ay * y
+        rim |= np.abs(across) > lattice.half_mm - step
+    return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 
 
 def rotation_map(display: Display) -> Indices:
     """Return the pixel that each pixel changes places with: (height * width,) pixel numbers, row by row."""
     width, height = display.panel.width_px, display.panel.height_px
-    cell, centre = cells_of(display)
+    system = System.of(display)
+    if system.lattice.grid == "square" and not system.lattice.shear and not system.frame.sin:
+        across, up = cells_of(display, rows=slice(1)), cells_of(display, columns=slice(1))
+        across.centre[:, 1] = up.centre[:, 0] = 0.5  # the middle of a picture that is one pixel high, or wide
+        of_columns, fixed_columns = _pairs(display, across, width, 1)
+        of_rows, fixed_rows = _pairs(display, up, 1, height)
+        column, row = np.arange(width), np.arange(height)[:, np.newaxis]
+        to_column = of_columns[across.cell, 0] - column
+        to_row = of_rows[up.cell, 1][:, np.newaxis] - row
+        table: Indices = to_row * width + to_column
+        table[fixed_rows] = row[fixed_rows] * width + column
+        table[:, fixed_columns] = row * width + column[fixed_columns]
+        return table.ravel()
+    cells = cells_of(display)
+    pairs, fixed = _pairs(display, cells, width, height)
+    # Pixel (c, r) is number r width + c, so its partner is number n width + m minus its own.
+    partner: Indices = (pairs[:, 0] + pairs[:, 1] * width)[cells.cell]
+    by_row = partner.reshape(height, width)  # in place, because new memory costs more than the subtraction
+    by_row -= np.arange(width)
+    by_row -= np.arange(height)[:, np.newaxis] * width
+    partner[fixed] = fixed
+    return partner
+
+
+def _pairs(display: Display, cells: Cells, width: int, height: int) -> tuple[Indices, Indices]:
+    """Return (m, n) of each cell in a picture of this size, (cells, 2), and the numbers of the pixels that stay."""
+    cell, centre, rim = cells
+    size = np.array([width, height])
     exact = 2.0 * centre - 1.0
     nearest = np.rint(exact)
-    partner = np.arange(height * width)
-    row, column = np.divmod(partner.astype(np.int32), np.int32(width))
-    size = np.bincount(cell)
+    # These may leave their cell: pixels at its rim, and all pixels of cells that the image's edge may cut.
+    reach = display.array.half_diagonal_mm * (1.0 + display.convergence) / min(display.panel.pitches_mm) + 2.0
+    cut = (np.abs(centre - size / 2.0) - size / 2.0).max(axis=1) > -reach
+    pixel = np.flatnonzero(rim | cut[cell])
+    row, column = np.divmod(pixel, width)
+    of_rim = cell[pixel]
+    best = nearest.astype(np.int64)
     count, miss = np.full(len(centre), -1), np.full(len(centre), np.inf)
+    cell_size = np.bincount(of_rim, minlength=len(centre))
+    stays = np.zeros(len(pixel), bool)
     for step in itertools.product((0, -1, 1), repeat=2):
         far = np.abs(nearest + step - exact)
         # The first pair is the nearest: where it brings all pixels onto the cell's own, no other is better.
-        candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < size)
-        pixel = np.flatnonzero(candidates[cell])
-        its_cell = cell[pixel]
-        m, n = (nearest + step).astype(np.int32)[its_cell].T
-        to_column, to_row = m - column[pixel], n - row[pixel]
+        candidates = (far.max(axis=1) <= 1.0 + ROUNDING) & (count < cell_size)
+        if not candidates.any():
+            continue
+        # Rim pixels of the cells for which this pair is within 1 of the exact pair.
+        rim_pixels = np.flatnonzero(candidates[of_rim])
+        its_cell = of_rim[rim_pixels]
+        m, n = (nearest + step).astype(np.int64)[its_cell].T
+        to_column, to_row = m - column[rim_pixels], n - row[rim_pixels]
         inside = (to_column >= 0) & (to_column < width) & (to_row >= 0) & (to_row < height)
-        target = np.where(inside, to_row * width + to_column, 0)
-        own = inside & (cell[target] == its_cell)
+        own = inside & (cell[np.where(inside, to_row * width + to_column, 0)] == its_cell)
         own_count = np.bincount(its_cell, own, len(centre)).astype(np.int64)
         off = np.hypot(*far.T)
         better = candidates & ((own_count > count) | ((own_count == count) & (off < miss)))
         count, miss = np.where(better, own_count, count), np.where(better, off, miss)
+        best[better] = (nearest + step).astype(np.int64)[better]
         improved = better[its_cell]
-        partner[pixel[improved]] = np.where(own, target, pixel)[improved]
-    return partner
+        stays[rim_pixels[improved]] = ~own[improved]
+    return best, pixel[stays]
 
 
 def rotated(picture: npt.NDArray[Any], partner: Indices) -> npt.NDArray[Any]:
