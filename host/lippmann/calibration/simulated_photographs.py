@@ -51,7 +51,9 @@ class Projection:
     def photograph(self, light: Light) -> Light:
         """Return the picture of a panel's linear light; both are (height, width), or (height, width, 3) in colour."""
         grey = light.ndim == 2 and len(self.matrices) == 1
-        planes = [light] if grey else [light[..., k] if light.ndim == 3 else light for k in range(COLOURS)]
+        planes = [light]
+        if not grey:
+            planes = [light[..., k] if light.ndim == 3 else light for k in range(COLOURS)]
         seen = [self.matrices[k % len(self.matrices)] @ plane.ravel() for k, plane in enumerate(planes)]
         pictures = [self.brightness * one.reshape(self.brightness.shape) for one in seen]
         return np.asarray(pictures[0] if grey else np.stack(pictures, axis=2), np.float32)

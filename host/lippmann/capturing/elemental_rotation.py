@@ -61,9 +61,8 @@ def cells_of(display: Display, rows: slice = slice(None), columns: slice = slice
     x0, y0 = convergence.on_panel(0.0, 0.0, cx, cy)
     centre = frame.panel_from_array(cx + x0, cy + y0)
     rim = np.zeros(key.shape, bool)
-    for ax, ay in lattice.axes:
-        step = float(np.abs(frame.turn(ax, ay)) @ panel.pitches_mm) * (1.0 + ROUNDING)
-        across = x if (ax, ay) == (1.0, 0.0) else y if (ax, ay) == (0.0, 1.0) else ax * x + ay * y
+    for axis, across in zip(lattice.axes, lattice.across(x, y), strict=True):
+        step = float(np.abs(frame.turn(*axis)) @ panel.pitches_mm) * (1.0 + ROUNDING)
         rim |= np.abs(across) > lattice.half_mm - step
     return Cells((np.cumsum(occurs) - 1)[key].ravel(), np.stack(frame.pixel_from_panel(*centre), axis=1), rim.ravel())
 

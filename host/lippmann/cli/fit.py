@@ -59,11 +59,15 @@ def command(
     display_fit = fit(display, (far, near), tolerance)
     build = None if display_fit.build is None else display_fit.build.as_dict()
     result = {
-        "tolerance": tolerance, "depths_mm": [far, near],
-        "model": display_fit.choice.model, "model_errors": display_fit.choice.error_px,
-        "samples": display_fit.samples, "sample_error": display_fit.sample_error_px,
-        "build": build, "build_error": display_fit.build_error_px,
-    }  # fmt: skip
+        "tolerance": tolerance,
+        "depths_mm": [far, near],
+        "model": display_fit.choice.model,
+        "model_errors": display_fit.choice.error_px,
+        "samples": display_fit.samples,
+        "sample_error": display_fit.sample_error_px,
+        "build": build,
+        "build_error": display_fit.build_error_px,
+    }
     lines = [str(display_fit.choice), _samples(display_fit, tolerance), _build(display_fit, tolerance)]
     if scene is not None:
         settings, checked = Settings(samples=16, seed=seed), check_scene_file(scene)

@@ -127,11 +127,14 @@ def _emit_result(
     share = np.mean([view.status_share["crosstalk"] for view in views])
     emit(
         {
-            "output": path, "sheet": sheet, "width_px": window.width_px, "height_px": window.height_px,
+            "output": path,
+            "sheet": sheet,
+            "width_px": window.width_px,
+            "height_px": window.height_px,
             "views": seen,
         },
         f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays",
-    )  # fmt: skip
+    )
 
 
 def _check_files(image: str, output: Path, sheet: Path | None, frames: int | None, moves: bool) -> Path:

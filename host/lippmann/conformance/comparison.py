@@ -172,7 +172,11 @@ class Comparison:
 
     def summary(self, name: str) -> FieldSummary:
         """Return the summary of one array."""
-        unit, scale = ("rays", 1.0) if name in INTEGERS else ("microradian" if name == "direction" else "nm", 1e6)
+        unit, scale = "nm", 1e6
+        if name in INTEGERS:
+            unit, scale = "rays", 1.0
+        elif name == "direction":
+            unit = "microradian"
         plain = ~self.edge
         far = self.far(name, self.fields[name], self.golden)[plain] * scale
         limit = self.limits[name][plain] * scale

@@ -85,8 +85,9 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
     Raises InputError when the scene cannot be read, or its own placement is invalid; to fit, when it is unbounded.
     """
     digest, rest = digest_of(film.scene), placement_beside(film.scene)
-    whole = None if scale == 1.0 else Placement(scale) if scale is not None else _fitting(film, rest, display)
+    whole = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
+        whole = _fitting(film, rest, display)
         # The film's own depths belong to its own size.
         film = replace(film, near_mm=None, far_mm=None)
     panel = display.panel

@@ -138,11 +138,22 @@ class Lattice:
         cx, cy = self.centre(i, j)
         return i, j, x - cx, y - cy
 
+    def across(self, x: Arr, y: Arr) -> list[Arr]:
+        """Return a point's coordinate along each of the lattice's `axes`."""
+
+        def along(ax: float, ay: float) -> Arr:
+            # A point on a side that runs along x or y must not be rounded off it.
+            if (ax, ay) == (1.0, 0.0):
+                return x
+            if (ax, ay) == (0.0, 1.0):
+                return y
+            return ax * x + ay * y
+
+        return [along(*axis) for axis in self.axes]
+
     def holds(self, x: Arr, y: Arr) -> Arr:
         """Tell whether a point, measured from a lenslet's centre, lies in its cell."""
-        half = self.half_mm
-        # A point on a side that runs along x or y must not be rounded off it.
-        across = [x if a == (1.0, 0.0) else y if a == (0.0, 1.0) else a[0] * x + a[1] * y for a in self.axes]
+        half, across = self.half_mm, self.across(x, y)
         inside = (across[0] >= -half) & (across[0] < half)
         for q in across[1:]:
             inside = inside & (q >= -half) & (q < half)

@@ -168,7 +168,11 @@ def packed(config: Configuration) -> bytes:
     length = 0
     # A packed struct's first field is the most significant.
     for field in reversed(fields(config)):
-        width = OFFSET_BITS if field.name in ("x_offset", "y_offset") else SLOPE_BITS if "_from_" in field.name else 32
+        width = 32
+        if field.name in ("x_offset", "y_offset"):
+            width = OFFSET_BITS
+        elif "_from_" in field.name:
+            width = SLOPE_BITS
         bits |= (getattr(config, field.name) & ((1 << width) - 1)) << length
         length += width
     return bits.to_bytes((length + 31) // 32 * 4, "little")
