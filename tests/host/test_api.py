@@ -274,13 +274,27 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
         ({"samples": 0}, "samples 0 is out of range"),
         ({"device": "tpu"}, "unknown device 'tpu'"),
         ({"placement": "x.toml"}, "placement must be a lippmann.Placement or None, not 'x.toml'"),
-        ({"memory_mb": float("nan")}, "--memory-mb nan is not a limit"),
+        ({"memory_mb": float("nan")}, r"memory_mb \(--memory-mb\) nan is not a limit"),
+        ({"kept": ""}, "kept is empty"),
         ({"memory_mb": 1.0}, "display 'case': panel.width_px, panel.height_px: an image of 60 x 40 pixels: needs"),
     ],
 )
 def test_bad_values(small, mi, values, said):
     with pytest.raises(InputError, match=said):
         lp.render("ball.xml", small, **{"device": "llvm", **values})
+
+
+def test_who_refuses_the_first_progress_lets_go_of_the_bands(small, mi, tmp_path):
+    """The caller holds the exception, as a notebook does."""
+
+    def refuse(done, total):
+        raise RuntimeError(f"{done} of {total}")
+
+    with pytest.raises(RuntimeError, match="0 of 40") as caught:
+        lp.render("ball.xml", small, device="llvm", kept=tmp_path / "new" / "kept", progress=refuse)
+    image = lp.render("ball.xml", small, device="llvm", kept=tmp_path / "new" / "kept")
+    assert image.radiance.shape == (40, 60, 3)
+    assert caught.value is not None
 
 
 @pytest.fixture

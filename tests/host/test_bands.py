@@ -367,7 +367,7 @@ def test_a_still_counts_the_rays_of_its_subpixels(place, mi):
 def test_a_limit_below_one_band_is_refused(place, narrow):
     whole, _ = still(place, Settings())
     small = replace(whole, options=replace(whole.options, settings=Settings(memory_mb=100.0)))
-    refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise --memory-mb"
+    refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise memory_mb (--memory-mb)"
     with pytest.raises(InputError, match=refusal):
         render_bands(place / "a.exr", small)
     assert not (place / "a.exr.bands").exists()

@@ -615,8 +615,8 @@ def test_a_panel_too_big_for_memory_or_disk(place, capfd, monkeypatch):
     words = ("render", "ball.xml", "--display", "huge.toml", "-o", "a.exr", "--near", "9", "--device", "llvm")
     lines = lippmann(capfd, *words, "--memory-mb", "600")[2].splitlines()
     # 500 MB, and for each pixel of the band 3 x 12 bytes of picture and 84 of what neighbours are given.
-    refusal = "lippmann: a band of 64 rows of 65535 pixels: needs 1004 MB, the limit is 600 MB; raise --memory-mb"
-    assert lines[-1] == refusal
+    refusal = "a band of 64 rows of 65535 pixels: needs 1004 MB, the limit is 600 MB; raise memory_mb (--memory-mb)"
+    assert lines[-1] == f"lippmann: {refusal}"
     monkeypatch.setattr("shutil.disk_usage", lambda place: SimpleNamespace(free=50e9))
     code, _, error = lippmann(capfd, *words)
     assert code == 3

@@ -206,6 +206,16 @@ def test_slight_errors_on_a_wide_panel_are_named(changes, says):
     assert (verdict.stage, verdict.fault) == ("lenslet" if "pitch_mm is 1" in says else "panel", says)
 
 
+@pytest.mark.parametrize("grid", ["square", "hex"])
+@pytest.mark.parametrize("turn", [3.0, -5.0])
+def test_an_upright_array_that_is_turned_is_named_by_its_turn(grid, turn):
+    """Turned by half a turn more, or a sixth, the lattice is the same: -177 degrees was named."""
+    display = changed(display_for(grid), rotation_deg=0.0)
+    pixels, aims = rays_for(display, 300)
+    verdict = judged(display, traced(changed(display, rotation_deg=turn), pixels, aims) | {"pixel": pixels})
+    assert (verdict.stage, verdict.fault) == ("panel", f"array.rotation_deg is {turn:g} for 0")
+
+
 @pytest.mark.parametrize("off", [-0.45, -0.3, 0.2, 0.35])
 def test_an_offset_is_found_however_small_it_should_be(off):
     display = display_for("square")

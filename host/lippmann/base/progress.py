@@ -29,9 +29,8 @@ def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[
 class RowProgress:
     """Reports the rows of a picture that are done, also those of the band that is being rendered."""
 
-    def __init__(self, progress: Progress | None, done: int, total: int) -> None:
-        self.done, self._total, self._progress = done, total, progress
-        self(0)
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self.done, self._total, self._progress = 0, total, progress
 
     def __call__(self, band_rows: int) -> None:
         """Report that so many rows of the next band are done."""
@@ -39,6 +38,6 @@ class RowProgress:
             self._progress(self.done + band_rows, self._total)
 
     def add(self, rows: int) -> None:
-        """Count the rows of a finished band, and report."""
+        """Count rows that are finished, and report."""
         self.done += rows
         self(0)

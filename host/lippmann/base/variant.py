@@ -39,7 +39,7 @@ def available_device(device: str = "auto") -> str:
         device = "cuda" if dr.has_backend(dr.JitBackend.CUDA) else "llvm"
     cuda = device == "cuda"
     if not dr.has_backend(dr.JitBackend.CUDA if cuda else dr.JitBackend.LLVM):
-        needs = "an NVIDIA driver: use --device llvm" if cuda else "a system libLLVM: run make setup"
+        needs = "an NVIDIA driver: use device llvm" if cuda else "a system libLLVM: run make setup"
         raise MissingLibraryError(f"device '{device}' is not available; it needs {needs}")
     return device
 
@@ -119,8 +119,9 @@ mi: Jit = _Lazy(mitsuba)
 
 def _loaded() -> ModuleType:
     """Import Mitsuba."""
-    if "mitsuba" in sys.modules:
-        return sys.modules["mitsuba"]
+    loaded = sys.modules.get("mitsuba")
+    if loaded is not None and hasattr(loaded, "variant"):  # not while another thread still imports it
+        return loaded
     try:
         with interrupts.held():
             import mitsuba as mi

@@ -167,7 +167,9 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
         candidates += [value + math.degrees(turn) for turn in near]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    best, width = min(sorted(candidates), key=loss), 0.02 * abs(unit)
+    # Turned by 60 or 180 degrees a lattice is the same but for rounding: the nearest of equal ones is taken.
+    best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
+    width = 0.02 * abs(unit)
     for _ in range(REFINEMENTS):
         best = min((best - width, best, best + width), key=loss)
         width *= 0.6

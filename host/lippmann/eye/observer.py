@@ -27,7 +27,7 @@ from lippmann.optics.backend import Arr, DrJitBackend
 from lippmann.optics.rays import Model, Status
 from lippmann.optics.sample_points import points_in_square
 from lippmann.optics.system import System
-from lippmann.optics.trace import PixelHits, pixels_from_rays
+from lippmann.optics.trace import PixelHits, check_model, pixels_from_rays
 from lippmann.optics.zones import FARTHEST_EYE_MM
 from lippmann.rendering.integral_image import Showable
 from lippmann.rendering.sampling import Window
@@ -119,11 +119,12 @@ def observe(
     are in memory. The view covers the window, with `samples` rays for each of its pixels. Without `crosstalk`, rays
     that land in a neighbour's cell see black.
 
-    Raises InputError when the image's size is not the panel's, or samples is out of range.
+    Raises InputError when the image's size is not the panel's, the model is unknown, or samples is out of range.
     """
     mi, dr = mitsuba(), drjit()
     panel = display.panel
     check_size(radiance, display)
+    check_model(model)
     samples, seed = whole_number("samples", samples, 1, 65536), whole_number("seed", seed, 0, 2**32 - 1)
     if 3 * panel.width_px * panel.height_px >= 2**32:
         raise InputError(f"the panel of '{display.name}' has more values than 32 bits can index; take a smaller one")

@@ -65,7 +65,7 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
     """Raise InputError, with the need and the limit, for an image whose buffers exceed the memory limit."""
     needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
     what = f"an image of {width_px} x {height_px} pixels"
-    check_memory_mb(needed, settings.memory_mb, what, "raise --memory-mb or take a smaller panel")
+    check_memory_mb(needed, settings.memory_mb, what, "raise memory_mb (--memory-mb) or take a smaller panel")
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
@@ -79,7 +79,7 @@ def check_band_memory(display: Display, bands: Sequence[range], settings: Settin
     """Raise InputError when a band for each of so many workers of this machine exceeds the memory limit."""
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
-    what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise --memory-mb"
+    what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise memory_mb (--memory-mb)"
     if workers > 1:
         each = " or --shading each" if settings.shading == "shared" else ""
         what, remedy = f"{what} for each of {workers} workers", f"{remedy}, or give fewer --workers{each}"

@@ -101,7 +101,7 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
     `render_on_cluster` where no scheduler with a worker answers.
     """
     if workers is not None and scheduler is not None:
-        raise InputError("--workers and --scheduler both say who renders; leave one out")
+        raise InputError("workers and scheduler both say who renders; leave one out")
     if workers is not None:
         return lambda bands, _: render_by_workers(whole_number("workers", workers, 1, MAX_WORKERS), device, bands)
     if scheduler is not None:

@@ -48,7 +48,7 @@ class Settings:
             raise InputError(f"unknown integrator '{self.integrator}'; choose lights, direct, path or scene")
         limit: object = self.memory_mb
         if limit is not None and not (isinstance(limit, int | float) and limit > 0.0):
-            raise InputError(f"--memory-mb {limit} is not a limit; give a number above 0")
+            raise InputError(f"memory_mb (--memory-mb) {limit} is not a limit; give a number above 0")
 
 
 ModelOption = Literal["auto", Model]

@@ -24,7 +24,7 @@ import numpy as np
 from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress import Progress, RowProgress
-from lippmann.errors import LippmannWarning, NoSpaceError, input_error
+from lippmann.errors import InputError, LippmannWarning, NoSpaceError, input_error
 from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
@@ -76,12 +76,14 @@ def render_into(sink: Sink, executor: Executor = render_here, progress: Progress
     `progress` is called with (rows there, rows in all). Raises what the executor raises, and InputError and
     NoSpaceError when the sink cannot store a band.
     """
-    missing = sink.missing_bands()
     total = sum(len(band.rows) for band in sink.bands)
-    report = RowProgress(progress, total - sum(len(band.rows) for band in missing), total)
-    planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
-    rays, prepare_seconds, started = 0, 0.0, time.perf_counter()
+    report = RowProgress(progress, total)
+    rays, prepare_seconds = 0, 0.0
     try:
+        missing = sink.missing_bands()
+        report.add(total - sum(len(band.rows) for band in missing))
+        planning_seconds = missing[0].plan.prepare_seconds if missing else 0.0
+        started = time.perf_counter()
         for rendered in executor(missing, report):
             sink.take(rendered)
             rows = len(rendered.band.rows)
@@ -148,9 +150,13 @@ class KeptBands:
         the disk has no room for the bands.
         """
         check_band_memory(plan.display, plan.bands, plan.options.settings)
-        _check_disk(folder, plan)
-        self._lock = FolderLock(folder, "choose another place with -o")
+        self._lock = FolderLock(folder, "choose another place for the picture")
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
+        try:
+            _check_disk(folder, plan)
+        except NoSpaceError:
+            self.release()
+            raise
         panel = plan.display.panel
         self.shape = panel.height_px, panel.width_px, 3
         self.metadata = plan.metadata
@@ -263,19 +269,24 @@ def render_picture(
     kept: str | Path | None = None,
     progress: Progress | None = None,
 ) -> IntegralImage:
-    """Render a plan and return its picture; `kept` is a folder for its finished bands. See `render_into`."""
+    """Render a plan and return its picture; `kept` is a folder for its finished bands. See `render_into`.
+
+    Raises InputError for an empty `kept`, too.
+    """
+    if kept == "":
+        raise InputError("kept is empty; give the path of a folder for the bands")
     sink: MemorySink | KeptBands = MemorySink(plan) if kept is None else KeptBands(Path(kept), plan)
     return sink.image(render_into(sink, executor, progress))
 
 
 def _check_disk(folder: Path, plan: Plan) -> None:
     """Raise NoSpaceError when a disk has no room for the bands of a plan that are not there yet."""
-    there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy")) if folder.is_dir() else 0
+    there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy"))
     needed = plan.display.panel.width_px * plan.display.panel.height_px * 3 * 4 - there
-    free = shutil.disk_usage(folder.parent).free
+    free = shutil.disk_usage(folder).free
     if needed > free:
         what = f"needs {needed / 1e6:.0f} MB on the disk, {free / 1e6:.0f} MB are free"
-        raise NoSpaceError.at(folder, what, "free space or choose another place with -o")
+        raise NoSpaceError.at(folder, what, "free space or choose another place for the picture")
 
 
 def bands_folder(path: Path) -> Path:

