@@ -368,7 +368,7 @@ def test_a_limit_below_one_band_is_refused(place, narrow):
     whole, _ = still(place, Settings())
     small = replace(whole, options=replace(whole.options, settings=Settings(memory_mb=100.0)))
     refusal = "a band of 64 rows of 46 pixels: needs 501 MB, the limit is 100 MB; raise memory_mb (--memory-mb)"
-    with pytest.raises(InputError, match=refusal):
+    with pytest.raises(InputError, match=re.escape(refusal)):
         render_bands(place / "a.exr", small)
     assert not (place / "a.exr.bands").exists()
 
@@ -525,7 +525,7 @@ def test_bands_that_are_left_are_told(place, narrow, capfd, caplog):
 def test_both_kinds_of_workers_are_refused(large, mi, monkeypatch, capfd):
     monkeypatch.chdir(large)
     assert run([*RENDER, "-o", "a.png", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"]) == 2
-    assert "--workers and --scheduler" in capfd.readouterr().err
+    assert "workers and scheduler both say who renders" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("engine", ["golden", "twin"])

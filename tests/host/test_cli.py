@@ -590,7 +590,7 @@ def test_unwritable_outputs(place, capfd, monkeypatch):
         (["--tolerance", "nan"], "tolerance.*not finite; give"),
         (["--tolerance", "0"], "tolerance 0 .*give"),
         (["--max-depth", "0"], "max depth 0 .*give"),
-        (["--memory-mb", "10"], r"tiny\.toml: panel\.width_px.*64 x 48.*raise --memory-mb or take a smaller panel"),
+        (["--memory-mb", "10"], r"tiny\.toml: panel\.width_px.*64 x 48.*raise memory_mb \(--memory-mb\) or take"),
         (["--scale", "nan"], "not finite; give"),
         (["--scale", "-1"], "scale -1 is out of range; give"),
         (["--rotate", "1,2"], "--rotate.*X,Y,Z"),
