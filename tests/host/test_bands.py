@@ -22,9 +22,7 @@ from lippmann.display.description import load_display
 from lippmann.errors import DeviceError, InputError, LippmannWarning, NoSpaceError
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import choose_shading, plan_film
-from lippmann.rendering import bands, renderer, sinks
-from lippmann.rendering import plan as plans
-from lippmann.rendering.executors import Band, local_workers, render_band, render_here, render_on_cluster
+from lippmann.rendering import bands, cache_key, renderer, sinks
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.plan import Job
 from lippmann.rendering.sinks import KeptBands, bands_folder, log_remaining_bands, render_into, render_picture
@@ -295,8 +293,8 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     digests = []
 
     def found():
-        plans.code_digest.cache_clear()
-        digests.append(plans.code_digest(package))
+        cache_key.code_digest.cache_clear()
+        digests.append(cache_key.code_digest(package))
 
     found()
     text = changed.read_text()
@@ -311,10 +309,10 @@ def test_other_code_of_the_same_version_is_told(place, tmp_path, monkeypatch):
     assert digests[3] == digests[0]
     assert digests[5] == digests[4]
     assert len(set(digests)) == 4
-    assert plans.code_digest(tmp_path / "none") == ""
+    assert cache_key.code_digest(tmp_path / "none") == ""
     before = still(place, SETTINGS[0])[0].identity
-    monkeypatch.setattr(plans, "code_digest", lambda folder: digests[1])
-    assert plans.pixel_versions()["lippmann"].endswith(digests[1])
+    monkeypatch.setattr(cache_key, "code_digest", lambda folder: digests[1])
+    assert cache_key.pixel_versions()["lippmann"].endswith(digests[1])
     assert still(place, SETTINGS[0])[0].identity != before
 
 

@@ -18,10 +18,11 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.motion.film import Film
 from lippmann.rendering.bands import bands_of
+from lippmann.rendering.cache_key import pixels_identity
 from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.options import RenderOptions
-from lippmann.rendering.plan import ScenePlan, choose_model, make_renderer, pixels_identity
+from lippmann.rendering.plan import ScenePlan, choose_model, make_renderer
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
 from lippmann.scenes.placement import Matrix, Placement, placement_beside

@@ -1,21 +1,17 @@
 """A job: what to draw for which display, with what may still be "auto"; and its plan, which decides that, once.
 
-A plan is a picture with all that its pixels depend on, so that any process can render any of its bands. Its identity is
-the key of these: a kept band, a frame of a film and a worker's renderer are used again where their key is the same, and
-nowhere else.
+A plan is a picture with all that its pixels depend on, so that any process can render any of its bands.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import importlib.metadata
-import json
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -29,6 +25,7 @@ from lippmann.optics import model_choice
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Model
 from lippmann.rendering.bands import bands_of
+from lippmann.rendering.cache_key import PIXEL_LIBRARIES, pixels_identity
 from lippmann.rendering.diagnostics import warn_of_unused_parts, warn_of_view
 from lippmann.rendering.integral_image import metadata_of
 from lippmann.rendering.options import RenderOptions
@@ -40,9 +37,9 @@ from lippmann.scenes.scene import Scene, arranged, check_scene_file, digest_of, 
 if TYPE_CHECKING:
     import mitsuba as mi
 
-
-#: The libraries that a picture's pixels depend on.
-PIXEL_LIBRARIES = ("mitsuba", "drjit")
+logger = logging.getLogger("lippmann")
+#: A scene: its path, what `lippmann.load_scene` returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
+SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 
 class BandRenderer(Protocol):
@@ -216,51 +213,6 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
         "version": __version__,
         **{name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES},
     }
-
-
-def pixels_identity(
-    digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
-) -> str:
-    """Return the hash, 16 hexadecimal digits, of all that a picture's pixels depend on.
-
-    `digest` is the scene's (`scenes.scene.digest_of`); `others` are what else they depend on, as JSON holds it.
-    """
-    arguments = asdict(options)
-    del arguments["settings"]["memory_mb"]
-    parts = {
-        "scene": digest,
-        "placement": asdict(placement),
-        "display": display.identity,
-        "options": arguments,
-        "versions": list(pixel_versions().values()),
-        **others,
-    }
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def pixel_versions() -> dict[str, str]:
-    """Return the versions of the packages that a picture's pixels depend on; Lippmann's includes its code's digest."""
-    others = {name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES}
-    return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
-
-
-@functools.cache
-def code_digest(folder: Path) -> str:
-    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files as they are when it is first asked for.
-
-    Between releases a version has many codes. "" without such files, as where only their compiled forms are installed.
-    """
-    digest = hashlib.sha256()
-    paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
-    for path in paths:
-        code = path.read_bytes()
-        digest.update(f"{path.relative_to(folder)} {len(code)}\n".encode() + code)
-    return f"+{digest.hexdigest()[:8]}" if paths else ""
-
-
-logger = logging.getLogger("lippmann")
-#: A scene: its path, what `lippmann.load_scene` returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
-SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 
 @contextlib.contextmanager
