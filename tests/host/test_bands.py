@@ -23,6 +23,7 @@ from lippmann.errors import DeviceError, InputError, LippmannWarning, NoSpaceErr
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import choose_shading, plan_film
 from lippmann.rendering import bands, cache_key, renderer, sinks
+from lippmann.rendering.executors import Band, local_workers, render_band, render_here, render_on_cluster
 from lippmann.rendering.options import RenderOptions, Settings
 from lippmann.rendering.plan import Job
 from lippmann.rendering.sinks import KeptBands, bands_folder, log_remaining_bands, render_into, render_picture
