@@ -10,7 +10,7 @@ import click
 import numpy as np
 import pytest
 from lippmann import errors
-from lippmann.cli import output, run
+from lippmann.cli import output, progress_bar, run
 from lippmann.motion.video import write_video
 from lippmann.rendering import executors as cluster
 from scene_cases import small_toml
@@ -60,14 +60,14 @@ def test_ordinary_text_stays():
 def log_lines(monkeypatch):
     """The lines that a progress bar logs, by a clock that moves on ten seconds at each report."""
     clock, lines = {"s": 0.0}, []
-    monkeypatch.setattr(output.time, "monotonic", lambda: clock["s"])
-    monkeypatch.setattr(output, "log", lines.append)
+    monkeypatch.setattr(progress_bar.time, "monotonic", lambda: clock["s"])
+    monkeypatch.setattr(progress_bar, "log", lines.append)
 
     def lines_of(reports, total, starts_s=0.0):
         clock["s"] = 0.0
         with click.Context(click.Command("x"), info_name="x") as context:
             context.params["as_json"] = True
-            with output.progress_bar("render") as progress:
+            with progress_bar.progress_bar("render") as progress:
                 clock["s"] = starts_s
                 for done in reports:
                     clock["s"] += 10.0
@@ -92,7 +92,7 @@ def test_the_remaining_time_is_not_estimated_from_what_comes_before_the_work(log
 
 
 def test_no_remaining_time_before_there_is_a_rate(log_lines, monkeypatch):
-    monkeypatch.setattr(output, "MIN_RATE_S", 15.0)
+    monkeypatch.setattr(progress_bar, "MIN_RATE_S", 15.0)
     assert log_lines((0, 6), 33_000, starts_s=25.0) == ["render: 0 % after 45 s"]
 
 

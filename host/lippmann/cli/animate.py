@@ -16,7 +16,8 @@ from lippmann.base.variant import start_mitsuba
 from lippmann.cli.frame import Folder, argument, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point
 from lippmann.cli.options_rendering import RENDERING
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.eye.observer import Eye, observe, whole_window

@@ -20,7 +20,8 @@ from lippmann.calibration.coded_patterns import FILE, PatternSet, Pixels, write_
 from lippmann.cli.frame import Folder, argument, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY_PATH, Point, finite
 from lippmann.cli.options_port import BAUD, opened_board
-from lippmann.cli.output import emit, log, progress_bar, with_progress
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar, with_progress
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, input_error
 from lippmann.optics.zones import status_share

@@ -18,7 +18,8 @@ from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options import DEVICE, SEED
 from lippmann.cli.options_rendering import SETTINGS
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import display_text
 from lippmann.errors import input_error
 from lippmann.rendering.options import Settings

@@ -28,7 +28,8 @@ from lippmann.board.tiles import Pixels
 from lippmann.board.virtual_loop import capturing, frames_differ
 from lippmann.cli.frame import Folder, make_command, option
 from lippmann.cli.options import DEVICE, SCENES, Point
-from lippmann.cli.output import emit, log, progress_bar, with_progress
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar, with_progress
 from lippmann.display.description import Display, Panel, load_display
 from lippmann.errors import DeviceError, InputError
 from lippmann.eye.observer import whole_window

@@ -23,7 +23,8 @@ from lippmann.cli.frame import Folder, argument, flag_of, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
 from lippmann.cli.options import DEVICE, DISPLAY, MAX_NUMBERS, SEED, Point, finite, vector
 from lippmann.cli.options_rendering import MOVED, Moved
-from lippmann.cli.output import emit, with_progress
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import with_progress
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.many_views import Viewer, eyes_of, focus_depths, image_viewer, scene_viewer

@@ -12,7 +12,8 @@ import click
 from lippmann.cli.frame import argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, SEED, TEXELS, vector
 from lippmann.cli.options_rendering import MOVED, Moved
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.conformance.fit import MOST_SAMPLES, Fit, fit
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error

@@ -17,7 +17,8 @@ from lippmann.base.images import check_output
 from lippmann.cli.frame import Folder, argument, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, SEED, TEXELS
 from lippmann.cli.options_rendering import LIGHT, MOVED, Moved
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
 from lippmann.errors import InputError, LippmannWarning, input_error
 from lippmann.fixed.scene_configuration import scene_words

@@ -14,7 +14,8 @@ from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_contact_
 from lippmann.base.images import SUFFIXES, check_output
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, LENS_MODEL, SEED, Point, vector
-from lippmann.cli.output import emit, log, with_progress
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import with_progress
 from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error
 from lippmann.eye.observer import Eye, View, whole_window

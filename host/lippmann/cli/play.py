@@ -12,7 +12,8 @@ from lippmann.board.film_player import Played, load_textures, play_film
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options import DISPLAY
 from lippmann.cli.options_port import OPEN_BOARD, OpenBoard
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
 from lippmann.errors import input_error
 from lippmann.layers.layers_folder import check_for_display, warn_of_depths

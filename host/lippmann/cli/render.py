@@ -16,7 +16,8 @@ from lippmann.base.variant import current_device
 from lippmann.cli.frame import argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY_PATH, SEED
 from lippmann.cli.options_rendering import MOVED, RENDERING, Moved
-from lippmann.cli.output import emit, progress_bar
+from lippmann.cli.output import emit
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.layers.layer_drawing import Filter, plan_layers

@@ -16,7 +16,8 @@ from lippmann.board.tiles import Pixels
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options import finite
 from lippmann.cli.options_port import BAUD, PORT, check_board, chosen_port
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, TransferName
 from lippmann.errors import NoBoardError, device_error
 

@@ -15,7 +15,8 @@ from lippmann.base.images import SUFFIXES, check_output, read_picture
 from lippmann.cli.frame import KINDS, argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point, finite
 from lippmann.cli.options_rendering import MOVED, Moved
-from lippmann.cli.output import emit, log, progress_bar
+from lippmann.cli.output import emit, log
+from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
 from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.eye.many_views import grid_of_eyes
