@@ -7,6 +7,7 @@ line calls these functions too.
 from __future__ import annotations
 
 import logging
+import math
 import tempfile
 import warnings
 import webbrowser
@@ -473,6 +474,9 @@ def view_page(
     """
     for frame in (image, *later):
         check_image(frame)
+    rate: object = frames_per_second
+    if not (isinstance(rate, int | float) and 0.1 <= rate < math.inf):
+        raise InputError(f"frames_per_second {rate} is out of range; give 0.1 or more")
     if scene is not None:
         with open_scene(scene, placement, device) as loaded:
             placed = place_scene(loaded, image.display, arrange)

@@ -17,7 +17,7 @@ from lippmann.fixed.configuration import Configuration, configuration
 from lippmann.fixed.conversion import pixels_of_words, rays_of_words, words_of_aims, words_of_pixels
 from lippmann.fixed.ray_pipeline import FixedRays, ray_pipeline
 from lippmann.fixed.words import WIDEST, Ints
-from lippmann.optics.rays import Engine, Floats, Model, Rays
+from lippmann.optics.rays import Engine, Floats, Model, Rays, check_fraction_bits
 from lippmann.optics.trace import checked_rays, trace_optics
 
 #: Words of pixels u, v and of aperture points a, b, (N,) each.
@@ -52,7 +52,7 @@ def trace(
     device
         Of the fast engine: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU when there is one.
     fraction_bits
-        Of twin and rtl: F, 14 to 23; the widest when left out.
+        Of twin and rtl alone: F, 14 to 23; the widest when left out.
 
     Raises
     ------
@@ -69,6 +69,7 @@ def trace(
         pipeline = ray_pipeline if engine == "twin" else rtl_pipeline
         f = WIDEST if fraction_bits is None else fraction_bits
         return trace_fixed(display, pixel, points, model, f, pipeline)
+    check_fraction_bits(fraction_bits, engine)
     return trace_optics(display, pixels, aperture, model, engine, device)
 
 

@@ -270,7 +270,7 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
     [
         ({"model": "thick"}, "unknown model 'thick'; choose from auto, pinhole"),
         ({"engine": "slow"}, "unknown engine 'slow'; choose from golden"),
-        ({"fraction_bits": 20}, "fraction bits belong to the engines twin and rtl"),
+        ({"fraction_bits": 20}, r"fraction_bits \(--fraction-bits\) belongs to the engines twin and rtl"),
         ({"samples": 0}, "samples 0 is out of range"),
         ({"device": "tpu"}, "unknown device 'tpu'"),
         ({"placement": "x.toml"}, "placement must be a lippmann.Placement or None, not 'x.toml'"),
@@ -282,6 +282,20 @@ def test_a_users_variant_neither_matters_nor_changes(small, mi, few_samples, var
 def test_bad_values(small, mi, values, said):
     with pytest.raises(InputError, match=said):
         lp.render("ball.xml", small, **{"device": "llvm", **values})
+
+
+@pytest.mark.parametrize("rate", [float("nan"), float("inf"), 0.0, -12.0, "12"])
+def test_a_page_of_no_frame_rate_is_refused(plain, place, rate):
+    with pytest.raises(InputError, match=r"frames_per_second .* is out of range; give 0\.1 or more"):
+        lp.view(plain, "page.html", frames_per_second=rate)
+    assert not Path("page.html").exists()
+
+
+@pytest.mark.parametrize("engine", ["golden", "fast"])
+@pytest.mark.parametrize("bits", [0, 18])
+def test_engines_without_a_word_length_refuse_one(small, engine, bits):
+    with pytest.raises(InputError, match=rf"fraction_bits .*belongs to the engines twin and rtl; leave it .*{engine}"):
+        lp.trace(small, [[0.5, 0.5]], engine=engine, fraction_bits=bits)
 
 
 def test_who_refuses_the_first_progress_lets_go_of_the_bands(small, mi, tmp_path):

@@ -112,14 +112,22 @@ def test_a_board_in_the_background_gets_the_options(tmp_path, monkeypatch):
 
     monkeypatch.setattr(sys, "argv", ["notebook", "--something", "--else"])
     monkeypatch.setattr(subprocess, "Popen", popen)
-    words = ["--background", f"--ready={ready}", "--trace-clocks", "5", "9", "--tcp-port=7", "--json"]
-    assert run(["board", "start", f"--display={tmp_path / 'small.toml'}", *words]) == 0
-    assert called[0][:6] == [sys.executable, "-P", "-m", "lippmann", "board", "start"]
-    given = " ".join(called[0][6:])
-    for part in (f"--display={tmp_path / 'small.toml'}", f"--ready={ready}", "--trace-clocks 5 9", "--tcp-port=7"):
-        assert part in given
-    assert "--background" not in given
-    assert given.endswith("--json")
+    words = [f"--display={tmp_path / 'small.toml'}", f"--ready={ready}", "--layers", "2", "--slot=64x48", "--bilinear"]
+    words += ["--samples", "2", "--trace-clocks", "5", "9", "--memory", "sdram", "--tcp-port=7", "--fraction-bits=18"]
+    for asked in (["--background", *words, "--json"], ["--json", *words, "--background"], [*words, "--background"]):
+        assert run(["board", "start", *asked]) == 0
+        given = called.pop()
+        assert given[:6] == [sys.executable, "-P", "-m", "lippmann", "board", "start"]
+        # As in the foreground, and with --json: an error is the last line of the log.
+        assert parsed(given[6:]) == parsed([*words, "--json"])
+        assert given[-1] == "--json"
+        ready.unlink()
+
+
+def parsed(words):
+    """Return the options of `board start` by name; the display, which is read later, by its file."""
+    params = command.start_command.make_context("start", list(words)).params
+    return params | {"display": params["display"].args}
 
 
 def test_processes_that_need_the_same_build_make_it_once(tmp_path):

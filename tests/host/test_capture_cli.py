@@ -125,7 +125,7 @@ def test_vignetting_is_told(place, capfd, mi):
         ("width_px = 400\nheight_px = 300", "width_px = 24\nheight_px = 24", (), "2.4 lenslets across the display"),
         ("", "", ("--display-out", "s.toml"), "s.toml: exists already"),
         ("", "", ("--aperture", "chief"), "aperture is for a [pickup]"),
-        ("", "", ("--memory-mb", "nan"), "not finite; give a number"),
+        ("", "", ("--memory-mb", "nan"), "'--memory-mb': 'nan' is not finite; give a number"),
         ("", "", ("-o", "out.jpg"), "unknown extension"),
         ("", "", ("--samples", "0"), "samples 0 is out of range"),
         ("", "", ("--setup", "none.toml"), "none.toml: no such file; give the path of a set-up file"),

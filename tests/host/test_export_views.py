@@ -183,7 +183,7 @@ def test_a_focal_stack_is_sharp_at_its_depths(mi, place, capfd):
         (("quilt", "none.png", "-o", "b.png"), "no such image"),
         (("quilt", "balls.xml", "-o", "b.gif"), "unknown extension '.gif'"),
         (("views", "balls.xml", "-o", "v", "--cone", "150"), "the cone of 150 degrees is out of range"),
-        (("focal-stack", "balls.xml", "-o", "v", "--depths", "1,x"), "'1,x' is not Z,Z,...; give a list of numbers"),
+        (("focal-stack", "balls.xml", "-o", "v", "--depths", "1,x"), "'--depths': '1,x' is not Z,Z,...; give a list"),
         (("focal-stack", "balls.xml", "-o", "v", "--depths", "9999"), "the focus is behind the eye"),
         (("depth", "balls.xml", "-o", "z.tif", "--offset", "50,0,0"), "the eye sees no surface"),
         (("depth", "balls.xml", "-o", "z.exr"), "unknown extension '.exr'"),

@@ -1,5 +1,6 @@
 """What an installation without extras does, and what it says of those that are missing."""
 
+import json
 import re
 import subprocess
 import sys
@@ -70,6 +71,21 @@ def test_rays_twin_vectors_and_regress_need_no_extra(tmp_path):
     np.savez(tmp_path / "wrong.npz", **wrong)
     done = lippmann(tmp_path, EXTRA_MODULES, "regress", "--display", DISPLAY, "--rays", "wrong.npz", "--junit", "j.xml")
     assert done.returncode == 4, done.stderr
+
+
+def test_doctor_lists_what_is_missing(tmp_path):
+    done = lippmann(tmp_path, EXTRA_MODULES, "doctor", "--port", "socket://127.0.0.1:1", "--json")
+    checks = {check["check"]: check for check in json.loads(done.stdout)["checks"]}
+    assert done.returncode == 3, done.stderr
+    assert {"python", "numpy", "pyserial", "memory", "verilator", "povray"} <= set(checks)
+    for name, module, extra in (
+        ("mitsuba on llvm", "mitsuba|drjit", "render"),
+        ("socket://127.0.0.1:1", "serial|cobs|qoi", "board"),
+    ):
+        assert not checks[name]["ok"]
+        assert checks[name]["needed"]
+        what = rf"({module}) cannot be imported \(.*\); run pip install 'lippmann\[{extra}\]'"
+        assert re.fullmatch(what, checks[name]["detail"])
 
 
 @pytest.mark.parametrize(

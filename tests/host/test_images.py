@@ -423,6 +423,30 @@ def test_metadata_with_line_breaks_stay(tmp_path, suffix):
     assert read_picture(tmp_path / f"a{suffix}").metadata.items() >= metadata.items()
 
 
+@pytest.mark.parametrize("suffix", [".tif", ".exr"])
+@pytest.mark.parametrize("tile", [(0, 0), (64, 48), (16, 160)], ids=str)
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_other_programs_files_are_read_by_rows_and_whole(tmp_path, suffix, tile, channels):
+    """Scanlines and tiles, whose rows are no multiple of a band; the data window of an EXR begins anywhere."""
+    values = generator(SEED, "tiles", channels).random((150, 100, channels), np.float32)
+    spec = oiio.ImageSpec(100, 150, channels, oiio.FLOAT)
+    spec.tile_width, spec.tile_height = tile
+    spec.x, spec.y = (-7, 9) if suffix == ".exr" else (0, 0)
+    path = tmp_path / f"other{suffix}"
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec), out.geterror()
+    assert out.write_image(values), out.geterror()
+    assert out.close(), out.geterror()
+    expected = np.broadcast_to(values, (150, 100, 3)) if channels == 1 else values[:, :, :3]
+    assert np.array_equal(read_picture(path).radiance, expected)
+    with StoredRows(path, (100, 150)) as rows:
+        for first, last in ((0, 3), (2, 70), (47, 49), (100, 150), (149, 150), (5, 5), (0, 150)):
+            assert np.array_equal(rows[first:last], expected[first:last])
+        assert np.array_equal(rows[-1], expected[-1])
+        assert np.array_equal(rows[::3, 2:5], expected[::3, 2:5])
+        assert np.array_equal(np.asarray(rows), expected)
+
+
 def test_rows_on_disk_are_closed_with_their_block(tmp_path):
     values = np.linspace(0.0, 1.0, 128 * 4 * 3, dtype=np.float32).reshape(128, 4, 3)
     write_picture(tmp_path / "a.tif", values, {})

@@ -286,6 +286,7 @@ def test_draw_returns_an_image_whose_png_has_the_panel_s_bytes(tmp_path):
         ({"engine": "twin", "fraction_bits": "16"}, '"16" is not valid; give a whole number from 14 to 23'),
         ({"engine": "twin", "fraction_bits": 16.0}, "fraction_bits: 16 is not valid; give a whole number from 14"),
         ({"engine": "twin", "fraction_bits": 0}, "fraction_bits: 0 is not valid; give a whole number from 14 to 23"),
+        ({"engine": "golden", "fraction_bits": 16}, "belongs to the engines twin and rtl; leave it out with golden"),
         ({"engine": "fast"}, "layers are not drawn by engine 'fast'; choose from golden, twin, rtl"),
         ({"model": "thick"}, "unknown model 'thick'"),
     ],

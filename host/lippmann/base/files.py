@@ -147,17 +147,17 @@ def on_full_disk(path: Path) -> str | None:
     return None
 
 
-def not_written(path: Path, why: OSError | str = "", tried: Path | None = None) -> LippmannError:
+def not_written(path: Path, why: OSError | str = "", partial: Path | None = None) -> LippmannError:
     """Return the error of a file or folder that the system, or a library, did not write: a full disk, or refused.
 
-    A library, and numpy's errors, do not say why in numbers: a little more is written to `tried`, the file that it was
-    writing, to tell whether the disk is full.
+    A library, and numpy's errors, do not say why in numbers: a little more is written to `partial`, the file that it
+    was writing, to tell whether the disk is full.
     """
     reason = why if isinstance(why, str) else why.strerror or str(why)
-    if isinstance(why, OSError) and (why.errno is not None or tried is None):
+    if isinstance(why, OSError) and (why.errno is not None or partial is None):
         full = reason if is_full(why) else None
     else:
-        full = on_full_disk(tried or path)
+        full = on_full_disk(partial or path)
     if full is not None:
         return no_space(str(path), full)
     return input_error(str(path), f"cannot be written ({reason})", "free space or choose another place")

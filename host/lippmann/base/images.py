@@ -366,21 +366,24 @@ class StoredRows:
         kept = self._rows[max(0, first - self._first) :][: last - first] if first >= self._first else self._rows[:0]
         rows = np.empty((last - first, *self.shape[1:]), np.float32)
         rows[: len(kept)] = kept
-        # OpenImageIO gives no scanlines of a file of tiles, only all of it.
-        kind, tiled = openimageio().FLOAT, self._spec.tile_width > 0
-        channels = 3 if self._spec.nchannels >= 3 else 1
+        spec, kind = self._spec, openimageio().FLOAT
+        channels = 3 if spec.nchannels >= 3 else 1
+        # OpenImageIO reads no scanlines of a file of tiles, only whole rows of tiles.
+        tile = spec.tile_height if spec.tile_width else 1
         with _quiet(self._path):
-            for low in range(first + len(kept), last, self.shape[0] if tiled else BAND_ROWS):
-                high = last if tiled else min(low + BAND_ROWS, last)
-                if tiled:
-                    pixels = self._source.read_image(0, 0, 0, channels, kind)
+            for low in range(first + len(kept), last, BAND_ROWS):
+                high = min(low + BAND_ROWS, last)
+                top, bottom = low - low % tile, min(high + -high % tile, spec.height)
+                y = spec.y + top, spec.y + bottom
+                if spec.tile_width:
+                    pixels = self._source.read_tiles(spec.x, spec.x + spec.width, *y, 0, 1, 0, channels, kind)
                 else:
-                    pixels = self._source.read_scanlines(0, 0, low, high, 0, 0, channels, kind)
+                    pixels = self._source.read_scanlines(0, 0, *y, 0, 0, channels, kind)
                 if pixels is None:
                     trouble = _first_line(self._source.geterror(), self._path)
                     raise input_error(str(self._path), f"is truncated or broken ({trouble})", "render it again")
                 band = rows[low - first : high - first]
-                band[:] = pixels[low:high] if tiled else pixels
+                band[:] = pixels[low - top : high - top]
                 _decode_rows(self._path, band, self.metadata)
         rows.setflags(write=False)
         self._first, self._rows = first, rows

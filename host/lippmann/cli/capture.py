@@ -28,7 +28,7 @@ from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
 
 #: The settings of a render that `lippmann.capture` takes.
-SETTINGS_GIVEN = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
+CAPTURE_SETTINGS = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
 
 
 @make_command("capture")
@@ -69,7 +69,7 @@ def command(
     warn_if_unplaced(scene_file)
     scene = api.load_scene(scene_file, placement_before(setup, scene_file, setup_path), device)
     with progress_bar("capture") as progress:
-        chosen = {name: getattr(settings, name) for name in SETTINGS_GIVEN}
+        chosen = {name: getattr(settings, name) for name in CAPTURE_SETTINGS}
         image = api.capture(scene, setup, rotate=rotate, aperture=aperture, progress=progress, **chosen)
     image.save(path)
     if display_out is not None:

@@ -5,22 +5,27 @@ from __future__ import annotations
 import importlib.metadata
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from lippmann import __version__
 from lippmann.base.machine import free_memory_mb, machine_name
 from lippmann.base.variant import mitsuba, start_mitsuba
-from lippmann.board.bitstreams import LOADER
-from lippmann.board.board import baud_of_board
-from lippmann.board.fpga_boards import board_of_port, fpga_boards
-from lippmann.board.port import SCHEMES, adapter_ports, port_info, port_trouble, ports
 from lippmann.capturing.povray_export import POVRAY
 from lippmann.cli.frame import make_command, option
 from lippmann.cli.output import emit
-from lippmann.errors import EXTRA_MODULES, DeviceError, InputError, LippmannError, MissingLibraryError, to_install
+from lippmann.errors import EXTRA_MODULES, DeviceError, LippmannError, MissingLibraryError, missing_library, to_install
 from lippmann.simulation.toolchain import RTL_TOOLS
 
+#: The error of a machine without the libraries of ports; None where they are installed.
+NO_PORTS: MissingLibraryError | None = None
+try:
+    from lippmann.board.bitstreams import LOADER
+    from lippmann.board.board import baud_of_board
+    from lippmann.board.fpga_boards import board_of_port, fpga_boards
+    from lippmann.board.port import SCHEMES, adapter_ports, port_info, port_trouble, ports
+except ImportError as error:
+    NO_PORTS = missing_library(error)
 NO_ANSWER = "the port opens, but no board answers at any baud rate; check the board's power and the cable"
 
 
@@ -57,25 +62,19 @@ def command(
         except LippmannError as error:
             check(f"mitsuba on {device}", False, str(error), needed)
     check("memory", free_memory_mb() > 2000.0, f"{free_memory_mb():.0f} MB free")
-    for tool in (*RTL_TOOLS, LOADER, POVRAY):
+    for tool in (*RTL_TOOLS, POVRAY) if NO_PORTS else (*RTL_TOOLS, LOADER, POVRAY):
         at = tool.find()
         check(tool.name, at is not None, f"{tool.purpose}; {at or f'missing: {tool.remedy}'}", needed=False)
-    try:
-        fpga_boards()
-    except InputError as error:  # of a reader's own board: the ports are looked at all the same
-        check("board files", False, str(error), needed=False)
-    adapters = adapter_ports()
-    for url in ports():
-        # Opening a port moves its control lines, which resets some devices.
-        trouble = port_trouble(url) if url in adapters else None
-        detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
-        check(url, trouble is None, f"{_board_text(url)}{trouble or detail}", needed=False)
+    if NO_PORTS is None:
+        _check_ports(check)
     code = 0 if all(c["ok"] for c in checks if c["needed"]) else MissingLibraryError.exit_code
     if port is not None:
-        trouble = port_trouble(port)
+        trouble = NO_PORTS or port_trouble(port)
         rate = None if trouble else baud_of_board(port)
-        answers = "a board answers" if port.startswith(SCHEMES) else f"a board at {rate} baud"
-        check(port, rate is not None, str(trouble or (answers if rate else NO_ANSWER)))
+        answer = str(trouble or NO_ANSWER)
+        if rate is not None:
+            answer = "a board answers" if port.startswith(SCHEMES) else f"a board at {rate} baud"
+        check(port, rate is not None, answer)
         if rate is None:
             code = code or (trouble or DeviceError).exit_code
 
@@ -85,6 +84,20 @@ def command(
         lines.append(f"{mark:<8}{c['check']:<19} {c['detail']}")
     emit({"ok": not code, "version": __version__, "machine": machine_name(), "checks": checks}, lines)
     return code
+
+
+def _check_ports(check: Callable[..., None]) -> None:
+    """Check the files of boards, and the serial ports of known adapters."""
+    try:
+        fpga_boards()
+    except LippmannError as error:  # of a reader's own board: the ports are looked at all the same
+        check("board files", False, str(error), needed=False)
+    adapters = adapter_ports()
+    for url in ports():
+        # Opening a port moves its control lines, which resets some devices.
+        trouble = port_trouble(url) if url in adapters else None
+        detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
+        check(url, trouble is None, f"{_board_text(url)}{trouble or detail}", needed=False)
 
 
 def _board_text(url: str) -> str:

@@ -27,10 +27,11 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
     def read(text: str) -> tuple[float, ...]:
         try:
             numbers = tuple(map(number, text.split(separator)))
-        except ValueError:
-            numbers = ()
-        right = 1 <= len(numbers) <= MAX_NUMBERS if form.endswith("...") else len(numbers) == size
-        if not right or not all(map(math.isfinite, numbers)):
+            right = 1 <= len(numbers) <= MAX_NUMBERS if form.endswith("...") else len(numbers) == size
+            right = right and all(map(math.isfinite, numbers))
+        except (ValueError, OverflowError):  # an integer beyond every float
+            right = False
+        if not right:
             how = remedy or f"give {size} {'whole' if number is int else 'finite'} numbers with commas"
             raise ValueError(f"'{text}' is not {form}; {how}")
         return numbers
@@ -42,7 +43,7 @@ def finite(least: float = -math.inf) -> Kind:
     """Return the type of a finite number, at least `least`."""
 
     def read(text: str) -> float:
-        number = float(text)
+        number: float = click.FLOAT(text)
         if not math.isfinite(number):
             raise ValueError(f"'{text}' is not finite; give a number")
         if number < least:
@@ -70,6 +71,10 @@ FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
 def word_length(what: str, default: int = WIDEST) -> Any:
     """Declare the option --fraction-bits; `what` names the things whose word length it is."""
     return option(f"Word length of {what}.", default, FRACTION_BITS)
+
+
+#: The option --fraction-bits of commands that choose an engine.
+ENGINE_BITS = option(f"Word length of the engines twin and rtl.  [default: {WIDEST}]", None, FRACTION_BITS)
 
 
 def shipped_scenes(path: str) -> Path:

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from lippmann.cli.frame import flag_of, option
-from lippmann.cli.options import FRACTION_BITS, Point
+from lippmann.cli.options import ENGINE_BITS, Point
 from lippmann.display.description import Display
 from lippmann.errors import InputError
-from lippmann.fixed.words import WIDEST
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.optics.rays import Engine
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings, Shading
@@ -53,9 +52,7 @@ def _render_options(
     model: ModelOption = option("Lens model; auto chooses the cheapest within the tolerance.", "auto"),
     tolerance: float = option("Error that auto allows, pixels of the reconstructed view; above 0.", TOLERANCE),
     engine: Engine = option("Traces the rays through the lenslets; rtl shows what the FPGA would show.", "fast"),
-    fraction_bits: int | None = option(
-        f"Word length of the engines twin and rtl.  [default: {WIDEST}]", None, FRACTION_BITS
-    ),
+    fraction_bits: int | None = ENGINE_BITS,
     aperture: Aperture = option("Chief rays, or rays over the whole lenslet.", "chief"),
     settings: Settings = SETTINGS,
 ) -> RenderOptions:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -35,7 +36,7 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display 
         result = {"display": display.name, "identity": display.identity, **result}
     if as_json():
         # JSON has no infinities and no NaN: they become null.
-        finite = json.loads(json.dumps(result, default=str), parse_constant=lambda _: None)
+        finite = json.loads(json.dumps(result, default=os.fspath), parse_constant=lambda _: None)
         click.echo(json.dumps(finite))
     else:
         click.echo(printable(text if isinstance(text, str) else "\n".join(text)))

@@ -11,13 +11,12 @@ from typing import Any, Literal
 import click
 import numpy as np
 import numpy.typing as npt
-from click.core import ParameterSource
 
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
 from lippmann.cli.frame import make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, LENS_MODEL, SEED, word_length
+from lippmann.cli.options import DEVICE, DISPLAY, ENGINE_BITS, LENS_MODEL, SEED
 from lippmann.cli.output import emit
 from lippmann.display.description import Display
 from lippmann.engines import trace
@@ -44,7 +43,7 @@ def command(
         metavar="N|FILE",
     ),
     aperture: Literal["chief", "full"] = option("Chief rays, or random points over the lenslet's cell.", "chief"),
-    fraction_bits: int = word_length("the engines twin and rtl"),
+    fraction_bits: int | None = ENGINE_BITS,
     wavelength_nm: float | None = option("nm; the array must name its glass.", None, flag="--wavelength"),
     seed: int = SEED,
     device: str = DEVICE,
@@ -58,9 +57,6 @@ def command(
 
     Example: lippmann trace --display scenes/displays/paper-square.toml --engine fast --pixels 1000 -o rays.npz
     """
-    ctx = click.get_current_context()
-    if engine in ("golden", "fast") and ctx.get_parameter_source("fraction_bits") == ParameterSource.COMMANDLINE:
-        raise click.UsageError(f"--fraction-bits belongs to the engines twin and rtl; leave it out with {engine}")
     if engine != "fast" and device == "cuda":
         raise click.UsageError(f"--device cuda belongs to the engine fast; leave it out with {engine}")
     path = check_output(output, (".npz",))

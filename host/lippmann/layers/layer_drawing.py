@@ -273,7 +273,6 @@ def plan_layers(
         raise InputError(f"layers are not drawn by engine '{engine}'; choose from {', '.join(LAYER_ENGINES)}")
     if model not in MODELS:
         raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
-    bits = None if engine == "golden" else fraction_bits
-    options = RenderOptions(model, engine=engine, fraction_bits=bits, settings=Settings(samples))
+    options = RenderOptions(model, engine=engine, fraction_bits=fraction_bits, settings=Settings(samples))
     bands = tuple(bands_of(display.panel.width_px, display.panel.height_px, samples, "llvm"))
     return LayerPlan(display, options, bands, stack, filter)

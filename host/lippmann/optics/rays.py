@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base.toml import documented, key
+from lippmann.errors import InputError
 from lippmann.optics.backend import Arr
 
 Model = Literal["pinhole", "thin", "paraxial", "exact"]
@@ -30,6 +31,13 @@ class Status(IntEnum):
     INTERNAL_REFLECTION = 2
     BLOCKED = 3
     CROSSTALK = 4
+
+
+def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
+    """Refuse a word length for an engine that has none."""
+    if fraction_bits is not None and engine in ("golden", "fast"):
+        what = "fraction_bits (--fraction-bits) belongs to the engines twin and rtl"
+        raise InputError(f"{what}; leave it out with {engine}")
 
 
 def gets_through(status: Arr) -> Arr:

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from lippmann.errors import InputError, whole_number
 from lippmann.optics.model_choice import TOLERANCE
-from lippmann.optics.rays import ENGINES, MODELS, Engine, Model
+from lippmann.optics.rays import ENGINES, MODELS, Engine, Model, check_fraction_bits
 from lippmann.rendering.sampling import APERTURES, Aperture
 
 Shading = Literal["auto", "each", "shared"]
@@ -75,5 +75,4 @@ class RenderOptions:
         for what, name, names in (("model", self.model, MODEL_OPTIONS), ("engine", self.engine, ENGINES)):
             if name not in names:
                 raise InputError(f"unknown {what} '{name}'; choose from {', '.join(names)}")
-        if self.fraction_bits is not None and self.engine in ("golden", "fast"):
-            raise InputError(f"fraction bits belong to the engines twin and rtl; leave them out with {self.engine}")
+        check_fraction_bits(self.fraction_bits, self.engine)
