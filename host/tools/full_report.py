@@ -22,8 +22,8 @@ from lippmann.base.tones import psnr_db
 from lippmann.cli import run
 from lippmann.cli.frame import make_command
 from lippmann.cli.report import ReportOptions, write_report
-from lippmann.conformance import engine_speeds
-from lippmann.conformance.engine_speeds import Pictures, Section, errors, in_turn, words_of_chief_rays
+from lippmann.conformance import engine_report
+from lippmann.conformance.engine_report import Pictures, Section, errors, in_turn, words_of_chief_rays
 from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, groups, read_csv, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
@@ -52,7 +52,7 @@ KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 
 
 @dataclass(frozen=True)
-class Plan(engine_speeds.Plan):
+class Plan(engine_report.Plan):
     """Sizes of a run."""
 
     #: Word lengths whose exact pipelines are measured, and whether all named configurations are, or only four.
@@ -78,7 +78,7 @@ class Plan(engine_speeds.Plan):
 WHOLE = Plan()
 #: For tests, and for a first look.
 QUICK = Plan(
-    **dataclasses.asdict(engine_speeds.QUICK),
+    **dataclasses.asdict(engine_report.QUICK),
     fraction_bits=(16, 23),
     named=False,
     noise_px=64,
@@ -99,7 +99,7 @@ def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
     measured = (scenes, plan, seed)
     builds = (draw_costs, draw_word_lengths)
     return [
-        *engine_speeds.display_sections(*measured),
+        *engine_report.display_sections(*measured),
         Section("rtl", partial(measure_builds, *measured), builds),
         Section("noise", partial(renderer_speed.measure_noise, *measured), (renderer_speed.draw_renderer,)),
         Section("growth", partial(renderer_speed.measure_growth, *measured), (renderer_speed.draw_growth,)),
@@ -147,7 +147,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
         for c in chosen
         if plan.simulate and c.name in SIMULATED
     }
-    rates = in_turn({name: engine_speeds.rtl_rate(run) for name, run in runs.items()}, plan.rounds)
+    rates = in_turn({name: engine_report.rtl_rate(run) for name, run in runs.items()}, plan.rounds)
 
     @cache
     def pictures(display: Display) -> Pictures:
@@ -162,7 +162,7 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
         logger.info("configurations of the RTL: %s ...", named.name)
         build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
         aperture: Aperture = "full" if build.aims else "chief"
-        sample = engine_speeds.random_rays(display, aperture, plan.rays, seed)
+        sample = engine_report.random_rays(display, aperture, plan.rays, seed)
         words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
         found = errors(sample.trace(), twin, pictures(display).scene.depth_range_mm)
@@ -255,7 +255,7 @@ def main(options: ReportOptions = ReportOptions) -> None:  # type: ignore[assign
         placed()  # a missing file is told before anything is measured
         plan, words = QUICK if options.quick else WHOLE, f"python -m tools.full_report {options.words()}"
         sections = make_sections(scenes, plan, options.seed)
-        return engine_speeds.make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)
+        return engine_report.make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)
 
     write_report(options, TABLES, measure)
 

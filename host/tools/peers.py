@@ -28,7 +28,7 @@ from lippmann.capturing.capture import capture_source, rays_from_picture
 from lippmann.capturing.capture_setup import Setup, load_setup
 from lippmann.capturing.povray_export import POVRAY, Exported, write_folder
 from lippmann.capturing.povray_optics import setup_view
-from lippmann.conformance.engine_speeds import in_turn
+from lippmann.conformance.engine_report import in_turn
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot
 from lippmann.optics.backend import NumpyBackend

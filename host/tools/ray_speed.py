@@ -17,7 +17,7 @@ from lippmann import load_layers
 from lippmann.board.board import QUERY_S
 from lippmann.board.drawn_scene import SceneBoard
 from lippmann.board.virtual_loop import capturing
-from lippmann.conformance.engine_speeds import Plan, measure_rays, rtl_rate, timed, words_of_chief_rays
+from lippmann.conformance.engine_report import Plan, measure_rays, rtl_rate, timed, words_of_chief_rays
 from lippmann.display.description import Display, load_display
 from lippmann.fixed.build import Build
 from lippmann.fixed.drawn_frame import draw

@@ -24,7 +24,7 @@ import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.conformance.engine_speeds import in_turn, middle
+from lippmann.conformance.engine_report import in_turn, middle
 from lippmann.conformance.figures import Figures, Measured, groups, values
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Array, Display, display_text, load_display

@@ -23,7 +23,7 @@ from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import drjit, mitsuba
 from lippmann.capturing.capture import capture, placement_before
 from lippmann.capturing.capture_setup import load_setup
-from lippmann.conformance.engine_speeds import EYE_MM, VIEW_SAMPLES, middle
+from lippmann.conformance.engine_report import EYE_MM, VIEW_SAMPLES, middle
 from lippmann.conformance.figures import Rows, groups
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import Plot, finish_picture, make_axes

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lippmann.conformance.engine_speeds import in_turn
+from lippmann.conformance.engine_report import in_turn
 from lippmann.conformance.figures import Figures, Measured, compare, has_moved, read_figures, read_stored, write_csv
 from lippmann.conformance.pages import TEMPLATES, Page
 from lippmann.errors import InputError

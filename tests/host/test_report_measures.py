@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 from lippmann.base.tones import decode
-from lippmann.conformance import engine_speeds
-from lippmann.conformance.engine_speeds import middle
+from lippmann.conformance import engine_report
+from lippmann.conformance.engine_report import middle
 from lippmann.conformance.fifty_digits import true_rays
 from lippmann.conformance.figures import Figures, Measured
 from lippmann.display.description import load_display
@@ -42,7 +42,7 @@ def test_errors_of_turned_and_shifted_rays(angle, shift_mm):
     turned = np.tile([math.sin(angle), 0.0, math.cos(angle)], (3, 1))
     turned[2] = [0.0, 0.0, 1.0]  # one in three is right
     local = np.tile([shift_mm, 0.0, 0.0], (3, 1))
-    found = engine_speeds.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), DEPTHS)
+    found = engine_report.errors(true, dataclasses.replace(true, local_mm=local, direction=turned), DEPTHS)
     chord, far = 2.0 * math.sin(angle / 2.0), abs(shift_mm - 165.0 * math.tan(angle))
     near = shift_mm + 78.0 * math.tan(angle)
     assert found["max_urad"] == pytest.approx(1e6 * chord, rel=1e-6)
@@ -62,7 +62,7 @@ def test_rays_of_other_fates_are_counted_and_not_compared():
     lenslet[1, 0] += 1
     wrong = true.direction.copy()
     wrong[:2] = (1.0, 0.0, 0.0)
-    found = engine_speeds.errors(
+    found = engine_report.errors(
         true, dataclasses.replace(true, status=status, lenslet=lenslet, direction=wrong), DEPTHS
     )
     assert found["other_fates"] == 2
@@ -75,7 +75,7 @@ def test_rays_lost_in_both_are_no_other_fate():
         true, status=np.full(2, int(Status.MISSED), np.uint8), lenslet=true.lenslet + np.array([1, 0])
     )
     other = dataclasses.replace(true, status=np.full(2, int(Status.BLOCKED), np.uint8))
-    found = engine_speeds.errors(one, other, DEPTHS)
+    found = engine_report.errors(one, other, DEPTHS)
     assert found == {**dict.fromkeys(found, 0.0)}
 
 
@@ -83,10 +83,10 @@ def test_rays_lost_in_both_are_no_other_fate():
 @pytest.mark.parametrize("aperture", ["chief", "full"])
 def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
     """The twin's words hold pixels and aims exactly; golden agrees with 50 digits to a float64's rounding."""
-    sample = engine_speeds.random_rays(shipped(name), aperture, 12, 5)
+    sample = engine_report.random_rays(shipped(name), aperture, 12, 5)
     twin = sample.trace("twin")
     assert (twin.pixel == sample.pixels).all()
-    found = engine_speeds.errors(true_rays(sample), sample.trace(), DEPTHS)
+    found = engine_report.errors(true_rays(sample), sample.trace(), DEPTHS)
     assert found["other_fates"] == 0
     assert 0.0 < found["max_urad"] < 1e-6
     assert found["max_mm"] < 1e-10
@@ -96,9 +96,9 @@ def test_every_engine_takes_the_sample_as_it_is(mi, name, aperture):
 def test_a_display_that_no_word_holds_is_measured_without_the_twin(caplog):
     display = shipped("vga-square")
     thin = dataclasses.replace(display, array=dataclasses.replace(display.array, index=1.05, radius_mm=0.9))
-    assert engine_speeds.engines_for(display) == ["golden", "fast", "twin", "rtl"]
+    assert engine_report.engines_for(display) == ["golden", "fast", "twin", "rtl"]
     assert caplog.text == ""
-    assert engine_speeds.engines_for(thin) == ["golden", "fast"]
+    assert engine_report.engines_for(thin) == ["golden", "fast"]
     assert "vga-square: measured without the twin and the RTL: register index: 1.05" in caplog.text
 
 
@@ -238,22 +238,22 @@ def test_the_front_counts_cells_clock_and_error():
 
 @pytest.mark.parametrize(("everybody", "others"), [(100.0, 70), (30.0, 0), (10.0, 0)])
 def test_load_tells_the_work_that_was_not_ours(monkeypatch, everybody, others):
-    start = engine_speeds.Load(0.25, 1000.0, 50.0)
-    monkeypatch.setattr(engine_speeds.Load, "now", lambda: engine_speeds.Load(9.0, 1000.0 + everybody, 80.0))
-    assert engine_speeds.load_since(start) == (
+    start = engine_report.Load(0.25, 1000.0, 50.0)
+    monkeypatch.setattr(engine_report.Load, "now", lambda: engine_report.Load(9.0, 1000.0 + everybody, 80.0))
+    assert engine_report.load_since(start) == (
         f"average 0.2 at the start; {others} of {everybody:.0f} s of processor time since then were other programs'"
     )
 
 
 def test_load_counts_our_own_work():
-    start = engine_speeds.Load.now()
+    start = engine_report.Load.now()
     x = np.random.default_rng(0).random(1_000_000)
-    while engine_speeds.Load.now().ours - start.ours < 0.3:
+    while engine_report.Load.now().ours - start.ours < 0.3:
         np.sort(x)
-    end = engine_speeds.Load.now()
+    end = engine_report.Load.now()
     assert end.everybody is None or end.everybody - start.everybody >= 0.25
 
 
 def test_load_without_proc(monkeypatch):
-    monkeypatch.setattr(engine_speeds.Load, "now", lambda: engine_speeds.Load(1.0, None, 2.0))
-    assert engine_speeds.load_since(engine_speeds.Load(0.5, None, 0.0)) == "average 0.5 at the start"
+    monkeypatch.setattr(engine_report.Load, "now", lambda: engine_report.Load(1.0, None, 2.0))
+    assert engine_report.load_since(engine_report.Load(0.5, None, 0.0)) == "average 0.5 at the start"

@@ -110,7 +110,7 @@ class _Output:
         """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
         texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
         if self.junit is not None:
-            from lippmann.conformance.regress_page import write_junit
+            from lippmann.conformance.junit import write_junit
 
             write_junit(self.junit, verdicts, ended, texts)
         if self.report is not None and self.maps is not None:

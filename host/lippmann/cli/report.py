@@ -51,7 +51,7 @@ def command(
 
     Example: lippmann report -o out/report
     """
-    from lippmann.conformance.engine_speeds import QUICK, TABLES, Plan, display_sections, make_report
+    from lippmann.conformance.engine_report import QUICK, TABLES, Plan, display_sections, make_report
 
     plan = dataclasses.replace(QUICK if options.quick else Plan(), display_files=display)
     plan.load_displays(shipped_scenes(options.scenes))  # a wrong file is refused before anything is measured
@@ -72,7 +72,7 @@ def write_report(
     `measure` gets the folder of the scenes and the run to compare with. Raises InputError before it is called when the
     folder of that run holds none or a broken one, or when the output cannot be written.
     """
-    from lippmann.conformance.engine_speeds import PAGE
+    from lippmann.conformance.engine_report import PAGE
     from lippmann.conformance.figures import read_stored
 
     scenes, folder = shipped_scenes(options.scenes), options.output

@@ -1,0 +1,42 @@
+"""JUnit XML of the verdicts of `lippmann regress`, for continuous integration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from lippmann.base.files import replacing
+from lippmann.conformance.judge import Verdict
+from lippmann.errors import printable
+
+
+def write_junit(
+    path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None, about: Mapping[str, str]
+) -> None:
+    """Write JUnit XML, which continuous integration shows: a test case for each set of rays, by name.
+
+    `ended` says why there are no more, which is an error there. `about` are the suite's properties. Raises InputError
+    as `files.replacing` for a file that cannot be written.
+    """
+    wrong = [None if one.right else ("failure", one.stage or "", one.headline, one.lines) for _, one in verdicts]
+    cases = [(name, problem) for (name, _), problem in zip(verdicts, wrong, strict=True)]
+    errors = [] if ended is None else [("stream", ("error", "stream", ended, list[str]()))]
+    failures = sum(problem is not None for problem in wrong)
+    counts = {"tests": str(len(cases + errors)), "failures": str(failures), "errors": str(len(errors))}
+    top = ElementTree.Element("testsuites", counts)
+    suite = ElementTree.SubElement(top, "testsuite", {"name": "lippmann regress", **counts, "skipped": "0"})
+    if about:
+        properties = ElementTree.SubElement(suite, "properties")
+        for name, value in about.items():
+            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
+    for name, problem in [*cases, *errors]:
+        attributes = {"classname": f"lippmann.{name.partition('/')[0]}", "name": name}
+        case = ElementTree.SubElement(suite, "testcase", attributes)
+        if problem is not None:
+            kind, stage, message, lines = problem
+            entry = ElementTree.SubElement(case, kind, {"type": stage, "message": printable(message)})
+            entry.text = printable("\n".join(lines)) or None
+    ElementTree.indent(top)
+    with replacing(path) as partial:
+        ElementTree.ElementTree(top).write(partial, "utf-8", xml_declaration=True)
