@@ -18,18 +18,18 @@
 ///
 /// The request RESET resets all but the line and its packets, so that no byte of them is lost.
 ///
-/// The store of the frames is a memory behind the ports show_*, write_* and read_*, with the contract of
-/// lipp_sdram_store: two buffers of Width * Height pixels, 14.7 Mbit at 640 x 480. store_rst_no is its
-/// reset: RESET forgets what the clients asked. lipp_board_with_store has block RAM there, for small
-/// panels and for simulation; lipp_board_with_sdram an SDRAM.
+/// The store of the frames is a memory behind the ports show_*, write_* and read_*, with the
+/// contract of lipp_sdram_store: two buffers of Width * Height pixels, 14.7 Mbit at 640 x 480.
+/// store_rst_no is its reset: RESET forgets what the clients asked. lipp_board_with_store has block
+/// RAM there, for small panels and for simulation; lipp_board_with_sdram an SDRAM.
 ///
-/// pattern_i, a button's, shows a test pattern in place of the register's, unless it is 0. packet_o is a
-/// pulse for each packet received, error_o for each that was dropped and for each pixel late; shown_o
-/// says that a frame or a scene is on the panel.
+/// pattern_i, a button's, shows a test pattern in place of the register's, unless it is 0. packet_o
+/// is a pulse for each packet received, error_o for each that was dropped and for each pixel late;
+/// shown_o says that a frame or a scene is on the panel.
 ///
-/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation: in_ready_o
-/// is low until the clock after the registers have left reset, so that no byte is lost before.
-/// docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
+/// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation:
+/// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost
+/// before. docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
 /// registers.
 module lipp_board #(
   parameter bit ByteLink = 1'b0,
@@ -112,10 +112,13 @@ module lipp_board #(
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_board: Width and Height must be 1 to 16383");
   end
-  if (lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) >= 1 << 16) begin : gen_illegal_tiles
+  if (
+      lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) >= 1 << 16
+  ) begin : gen_illegal_tiles
     $fatal(1, "lipp_board: the panel must have fewer than 65536 tiles");
   end
-  if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
+  if (HFront < 0 || HSync < 1 || HBack < 0
+      || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
     $fatal(1, "lipp_board: porches must be 0 or more, and syncs and VFront 1 or more");
   end
   if (ClockHz < 1) begin : gen_illegal_clock
@@ -265,8 +268,8 @@ module lipp_board #(
 
   // ---- registers ----
   logic late, frame_lost, frame_lost_q;
-  lipp_board_registers_pkg::board_registers__in_t told;
-  lipp_board_registers_pkg::board_registers__out_t set;
+  lipp_board_registers_pkg::board_registers__in_t hwif_in;
+  lipp_board_registers_pkg::board_registers__out_t hwif_out;
   logic psel_board, psel_optics, psel_scene, penable, pwrite;
   logic pready_board, pready_optics, pready_scene, pslverr_board, pslverr_optics, pslverr_scene;
   logic [2:0] pprot;
@@ -290,40 +293,41 @@ module lipp_board #(
     .s_apb_psel(psel_board), .s_apb_penable(penable), .s_apb_pwrite(pwrite), .s_apb_pprot(pprot),
     .s_apb_paddr(paddr[6:0]), .s_apb_pwdata(pwdata), .s_apb_pstrb(pstrb),
     .s_apb_pready(pready_board), .s_apb_prdata(prdata_board), .s_apb_pslverr(pslverr_board),
-    .hwif_in(told), .hwif_out(set)
+    .hwif_in, .hwif_out
   );
   logic [31:0] shown_crc, frames, clocks_q;
   always_ff @(posedge clk_i or negedge core_rst_n) begin
     if (!core_rst_n) clocks_q <= '0;
     else clocks_q <= clocks_q + 1'b1;
   end
-  assign told.display_low.value.next = identity_i[31:0];
-  assign told.display_high.value.next = identity_i[63:32];
-  assign told.panel.width.next = 16'(Width);
-  assign told.panel.height.next = 16'(Height);
-  assign told.clock.value.next = 32'(ClockHz);
-  assign told.epoch.value.next = epoch;
-  assign told.shown_crc.value.next = shown_crc;
-  assign told.frames.value.next = frames;
-  assign told.clocks.value.next = clocks_q;
-  assign told.counters.packets.count.incr = accepted;
-  assign told.counters.framing.count.incr = framing_error;
-  assign told.counters.overflow.count.incr = overflow;
-  assign told.counters.dropped_cobs.count.incr = dropped_cobs;
-  assign told.counters.dropped_crc.count.incr = dropped_crc;
-  assign told.counters.dropped_long.count.incr = dropped_long;
-  assign told.counters.dropped_short.count.incr = dropped_short;
-  assign told.counters.stale.count.incr = stale;
-  assign told.counters.tile_bad.count.incr = tile_bad;
-  assign told.counters.frame_bad.count.incr = frame_bad;
-  assign told.counters.late.count.incr = late;
-  assign told.state.shown.next = shown_o;
-  assign told.state.frame_lost.next = frame_lost;
-  assign told.state.clock_lost.next = clock_lost_i;
+  assign hwif_in.display_low.value.next = identity_i[31:0];
+  assign hwif_in.display_high.value.next = identity_i[63:32];
+  assign hwif_in.panel.width.next = 16'(Width);
+  assign hwif_in.panel.height.next = 16'(Height);
+  assign hwif_in.clock.value.next = 32'(ClockHz);
+  assign hwif_in.epoch.value.next = epoch;
+  assign hwif_in.shown_crc.value.next = shown_crc;
+  assign hwif_in.frames.value.next = frames;
+  assign hwif_in.clocks.value.next = clocks_q;
+  assign hwif_in.counters.packets.count.incr = accepted;
+  assign hwif_in.counters.framing.count.incr = framing_error;
+  assign hwif_in.counters.overflow.count.incr = overflow;
+  assign hwif_in.counters.dropped_cobs.count.incr = dropped_cobs;
+  assign hwif_in.counters.dropped_crc.count.incr = dropped_crc;
+  assign hwif_in.counters.dropped_long.count.incr = dropped_long;
+  assign hwif_in.counters.dropped_short.count.incr = dropped_short;
+  assign hwif_in.counters.stale.count.incr = stale;
+  assign hwif_in.counters.tile_bad.count.incr = tile_bad;
+  assign hwif_in.counters.frame_bad.count.incr = frame_bad;
+  assign hwif_in.counters.late.count.incr = late;
+  assign hwif_in.state.shown.next = shown_o;
+  assign hwif_in.state.frame_lost.next = frame_lost;
+  assign hwif_in.state.clock_lost.next = clock_lost_i;
 
   // ---- frames ----
   lipp_optics_pkg::optics_config_t optics;
-  localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height) + 1);
+  localparam int TileBits = $clog2(lipp_panel_pkg::tiles(Width) * lipp_panel_pkg::tiles(Height)
+      + 1);
   logic front, filled, swap, swapped;
   logic check_start, check_busy, check_done;
   logic [31:0] check_crc, presented_crc;
@@ -391,14 +395,16 @@ module lipp_board #(
     .F(F), .Grid(int'(Build.grid)), .ClocksPerPixel(ClocksPerPixel)
   ) i_scan_out (
     .clk_i, .rst_ni(core_rst_n), .swap_i(swap), .swapped_o(swapped), .front_o(front),
-    .filled_o(filled), .brightness_i(set.display.brightness.value),
+    .filled_o(filled), .brightness_i(hwif_out.display.brightness.value),
     .pattern_i('{
-      kind: lipp_panel_pkg::pattern_e'(pattern_i != '0 ? pattern_i : set.display.pattern.value),
-      i: set.lens.i.value, j: set.lens.j.value
+      kind: lipp_panel_pkg::pattern_e'(pattern_i != '0 ? pattern_i
+          : hwif_out.display.pattern.value),
+      i: hwif_out.lens.i.value, j: hwif_out.lens.j.value
     }),
     .optics_i(optics), .frame_end_o(frame_end), .want_o(want),
     .pixel_i(scene_shown ? scene_rgb : stored_rgb), .pixel_o, .de_o,
-    .hsync_o, .vsync_o, .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc), .frames_o(frames)
+    .hsync_o, .vsync_o, .rgb_o, .frame_start_o(unused_start), .shown_crc_o(shown_crc),
+    .frames_o(frames)
   );
 
   // ---- lamps ----
@@ -419,8 +425,8 @@ module lipp_board #(
     lipp_optics_pkg::ray_status_e status;
     logic first, last;
   } exit_t;
-  exit_t left, sent, exit;  // from the optics, a clock later, and two clocks later
-  logic left_valid, left_ready, sent_valid, exit_open, scene_open, unused_ray;
+  exit_t traced, traced_q, exit;  // from the optics, a clock later, and two clocks later
+  logic traced_valid, traced_ready, traced_valid_q, exit_open, scene_open, unused_ray;
   assign unused_ray = ^{ray, exit.first};
   // The stream's rays: a TRACE's, or those of the panel's pixels.
   logic stream_valid, stream_ready, stream_first, stream_last;
@@ -439,21 +445,23 @@ module lipp_board #(
     .ray_valid_i(stream_valid), .ray_ready_o(stream_ready), .ray_u_i(stream_u),
     .ray_v_i(stream_v), .ray_a_i(ray[2][F+1:0]), .ray_b_i(ray[3][F+1:0]),
     .ray_first_i(stream_first), .ray_last_i(stream_last),
-    .exit_valid_o(left_valid), .exit_ready_i(left_ready), .exit_i_o(left.i), .exit_j_o(left.j),
-    .exit_x_o(left.x), .exit_y_o(left.y), .exit_z_o(left.z), .exit_dx_o(left.dx),
-    .exit_dy_o(left.dy), .exit_dz_o(left.dz), .exit_status_o(left.status),
-    .exit_first_o(left.first), .exit_last_o(left.last), .optics_o(optics)
+    .exit_valid_o(traced_valid), .exit_ready_i(traced_ready), .exit_i_o(traced.i),
+    .exit_j_o(traced.j),
+    .exit_x_o(traced.x), .exit_y_o(traced.y), .exit_z_o(traced.z), .exit_dx_o(traced.dx),
+    .exit_dy_o(traced.dy), .exit_dz_o(traced.dz), .exit_status_o(traced.status),
+    .exit_first_o(traced.first), .exit_last_o(traced.last), .optics_o(optics)
   );
-  // Who takes the rays lies far from who sends them, and the scene far from the others: registers in both directions
-  // where the rays leave, and where they arrive.
+  // Who takes the rays lies far from who sends them, and the scene far from the others: registers
+  // in both directions where the rays leave, and where they arrive.
   lipp_skid_buffer #(.Width($bits(exit_t))) i_left_buffer (
-    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(left_valid), .in_ready_o(left_ready),
-    .in_data_i(left), .out_valid_o(sent_valid), .out_ready_i(drawn ? scene_open : exit_open),
-    .out_data_o(sent)
+    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(traced_valid), .in_ready_o(traced_ready),
+    .in_data_i(traced), .out_valid_o(traced_valid_q), .out_ready_i(drawn ? scene_open : exit_open),
+    .out_data_o(traced_q)
   );
   lipp_skid_buffer #(.Width($bits(exit_t))) i_exit_buffer (
-    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(sent_valid && !drawn),
-    .in_ready_o(exit_open), .in_data_i(sent), .out_valid_o(exit_valid), .out_ready_i(exit_ready),
+    .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(traced_valid_q && !drawn),
+    .in_ready_o(exit_open), .in_data_i(traced_q), .out_valid_o(exit_valid),
+    .out_ready_i(exit_ready),
     .out_data_o(exit)
   );
   assign exit_words = {
@@ -476,7 +484,8 @@ module lipp_board #(
     localparam int Latency = 2 + lipp_optics_pkg::ray_latency(Build) + 7
         + lipp_scene_pkg::scene_latency(F, Scene) + 5 + ClocksPerPixel;
     if (Blanking < Latency) begin : gen_illegal_blanking
-      $fatal(1, "lipp_board: the scene needs a longer blanking before the first pixel: %0d clocks, not %0d",
+      $fatal(1,
+          "lipp_board: the scene needs %0d clocks of blanking before the first pixel, not %0d",
              Latency, Blanking);
     end
 
@@ -513,20 +522,23 @@ module lipp_board #(
       .write_slot_o(slot), .write_at_o(slot_at), .write_data_o(slot_data), .busy_o(blocks_busy),
       .read_slot_i(blocks_slot), .read_at_i(blocks_at), .read_crc_o(blocks_crc)
     );
-    exit_t seen;
-    logic seen_valid, seen_ready;
+    exit_t scene_ray;
+    logic scene_ray_valid, scene_ray_ready;
     lipp_skid_buffer #(.Width($bits(exit_t))) i_seen_buffer (
-      .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(sent_valid && drawn),
-      .in_ready_o(scene_open), .in_data_i(sent), .out_valid_o(seen_valid),
-      .out_ready_i(seen_ready), .out_data_o(seen)
+      .clk_i, .rst_ni(core_rst_n), .clear_i('0), .in_valid_i(traced_valid_q && drawn),
+      .in_ready_o(scene_open), .in_data_i(traced_q), .out_valid_o(scene_ray_valid),
+      .out_ready_i(scene_ray_ready), .out_data_o(scene_ray)
     );
     lipp_scene #(.F(F), .Scene(Scene)) i_scene (
       .clk_i, .rst_ni(core_rst_n), .config_i(config_set), .take_i(take), .busy_o(unused_busy),
       .idle_o(unused_idle), .write_i(slot_write), .write_slot_i(slot), .write_at_i(slot_at),
-      .write_data_i(slot_data), .exit_valid_i(seen_valid), .exit_ready_o(seen_ready),
-      .exit_i_i(seen.i), .exit_j_i(seen.j), .exit_x_i(seen.x), .exit_y_i(seen.y),
-      .exit_z_i(seen.z), .exit_dx_i(seen.dx), .exit_dy_i(seen.dy), .exit_dz_i(seen.dz),
-      .exit_status_i(seen.status), .exit_first_i(seen.first), .exit_last_i(seen.last),
+      .write_data_i(slot_data), .exit_valid_i(scene_ray_valid), .exit_ready_o(scene_ray_ready),
+      .exit_i_i(scene_ray.i), .exit_j_i(scene_ray.j), .exit_x_i(scene_ray.x),
+      .exit_y_i(scene_ray.y),
+      .exit_z_i(scene_ray.z), .exit_dx_i(scene_ray.dx), .exit_dy_i(scene_ray.dy),
+      .exit_dz_i(scene_ray.dz),
+      .exit_status_i(scene_ray.status), .exit_first_i(scene_ray.first),
+      .exit_last_i(scene_ray.last),
       .pixel_valid_o(pixel_valid), .pixel_ready_i(pixel_ready), .pixel_rgb_o(pixel_rgb),
       .pixel_first_o(unused_pixel_first), .pixel_last_o(unused_pixel_last)
     );

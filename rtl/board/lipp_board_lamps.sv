@@ -3,12 +3,12 @@
 
 /// What a board's lamps show, and its button that steps through the test patterns.
 ///
-/// linked_o lasts 2^HoldBits clocks after the last packet, alarm_o as long after the last error, and
-/// for ever once the clock was lost. Each press of the button takes the next pattern, and after the
-/// last one none; the button counts when it has been still for 2^StillBits clocks.
+/// linked_o lasts 2^HoldBits clocks after the last packet, alarm_o as long after the last error,
+/// and for ever once the clock was lost. Each press of the button takes the next pattern, and after
+/// the last one none; the button counts when it has been still for 2^IdleBits clocks.
 module lipp_board_lamps #(
   parameter int HoldBits = 23,
-  parameter int StillBits = 20
+  parameter int IdleBits = 20
 ) (
   input  logic       clk_i,
   input  logic       rst_ni,
@@ -21,8 +21,8 @@ module lipp_board_lamps #(
   output logic [2:0] pattern_o      // 0: none
 );
 
-  if (HoldBits < 1 || StillBits < 1) begin : gen_illegal
-    $fatal(1, "lipp_board_lamps: HoldBits and StillBits must be 1 or more");
+  if (HoldBits < 1 || IdleBits < 1) begin : gen_illegal
+    $fatal(1, "lipp_board_lamps: HoldBits and IdleBits must be 1 or more");
   end
 
   localparam logic [2:0] Last = lipp_panel_pkg::PatternRamp;
@@ -43,16 +43,16 @@ module lipp_board_lamps #(
 
   // ---- button ----
   logic button, pressed_q;
-  logic [StillBits-1:0] still_q;
+  logic [IdleBits-1:0] idle_q;
   lipp_bit_sync i_button (.clk_i, .rst_ni, .d_i(button_i), .q_o(button));
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       pressed_q <= 1'b0;
-      still_q <= '0;
+      idle_q <= '0;
       pattern_o <= '0;
     end else begin
-      still_q <= button == pressed_q ? '0 : still_q + 1'b1;
-      if (still_q == '1) begin
+      idle_q <= button == pressed_q ? '0 : idle_q + 1'b1;
+      if (idle_q == '1) begin
         pressed_q <= button;
         if (button) pattern_o <= pattern_o == Last ? '0 : pattern_o + 1'b1;
       end

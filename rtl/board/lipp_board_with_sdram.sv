@@ -3,8 +3,8 @@
 
 /// `lipp_board` with its store of frames in an SDR SDRAM (`lipp_sdram_store`).
 ///
-/// mem_clk_i is unrelated to clk_i, of MemoryHz. PadClocks are the registers between the ports of the
-/// memory and the chip's pins, both ways together (`lipp_sdram_controller`).
+/// mem_clk_i is unrelated to clk_i, of MemoryHz. PadClocks are the registers between the ports of
+/// the memory and the chip's pins, both ways together (`lipp_sdram_controller`).
 module lipp_board_with_sdram #(
   parameter bit ByteLink = 1'b0,
   parameter int ClockHz = 148_500_000,
@@ -108,7 +108,8 @@ module lipp_board_with_sdram #(
     .read_valid_i(read_valid), .read_ready_o(read_ready), .read_buffer_i(read_buffer),
     .read_first_i(read_first), .read_count_i(read_count), .read_pixel_valid_o(read_pixel_valid),
     .read_pixel_ready_i(read_pixel_ready), .read_rgb_o(read_rgb),
-    .mem_clk_i, .cke_o, .cs_no, .ras_no, .cas_no, .we_no, .ba_o, .a_o, .dqm_o, .dq_o, .dq_oe_o, .dq_i
+    .mem_clk_i, .cke_o, .cs_no, .ras_no, .cas_no, .we_no, .ba_o, .a_o, .dqm_o, .dq_o, .dq_oe_o,
+    .dq_i
   );
 
 endmodule

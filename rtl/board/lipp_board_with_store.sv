@@ -70,7 +70,8 @@ module lipp_board_with_store #(
     .write_pixel_ready_i(write_pixel_ready), .write_rgb_o(write_rgb), .write_done_i(write_done),
     .read_valid_o(read_valid), .read_ready_i(read_ready), .read_buffer_o(read_buffer),
     .read_first_o(read_first), .read_count_o(read_count), .read_pixel_valid_i(read_pixel_valid),
-    .read_pixel_ready_o(read_pixel_ready), .read_rgb_i(read_rgb), .pattern_i('0), .clock_lost_i(1'b0), .packet_o(packet), .shown_o(shown), .error_o(error),
+    .read_pixel_ready_o(read_pixel_ready), .read_rgb_i(read_rgb), .pattern_i('0),
+    .clock_lost_i(1'b0), .packet_o(packet), .shown_o(shown), .error_o(error),
     .pixel_o, .de_o, .hsync_o, .vsync_o, .rgb_o
   );
   lipp_block_store #(.Width(Width), .Height(Height)) i_store (

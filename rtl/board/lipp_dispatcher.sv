@@ -22,7 +22,8 @@
 ///
 /// A board with a scene (Layers > 0) speaks version 3 of the protocol, another one version 2.
 /// update_o is high while a WRITE to the scene's registers is executed: they are not whole then. A
-/// WRITE of 1 to the register `source` of the scene makes the stream the source of the optics first.
+/// WRITE of 1 to the register `source` of the scene makes the stream the source of the optics
+/// first.
 ///
 /// A request is read at one byte a clock. Its reply starts when it is executed.
 module lipp_dispatcher #(
@@ -122,13 +123,15 @@ module lipp_dispatcher #(
   if (ClockHz < 1) begin : gen_illegal_clock
     $fatal(1, "lipp_dispatcher: ClockHz must be 1 or more");
   end
-  if (Layers < 0 || Layers > 8 || Slots < 1 || Slots > 15 || Blocks < 1 || Blocks > 256) begin : gen_illegal_scene
+  if (Layers < 0 || Layers > 8 || Slots < 1
+      || Slots > 15 || Blocks < 1 || Blocks > 256) begin : gen_illegal_scene
     $fatal(1, "lipp_dispatcher: Layers must be 0 to 8, Slots 1 to 15, and Blocks 1 to 256");
   end
 
   localparam int CurveBlocks = 8;  // of slot 15
   localparam int HeadBytes = 34;  // of the longest reply without words, that of HELLO
-  localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400, AtDraw = 16'h40C;
+  localparam logic [15:0] AtOptics = 16'h200, AtBuild = 16'h208, AtScene = 16'h400,
+      AtDraw = 16'h40C;
 
   typedef enum logic [2:0] {Receive, Judge, Execute, Reply, Words} state_e;
   state_e state_q;
@@ -145,7 +148,8 @@ module lipp_dispatcher #(
   logic [7:0] word_at, register_word_at, ray_word_at;
   logic [31:0] word;
   lipp_request_reader #(.Width(Width), .Height(Height), .Scene(Scene)) i_reader (
-    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i && !blocks_busy), .in_valid_i, .in_ready_o, .in_data_i,
+    .clk_i, .rst_ni, .epoch_i, .open_i(!table_busy_i && !blocks_busy), .in_valid_i, .in_ready_o,
+    .in_data_i,
     .in_last_i, .done_o(read_done), .next_i(next), .request_o(request), .status_o(read_status),
     .word_at_i(word_at), .word_o(word), .tile_start_o, .tile_empty_o, .tile_valid_o, .tile_ready_i,
     .tile_data_o, .tile_last_o
@@ -168,7 +172,8 @@ module lipp_dispatcher #(
   // ---- may it be executed? The request stands still from two clocks before Judge ----
   logic no_block;  // no such slot, or block of it
   logic no_tile, version, no_block_q, no_tile_q, version_q;
-  logic shown_q;  // the slot is drawn, or will be: a slot becomes one by a WRITE only, which is over by now
+  // the slot is drawn, or will be: a slot becomes one by a WRITE only, which is over by now
+  logic slot_in_use_q;
   reply_status_e refusal, refusal_q;
   assign version = request.arguments[0] == ProtocolVersion;
   assign no_tile = {1'b0, table_first} + {1'b0, table_count} > 17'(Tiles)
@@ -185,7 +190,7 @@ module lipp_dispatcher #(
   end
   always_ff @(posedge clk_i) begin
     {version_q, no_tile_q, no_block_q} <= {version, no_tile, no_block};
-    shown_q <= slots_i[request.arguments[0][3:0]];
+    slot_in_use_q <= slots_i[request.arguments[0][3:0]];
     refusal_q <= refusal;
   end
 
@@ -360,7 +365,8 @@ module lipp_dispatcher #(
     if (!rst_ni) reply_q <= 1'b0;
     else reply_q <= state_q == Reply && reply_ready && !answer;
   end
-  logic from_table_q, from_rays_q, keeps_word_q;  // whose words; that of HELLO's READ is in its head
+  // whose words; that of HELLO's READ is in its head
+  logic from_table_q, from_rays_q, keeps_word_q;
   always_ff @(posedge clk_i) begin
     from_table_q <= request.kind inside {RequestTiles, RequestBlocks};
     from_rays_q <= request.kind == RequestTrace;
@@ -419,7 +425,7 @@ module lipp_dispatcher #(
               end
               RequestTiles, RequestBlocks: table_start <= 1'b1;
               RequestBlock: begin
-                if (shown_q) begin
+                if (slot_in_use_q) begin
                   status_q <= StatusBusy;
                 end else begin
                   block_start <= Scene;

@@ -18,7 +18,8 @@ module lipp_presenter (
   output lipp_link_pkg::reply_status_e status_o,
 
   output logic [15:0]       epoch_o,
-  output logic [31:0]       shown_crc_o,     // of the frame that was shown last, from the clock after swapped_i
+  // of the frame that was shown last, from the clock after swapped_i
+  output logic [31:0]       shown_crc_o,
   output logic              failed_o,        // the CRC differs
 
   output logic              check_start_o,   // to frame_check
@@ -30,37 +31,37 @@ module lipp_presenter (
   import lipp_link_pkg::*;
 
   logic [15:0] epoch_q;
-  logic [31:0] crc_q, shown_q;
+  logic [31:0] crc_q, shown_crc_q;
   logic any_shown_q;
-  logic here, repeated, equal;
+  logic is_current, repeated, equal;
   assign epoch_o = epoch_q;
-  assign shown_crc_o = shown_q;
-  assign here = epoch_i == epoch_q;
-  assign repeated = any_shown_q && epoch_i == epoch_q - 1'b1 && crc_i == shown_q;
+  assign shown_crc_o = shown_crc_q;
+  assign is_current = epoch_i == epoch_q;
+  assign repeated = any_shown_q && epoch_i == epoch_q - 1'b1 && crc_i == shown_crc_q;
   assign equal = check_crc_i == crc_q;
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       epoch_q <= '0;
       crc_q <= '0;
-      shown_q <= '0;
+      shown_crc_q <= '0;
       any_shown_q <= 1'b0;
       {done_o, failed_o, check_start_o, swap_o} <= '0;
       status_o <= StatusOk;
     end else begin
-      check_start_o <= start_i && here;
-      done_o <= (start_i && !here) || (check_done_i && !equal) || (swap_o && swapped_i);
+      check_start_o <= start_i && is_current;
+      done_o <= (start_i && !is_current) || (check_done_i && !equal) || (swap_o && swapped_i);
       failed_o <= check_done_i && !equal;
       if (start_i) begin
         crc_q <= crc_i;
-        status_o <= here || repeated ? StatusOk : StatusStale;
+        status_o <= is_current || repeated ? StatusOk : StatusStale;
       end else if (check_done_i && !equal) begin
         status_o <= StatusFrameCrc;
       end
       swap_o <= (check_done_i && equal) || (swap_o && !swapped_i);
       if (swap_o && swapped_i) begin
         epoch_q <= epoch_q + 1'b1;
-        shown_q <= crc_q;
+        shown_crc_q <= crc_q;
         any_shown_q <= 1'b1;
       end
     end

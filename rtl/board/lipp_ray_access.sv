@@ -14,14 +14,14 @@
 ///   OpAbort  ends the frame that runs; done when no ray is in the pipeline
 ///   OpDraw   makes the stream the source, for the drawing of the panel
 ///
-/// While the panel is drawn (drawn_i), OpClaim, OpTrace and OpSign give StatusBusy and change nothing,
-/// and OpDraw and OpAbort have nothing to do.
+/// While the panel is drawn (drawn_i), OpClaim, OpTrace and OpSign give StatusBusy and change
+/// nothing, and OpDraw and OpAbort have nothing to do.
 ///
 /// While a frame runs, or its rays are being signed, OpClaim, OpTrace, OpSign and OpDraw give
-/// StatusBusy and change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign wait for
-/// their apply, which the pipeline takes when it is empty. So a signature has all rays of its own
-/// frame and no others, and a trace gets the rays that it asked for. All other exit rays are
-/// dropped at once: the pipeline never stands still, and each wait ends.
+/// StatusBusy and change nothing: denied_o is high, and runs_o says what runs. OpTrace and OpSign
+/// wait for their apply, which the pipeline takes when it is empty. So a signature has all rays of
+/// its own frame and no others, and a trace gets the rays that it asked for. All other exit rays
+/// are dropped at once: the pipeline never stands still, and each wait ends.
 ///
 /// The bus is that of register_bus: its next access starts after bus_done_i.
 module lipp_ray_access (
@@ -72,11 +72,11 @@ module lipp_ray_access (
     Idle, Settle, Place, Placed, Fetch, Offer, Exit, Words
   } state_e;
   state_e state_q;
-  logic asked_q;  // the bus has been asked
+  logic bus_pending_q;  // the bus has been asked
   logic signing_q, sign_refused_q;
   logic restore_q;  // the source is set to the raster behind a trace
   logic [2:0] pause_q;
-  logic [8:0] left_q;        // words of rays not yet fetched
+  logic [8:0] remaining_q;        // words of rays not yet fetched
   logic [7:0] at_q;
   logic [3:0] exit_left_q;
   logic [8:0][31:0] exit_q;
@@ -84,16 +84,17 @@ module lipp_ray_access (
   // ---- the bus ----
   logic on_bus, busy, running, refused, occupied, heard;
   assign on_bus = state_q inside {[Claim:Ended]};
-  assign bus_start_o = on_bus && !asked_q;
+  assign bus_start_o = on_bus && !bus_pending_q;
   assign bus_write_o = state_q inside {Source, TakeOver, Begin, End};
-  assign heard = asked_q && bus_done_i;
+  assign heard = bus_pending_q && bus_done_i;
   assign {occupied, refused, running, busy} = bus_word_i[3:0];
   logic unused_word;
   assign unused_word = ^bus_word_i[31:4];
   always_comb begin
     {bus_at_o, bus_word_o} = {AtControl, Apply};
     case (state_q)
-      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpDraw || (op_i == OpTrace && !restore_q))};
+      Source: {bus_at_o, bus_word_o} = {AtSource, 32'(op_i == OpDraw
+          || (op_i == OpTrace && !restore_q))};
       Begin: bus_word_o = Start;
       End: bus_word_o = Abort;
       Claim, TakenOver, Begun, Ended: bus_at_o = AtStatus;
@@ -110,7 +111,8 @@ module lipp_ray_access (
   assign word_at_o = at_q;
   assign ray_valid_o = state_q == Offer;
   assign exit_ready_o = state_q == Exit;
-  logic moves_q;  // the next word comes up, a clock after the one before left: exit_q is wide and far
+  // the next word comes up, a clock after the one before left: exit_q is wide and far
+  logic moves_q;
   assign word_valid_o = state_q == Words && !moves_q;
   assign word_o = exit_q[0];
   always_ff @(posedge clk_i) begin
@@ -124,21 +126,21 @@ module lipp_ray_access (
       state_q <= Idle;
       status_o <= StatusOk;
       runs_o <= RunsNothing;
-      {asked_q, signing_q, sign_refused_q, restore_q, pause_q, left_q, at_q} <= '0;
+      {bus_pending_q, signing_q, sign_refused_q, restore_q, pause_q, remaining_q, at_q} <= '0;
       {exit_left_q, trace_o, sign_start_o, done_o, denied_o, moves_q} <= '0;
     end else if (clear_i) begin
       state_q <= Idle;
-      {asked_q, signing_q, sign_refused_q, restore_q, trace_o, sign_start_o, done_o} <= '0;
+      {bus_pending_q, signing_q, sign_refused_q, restore_q, trace_o, sign_start_o, done_o} <= '0;
       moves_q <= 1'b0;
     end else begin
       {done_o, sign_start_o} <= '0;
       moves_q <= word_valid_o && word_ready_i;
       pause_q <= pause_q - 1'b1;
-      if (on_bus) asked_q <= !heard;
+      if (on_bus) bus_pending_q <= !heard;
       case (state_q)
         Idle: if (start_i) begin
           {status_o, denied_o} <= {StatusOk, 1'b0};
-          {left_q, at_q} <= {count_i, 8'd0};
+          {remaining_q, at_q} <= {count_i, 8'd0};
           if (drawn_i && op_i != OpResult) begin
             done_o <= 1'b1;
             runs_o <= RunsScene;
@@ -198,19 +200,19 @@ module lipp_ray_access (
         Placed: state_q <= Fetch;
         Fetch: begin
           at_q <= at_q + 1'b1;
-          left_q <= left_q - 1'b1;
+          remaining_q <= remaining_q - 1'b1;
           state_q <= at_q[1:0] == 2'd3 ? Offer : Place;
         end
         Offer: if (ray_ready_i) state_q <= Exit;
         Exit: if (exit_valid_i) begin
           exit_left_q <= 4'd9;
-          trace_o <= left_q != '0;
-          restore_q <= left_q == '0;
-          state_q <= left_q != '0 ? Words : Source;
+          trace_o <= remaining_q != '0;
+          restore_q <= remaining_q == '0;
+          state_q <= remaining_q != '0 ? Words : Source;
         end
         default: if (word_valid_o && word_ready_i) begin  // Words
           exit_left_q <= exit_left_q - 1'b1;
-          if (exit_left_q == 4'd1) state_q <= left_q != '0 ? Place : Idle;
+          if (exit_left_q == 4'd1) state_q <= remaining_q != '0 ? Place : Idle;
         end
       endcase
     end

@@ -20,7 +20,7 @@ module lipp_ray_signature (
 );
   import lipp_link_pkg::*;
 
-  logic [7:0][31:0] rest_q;  // words after the current one
+  logic [7:0][31:0] later_words_q;  // words after the current one
   logic [31:0] word_q, crc_q;
   logic [3:0] words_q;       // the current word and those after it
   logic last_q, take;
@@ -28,8 +28,8 @@ module lipp_ray_signature (
   assign crc_o = ~crc_q;
 
   always_ff @(posedge clk_i) begin
-    if (take) {last_q, rest_q, word_q} <= {ray_last_i, ray_i};
-    else {rest_q, word_q} <= {32'd0, rest_q};
+    if (take) {last_q, later_words_q, word_q} <= {ray_last_i, ray_i};
+    else {later_words_q, word_q} <= {32'd0, later_words_q};
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin

@@ -5,8 +5,8 @@
 ///
 /// start_i begins; the request is held until done_o. A range is valid if it begins and ends in one
 /// block. All words of a WRITE are looked up before the first is written, so that either all are
-/// written or none. A board without a scene (Layers = 0) has no block at 0x400, one with a scene has
-/// the registers of its layers there.
+/// written or none. A board without a scene (Layers = 0) has no block at 0x400, one with a scene
+/// has the registers of its layers there.
 ///
 /// done_o is a pulse, valid with status_o: behind the last word of a WRITE, and before the first of
 /// a READ, whose words follow as a stream; 0 at an address without a register.
@@ -45,7 +45,7 @@ module lipp_register_access #(
   typedef enum logic [2:0] {Idle, Range, Check, Fetch, Fetched, Ask, Wait, Word} state_e;
   state_e state_q;
   logic write_q, board_q, optics_q, scene_q;  // the range is in this block
-  logic [8:0] left_q;                // words not yet checked, then not yet accessed
+  logic [8:0] remaining_q;                // words not yet checked, then not yet accessed
   logic [7:0] at_q;                  // word of a WRITE
   logic [8:0] register_q;            // the register for it, counted in words
   logic [10:0] address;
@@ -59,29 +59,29 @@ module lipp_register_access #(
 
   // The range stands still from two clocks before the start.
   logic [16:0] behind_q;
-  logic whole_q, high_q, top_q;
+  logic aligned_q, high_q, top_q;
   always_ff @(posedge clk_i) begin
     behind_q <= {1'b0, first_i} + {6'd0, count_i, 2'd0};
-    whole_q <= first_i[1:0] == '0;
+    aligned_q <= first_i[1:0] == '0;
     high_q <= first_i >= 16'h200;
     top_q <= Layers > 0 && first_i >= 16'h400;
-    board_q <= whole_q && behind_q <= 17'h100;
-    optics_q <= whole_q && high_q && behind_q <= 17'h400;
-    scene_q <= whole_q && top_q && behind_q <= 17'h800;
+    board_q <= aligned_q && behind_q <= 17'h100;
+    optics_q <= aligned_q && high_q && behind_q <= 17'h400;
+    scene_q <= aligned_q && top_q && behind_q <= 17'h800;
     if (bus_done_i) word_o <= bus_error_i ? '0 : bus_word_i;
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       state_q <= Idle;
       status_o <= StatusOk;
-      {write_q, left_q, at_q, register_q, done_o} <= '0;
+      {write_q, remaining_q, at_q, register_q, done_o} <= '0;
     end else begin
       done_o <= 1'b0;
       case (state_q)
         Idle: if (start_i) begin
           status_o <= StatusOk;
           write_q <= write_i;
-          {left_q, at_q, register_q} <= {count_i, 8'd0, first_i[10:2]};
+          {remaining_q, at_q, register_q} <= {count_i, 8'd0, first_i[10:2]};
           state_q <= Range;
         end
         Range: begin
@@ -95,13 +95,13 @@ module lipp_register_access #(
         end
         Check: begin
           register_q <= register_q + 1'b1;
-          left_q <= left_q - 1'b1;
+          remaining_q <= remaining_q - 1'b1;
           if (!lipp_board_map_pkg::writable(address) || address >= End) begin
             status_o <= StatusAddress;
             done_o <= 1'b1;
             state_q <= Idle;
-          end else if (left_q == 9'd1) begin
-            {left_q, register_q} <= {count_i, first_i[10:2]};
+          end else if (remaining_q == 9'd1) begin
+            {remaining_q, register_q} <= {count_i, first_i[10:2]};
             state_q <= Fetch;
           end
         end
@@ -113,17 +113,17 @@ module lipp_register_access #(
             if (bus_error_i) status_o <= StatusAddress;
             at_q <= at_q + 1'b1;
             register_q <= register_q + 1'b1;
-            left_q <= left_q - 1'b1;
-            done_o <= left_q == 9'd1;
-            state_q <= left_q == 9'd1 ? Idle : Fetch;
+            remaining_q <= remaining_q - 1'b1;
+            done_o <= remaining_q == 9'd1;
+            state_q <= remaining_q == 9'd1 ? Idle : Fetch;
           end else begin
             state_q <= Word;
           end
         end
         default: if (word_ready_i) begin  // Word
           register_q <= register_q + 1'b1;
-          left_q <= left_q - 1'b1;
-          state_q <= left_q == 9'd1 ? Idle : Ask;
+          remaining_q <= remaining_q - 1'b1;
+          state_q <= remaining_q == 9'd1 ? Idle : Ask;
         end
       endcase
     end

@@ -37,13 +37,13 @@ module lipp_reply_builder #(
   localparam int AtBits = $clog2(HeadWords + 1);
   localparam int CountBits = $clog2(HeadBytes + 1);
 
-  logic [9:0] left_q;                 // words
+  logic [9:0] remaining_q;                 // words
   logic [CountBits-1:0] head_left_q;  // bytes of the head
   logic busy, head_load, take, start;
   assign start = start_i && ready_o;
   assign head_load = !busy && head_left_q != '0;
   assign take = word_valid_i && word_ready_o;
-  assign words_done_o = take && left_q == 10'd1;
+  assign words_done_o = take && remaining_q == 10'd1;
 
   // Four bytes of the head, chosen a clock before they are sent.
   logic head_ends;
@@ -55,12 +55,12 @@ module lipp_reply_builder #(
   always_ff @(posedge clk_i) part_q <= head[at_q];
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {left_q, head_left_q, at_q, ready_o, word_ready_o} <= '0;
+      {remaining_q, head_left_q, at_q, ready_o, word_ready_o} <= '0;
     end else begin
-      ready_o <= !busy && head_left_q == '0 && left_q == '0 && !start;
-      word_ready_o <= !busy && head_left_q == '0 && left_q != '0 && !take;
-      if (start) {left_q, head_left_q} <= {words_i, bytes_i};
-      else if (take) left_q <= left_q - 1'b1;
+      ready_o <= !busy && head_left_q == '0 && remaining_q == '0 && !start;
+      word_ready_o <= !busy && head_left_q == '0 && remaining_q != '0 && !take;
+      if (start) {remaining_q, head_left_q} <= {words_i, bytes_i};
+      else if (take) remaining_q <= remaining_q - 1'b1;
       if (head_load) begin
         head_left_q <= head_ends ? '0 : head_left_q - CountBits'(4);
         at_q <= head_ends ? '0 : at_q + 1'b1;
@@ -71,7 +71,7 @@ module lipp_reply_builder #(
   lipp_reply_writer #(.Bytes(4)) i_writer (
     .clk_i, .rst_ni, .load_i(head_load || take), .bytes_i(head_load ? part_q : word_i),
     .count_i(head_load && head_ends ? head_left_q[2:0] : 3'd4),
-    .last_i(head_load ? head_ends && left_q == '0 : left_q == 10'd1), .busy_o(busy),
+    .last_i(head_load ? head_ends && remaining_q == '0 : remaining_q == 10'd1), .busy_o(busy),
     .valid_o(out_valid_o), .ready_i(out_ready_i), .data_o(out_data_o), .last_o(out_last_o)
   );
 

@@ -22,21 +22,21 @@ module lipp_reply_writer #(
 );
 
   logic [8*Bytes-1:0] bytes_q;
-  logic [$clog2(Bytes+1)-1:0] left_q;
+  logic [$clog2(Bytes+1)-1:0] remaining_q;
   logic last_q;
-  assign valid_o = left_q != '0;
+  assign valid_o = remaining_q != '0;
   assign busy_o = valid_o;
   assign data_o = bytes_q[7:0];
-  assign last_o = last_q && left_q == 1;
+  assign last_o = last_q && remaining_q == 1;
 
   always_ff @(posedge clk_i) begin
     if (load_i && !busy_o) {last_q, bytes_q} <= {last_i, bytes_i};
     else if (valid_o && ready_i) bytes_q <= bytes_q >> 8;
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) left_q <= '0;
-    else if (load_i && !busy_o) left_q <= count_i;
-    else if (valid_o && ready_i) left_q <= left_q - 1'b1;
+    if (!rst_ni) remaining_q <= '0;
+    else if (load_i && !busy_o) remaining_q <= count_i;
+    else if (valid_o && ready_i) remaining_q <= remaining_q - 1'b1;
   end
 
 endmodule

@@ -3,13 +3,13 @@
 
 /// Reads a request from a stream of bytes: type, number and arguments.
 ///
-/// The words of a WRITE, a TRACE and a BLOCK are collected in a memory. The data of a TILE go to the
-/// tile writer as they come, a register later: no memory here holds a whole tile. A request that is
-/// refused is read to its end. A TRACE of a pixel (u, v) that PixelBits do not hold is refused with
-/// StatusLength.
+/// The words of a WRITE, a TRACE and a BLOCK are collected in a memory. The data of a TILE go to
+/// the tile writer as they come, a register later: no memory here holds a whole tile. A request
+/// that is refused is read to its end. A TRACE of a pixel (u, v) that PixelBits do not hold is
+/// refused with StatusLength.
 ///
-/// done_o is high from two clocks after the last byte until next_i; request_o and status_o are valid
-/// then, request_o a clock before. No byte is taken meanwhile. A request has 3 bytes or more:
+/// done_o is high from two clocks after the last byte until next_i; request_o and status_o are
+/// valid then, request_o a clock before. No byte is taken meanwhile. A request has 3 bytes or more:
 /// packet_fifo sees to it.
 module lipp_request_reader #(
   parameter int Width = 640,  // of the panel, in pixels

@@ -4,8 +4,8 @@
 /// Writes a block of 1024 bytes into a slot of the scene, and keeps the CRC-32 of each block.
 ///
 /// start_i copies slot and block; the build must have both. The block's words follow from a memory,
-/// word_i two clocks after word_at_o. A byte is written each clock, the low one of a word first: byte k
-/// of block n is byte 1024 n + k of the slot. done_o is a pulse 1030 clocks after start_i.
+/// word_i two clocks after word_at_o. A byte is written each clock, the low one of a word first:
+/// byte k of block n is byte 1024 n + k of the slot. done_o is a pulse 1030 clocks after start_i.
 ///
 /// The table holds the CRC-32 of each block as it was written; 0 from start_i until the block is
 /// whole, and for one that was not written since the reset. Slot 15, the panel's curve, has the
@@ -51,9 +51,10 @@ module lipp_slot_loader #(
     return slot == 4'd15 ? SlotBits'(Slots) : SlotBits'(slot);
   endfunction
 
-  // ---- the bytes: byte_q is asked for, two clocks later its word is there, a clock later it is written ----
+  // ---- bytes: byte_q is requested, its word comes two clocks later, then it is written ----
+  // written ----
   logic [9:0] byte_q;
-  logic asking_q, asked_q, there_q;
+  logic asking_q, asking_q2, data_valid_q;
   logic [9:0] asked_at_q, at_q;
   logic [3:0] slot_q;
   logic [7:0] block_q;
@@ -75,12 +76,12 @@ module lipp_slot_loader #(
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {asking_q, asked_q, there_q, write_o, written_q, ended_q, done_o} <= '0;
+      {asking_q, asking_q2, data_valid_q, write_o, written_q, ended_q, done_o} <= '0;
     end else begin
       asking_q <= start_i || (asking_q && byte_q != '1);
-      asked_q <= asking_q;
-      there_q <= asked_q;
-      write_o <= there_q;
+      asking_q2 <= asking_q;
+      data_valid_q <= asking_q2;
+      write_o <= data_valid_q;
       written_q <= write_o;
       ended_q <= written_q && !write_o;
       done_o <= ended_q;

@@ -18,22 +18,22 @@ module lipp_table_reader (
   input  logic [31:0] table_crc_i    // at most 3 clocks after its place
 );
 
-  logic [9:0] at_q, left_q;
+  logic [9:0] at_q, remaining_q;
   logic [1:0] pause_q;
   assign table_at_o = first_i + 16'(at_q);
 
   always_ff @(posedge clk_i) if (!word_valid_o) word_o <= table_crc_i;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {at_q, left_q, pause_q, word_valid_o} <= '0;
+      {at_q, remaining_q, pause_q, word_valid_o} <= '0;
     end else if (start_i) begin
-      {at_q, left_q, pause_q} <= {10'd0, count_i, 2'd3};
+      {at_q, remaining_q, pause_q} <= {10'd0, count_i, 2'd3};
     end else if (word_valid_o) begin
       if (word_ready_i) begin
-        {at_q, left_q, pause_q} <= {at_q + 10'd1, left_q - 10'd1, 2'd3};
+        {at_q, remaining_q, pause_q} <= {at_q + 10'd1, remaining_q - 10'd1, 2'd3};
         word_valid_o <= 1'b0;
       end
-    end else if (left_q != '0) begin
+    end else if (remaining_q != '0) begin
       pause_q <= pause_q - 1'b1;
       word_valid_o <= pause_q == '0;
     end

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A whole board but for the cells of its FPGA's vendor: `lipp_board_with_sdram` on a serial line, its
-/// video as a panel's parallel signals or, with Dvi, as DVI's pairs of bits.
+/// A whole board but for the cells of its FPGA's vendor: `lipp_board_with_sdram` on a serial line,
+/// its video as a panel's parallel signals or, with Dvi, as DVI's pairs of bits.
 ///
 ///   rx_i -> lipp_board_with_sdram <-> pins of the SDRAM
 ///                     |
 ///                     +-> de_o, hsync_o, vsync_o, rgb_o -> lipp_dvi_out -> pair_o
 ///
-/// Three clocks: clk_i of ClockHz, which with Dvi is the pixels'; shift_clk_i, five times clk_i, from
-/// the same source; mem_clk_i of MemoryHz, unrelated. Each has its reset from rst_ni, which is
+/// Three clocks: clk_i of ClockHz, which with Dvi is the pixels'; shift_clk_i, five times clk_i,
+/// from the same source; mem_clk_i of MemoryHz, unrelated. Each has its reset from rst_ni, which is
 /// asynchronous, such as a PLL's lock: while it is low the video is black, and afterwards until a
 /// frame is shown.
 ///

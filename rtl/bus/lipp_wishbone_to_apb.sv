@@ -45,12 +45,12 @@ module lipp_wishbone_to_apb #(
     $fatal(1, "lipp_wishbone_to_apb: AddressBits must be 3 to 32");
   end
 
-  logic asked, start, done, wanted_q;  // the master still waits for the access that runs
-  assign asked = s_wb_cyc && s_wb_stb;
-  assign start = asked && !m_apb_psel && !s_wb_ack && !s_wb_err;
+  logic request, start, done, pending_q;  // the master still waits for the access that runs
+  assign request = s_wb_cyc && s_wb_stb;
+  assign start = request && !m_apb_psel && !s_wb_ack && !s_wb_err;
   // A master that gives up now is not answered either.
   logic ack_q, err_q;
-  assign {s_wb_ack, s_wb_err} = {2{asked}} & {ack_q, err_q};
+  assign {s_wb_ack, s_wb_err} = {2{request}} & {ack_q, err_q};
   assign done = m_apb_penable && m_apb_pready;
   assign m_apb_pprot = '0;
 
@@ -65,13 +65,13 @@ module lipp_wishbone_to_apb #(
   end
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {m_apb_psel, m_apb_penable, wanted_q, ack_q, err_q} <= '0;
+      {m_apb_psel, m_apb_penable, pending_q, ack_q, err_q} <= '0;
     end else begin
       m_apb_psel <= start || (m_apb_psel && !done);
       m_apb_penable <= m_apb_psel && !done;
-      wanted_q <= start || (wanted_q && asked);
-      ack_q <= done && wanted_q && asked && !m_apb_pslverr;
-      err_q <= done && wanted_q && asked && m_apb_pslverr;
+      pending_q <= start || (pending_q && request);
+      ack_q <= done && pending_q && request && !m_apb_pslverr;
+      err_q <= done && pending_q && request && m_apb_pslverr;
     end
   end
 

@@ -30,17 +30,17 @@ module lipp_fifo #(
 
   logic [AddressBits-1:0] write_at_q, read_at_q;
   logic [AddressBits:0] stored_q;  // words in the memory that are not yet being read
-  logic [1:0] asked_q;             // reads on the way
-  logic [2:0] held_q, held_d;      // words read or being read, not yet taken
+  logic [1:0] reads_q;             // reads on the way
+  logic [2:0] level_q, level_d;      // words read or being read, not yet taken
   logic some_q, some_d;            // stored_q != 0
-  logic free_q;                    // held_q < 4
+  logic free_q;                    // level_q < 4
   logic ask, take, arrive;
   logic [Width-1:0] read_data;
 
   assign ask = some_q && free_q;
   assign some_d = write_i || stored_q[AddressBits:1] != '0 || (stored_q[0] && !ask);
-  assign held_d = held_q + 3'(ask) - 3'(take);
-  assign arrive = asked_q[1];
+  assign level_d = level_q + 3'(ask) - 3'(take);
+  assign arrive = reads_q[1];
   assign take = valid_o && ready_i;
 
   lipp_memory_1w1r #(.Width(Width), .AddressBits(AddressBits)) i_memory (
@@ -50,14 +50,14 @@ module lipp_fifo #(
 
   // ---- places at the output ----
   logic [Width-1:0] place_q[4];
-  logic [1:0] put_q, get_q;
+  logic [1:0] fill_at_q, drain_at_q;
   logic [2:0] ready_words_q;
   logic valid_q;  // ready_words_q != 0
   assign valid_o = valid_q;
-  assign data_o = place_q[get_q];
+  assign data_o = place_q[drain_at_q];
 
   always_ff @(posedge clk_i) begin
-    if (arrive) place_q[put_q] <= read_data;
+    if (arrive) place_q[fill_at_q] <= read_data;
   end
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -66,11 +66,11 @@ module lipp_fifo #(
       read_at_q <= '0;
       stored_q <= '0;
       some_q <= 1'b0;
-      asked_q <= '0;
-      held_q <= '0;
+      reads_q <= '0;
+      level_q <= '0;
       free_q <= 1'b1;
-      put_q <= '0;
-      get_q <= '0;
+      fill_at_q <= '0;
+      drain_at_q <= '0;
       ready_words_q <= '0;
       valid_q <= 1'b0;
     end else begin
@@ -78,11 +78,11 @@ module lipp_fifo #(
       if (ask) read_at_q <= read_at_q + 1'b1;
       stored_q <= stored_q + (AddressBits + 1)'(write_i) - (AddressBits + 1)'(ask);
       some_q <= some_d;
-      asked_q <= {asked_q[0], ask};
-      held_q <= held_d;
-      free_q <= held_d < 3'd4;
-      put_q <= put_q + 2'(arrive);
-      get_q <= get_q + 2'(take);
+      reads_q <= {reads_q[0], ask};
+      level_q <= level_d;
+      free_q <= level_d < 3'd4;
+      fill_at_q <= fill_at_q + 2'(arrive);
+      drain_at_q <= drain_at_q + 2'(take);
       ready_words_q <= ready_words_q + 3'(arrive) - 3'(take);
       valid_q <= arrive || ready_words_q[2:1] != '0 || (ready_words_q[0] && !take);
     end

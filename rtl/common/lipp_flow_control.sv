@@ -8,10 +8,11 @@
 /// pipeline needs no enable, and back-pressure inserts no bubbles: 2^AddressBits rays, more than
 /// Latency, fit into pipeline and FIFO.
 ///
-/// hold_i closes the input in the next clock: ready_o is a register. idle_o: no ray is in the pipeline or in the FIFO, so that the
-/// pipeline's configuration may change. A ray that comes is counted a clock later, one that leaves
-/// two clocks later: the ways from valid_i and ready_i end in registers, and the output may be far
-/// away. idle_o falls with a ray that comes, and rises three clocks after the last one left.
+/// hold_i closes the input in the next clock: ready_o is a register. idle_o: no ray is in the
+/// pipeline or in the FIFO, so that the pipeline's configuration may change. A ray that comes is
+/// counted a clock later, one that leaves two clocks later: the ways from valid_i and ready_i end
+/// in registers, and the output may be far away. idle_o falls with a ray that comes, and rises
+/// three clocks after the last one left.
 module lipp_flow_control #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,
@@ -35,25 +36,25 @@ module lipp_flow_control #(
     $fatal(1, "lipp_flow_control: Latency must be 1 to 10 less than the FIFO's places");
   end
 
-  logic [AddressBits:0] taken_q, taken_d;  // rays with a reserved place
+  logic [AddressBits:0] reserved_q, reserved_d;  // rays with a reserved place
   logic accept, entered;                   // entered: in the last clock
-  logic [1:0] left_q;                      // a ray left, one and two clocks ago
+  logic [1:0] departed_q;                      // a ray left, one and two clocks ago
 
   assign accept = valid_i && ready_o;
-  assign taken_d = taken_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(left_q[1]);
+  assign reserved_d = reserved_q + (AddressBits + 1)'(entered) - (AddressBits + 1)'(departed_q[1]);
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      taken_q <= '0;
-      left_q <= '0;
+      reserved_q <= '0;
+      departed_q <= '0;
       idle_o <= 1'b1;
       ready_o <= 1'b0;
     end else begin
-      taken_q <= taken_d;
-      left_q <= {left_q[0], valid_o && ready_i};
-      idle_o <= taken_q == '0 && !entered && !accept;
+      reserved_q <= reserved_d;
+      departed_q <= {departed_q[0], valid_o && ready_i};
+      idle_o <= reserved_q == '0 && !entered && !accept;
       // Two places are spare, for rays that are accepted while this is being computed.
-      ready_o <= taken_q < (AddressBits + 1)'(Room - 2) && !hold_i;
+      ready_o <= reserved_q < (AddressBits + 1)'(Room - 2) && !hold_i;
     end
   end
 

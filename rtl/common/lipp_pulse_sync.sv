@@ -5,8 +5,8 @@
 ///
 /// A pulse is accepted while from_busy_o is low. It comes out after Stages rising edges of
 /// to_clk_i. from_busy_o stays high for one more of them, and then for Stages rising edges of
-/// from_clk_i; a pulse meanwhile is ignored. Each figure is one more if a change was at an edge. Reset both
-/// sides together.
+/// from_clk_i; a pulse meanwhile is ignored. Each figure is one more if a change was at an edge.
+/// Reset both sides together.
 module lipp_pulse_sync #(
   parameter int Stages = 2
 ) (

@@ -3,8 +3,9 @@
 
 /// `lipp_gated_sum` in ECP5's carry cells, a cell for two bits, the gates included.
 ///
-/// Same ports and behaviour as rtl/math/lipp_gated_sum.sv. A cell's tables hold (A & B) ^ (C & D): what a bit adds to
-/// the carry. Their four lowest entries are A & B too, the carry that a bit makes. The cell is a black box to yosys.
+/// Same ports and behaviour as rtl/math/lipp_gated_sum.sv. A cell's tables hold (A & B) ^ (C & D):
+/// what a bit adds to the carry. Their four lowest entries are A & B too, the carry that a bit
+/// makes. The cell is a black box to yosys.
 module lipp_gated_sum #(
   parameter int W = 18
 ) (

@@ -3,10 +3,10 @@
 
 /// `lipp_memory_1w1r` in ECP5's block memory, with the cell's output register.
 ///
-/// Same ports and behaviour as rtl/common/lipp_memory_1w1r.sv, in cells of 512 words x 36 bits, 1024 x
-/// 18, or more and narrower words, up to 16384 x 1: port A writes, port B reads. Words of 36 bits take the
-/// data pins of both ports. Reading a word while it is written is undefined; no FIFO does that, and no
-/// request of the board.
+/// Same ports and behaviour as rtl/common/lipp_memory_1w1r.sv, in cells of 512 words x 36 bits,
+/// 1024 x 18, or more and narrower words, up to 16384 x 1: port A writes, port B reads. Words of 36
+/// bits take the data pins of both ports. Reading a word while it is written is undefined; no FIFO
+/// does that, and no request of the board.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9
@@ -29,8 +29,8 @@ module lipp_memory_1w1r #(
     $fatal(1, "lipp_memory_1w1r: AddressBits must be 1 to 14");
   end
 
-  // In words of 18 and 36 bits the two and four lowest address bits enable the bytes; in those of 36 they
-  // alone, and the write enable is high.
+  // In words of 18 and 36 bits the two and four lowest address bits enable the bytes; in those of
+  // 36 they alone, and the write enable is high.
   logic [13:0] write_at, read_at;
   logic [Bits*Cells-1:0] write_data, read_data;
   assign write_at = 14'(write_at_i) << Shift

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_row_multiplier` in ECP5's multiplier cell and carry chains: digits of four bits, two sums of digits, the cross
-/// terms' sum, and the cell's product with it, a clock each.
+/// `lipp_row_multiplier` in ECP5's multiplier cell and carry chains: digits of four bits, two sums
+/// of digits, the cross terms' sum, and the cell's product with it, a clock each.
 ///
 /// Same ports and behaviour as rtl/math/lipp_row_multiplier.sv.
 module lipp_row_multiplier #(
@@ -24,7 +24,8 @@ module lipp_row_multiplier #(
   localparam int Wha = Wa - La;  // bits of the upper parts
   localparam int Whb = Wb - Lb;
 
-  if (Wa < 3 || Wb < 3 || Wa > 32 || Wb > 32 || Drop < 0 || Drop >= Wa + Wb) begin : gen_illegal_width
+  if (Wa < 3 || Wb < 3 || Wa > 32
+      || Wb > 32 || Drop < 0 || Drop >= Wa + Wb) begin : gen_illegal_width
     $fatal(1, "lipp_row_multiplier: Wa and Wb must be 3 to 32, and Drop less than their sum");
   end
   if (La > 0 && Lb > 0 && Drop < La + Lb) begin : gen_illegal_drop
@@ -59,14 +60,16 @@ module lipp_row_multiplier #(
       assign al_bh = '0;
     end else begin : gen_al
       logic signed [Whb+La-1:0] part;
-      lipp_row_product #(.W(Whb), .Low(La)) i_al (.clk_i, .a_i(bh[Whb-1:0]), .low_i(a_i[La-1:0]), .p_o(part));
+      lipp_row_product #(.W(Whb), .Low(La)) i_al (.clk_i, .a_i(bh[Whb-1:0]), .low_i(a_i[La-1:0]),
+          .p_o(part));
       assign al_bh = Square ? Wc'(part) <<< 1 : Wc'(part) <<< (Lb - Lc);
     end
     if (Lb == 0 || Square) begin : gen_no_bl
       assign ah_bl = '0;
     end else begin : gen_bl
       logic signed [Wha+Lb-1:0] part;
-      lipp_row_product #(.W(Wha), .Low(Lb)) i_bl (.clk_i, .a_i(ah[Wha-1:0]), .low_i(b_i[Lb-1:0]), .p_o(part));
+      lipp_row_product #(.W(Wha), .Low(Lb)) i_bl (.clk_i, .a_i(ah[Wha-1:0]), .low_i(b_i[Lb-1:0]),
+          .p_o(part));
       assign ah_bl = Wc'(part) <<< (La - Lc);
     end
     always_ff @(posedge clk_i) begin

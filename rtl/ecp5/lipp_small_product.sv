@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// `lipp_small_product` in carry chains: two digits of four bits and the highest bit, then their sum.
+/// `lipp_small_product` in carry chains: two digits of four bits and the highest bit, then their
+/// sum.
 ///
 /// Same ports and behaviour as rtl/math/lipp_small_product.sv.
 module lipp_small_product #(

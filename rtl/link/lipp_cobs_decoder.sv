@@ -21,12 +21,12 @@ module lipp_cobs_decoder (
 
   logic begun_q;       // a code was seen
   logic zero_q;        // a zero is between this group and the next
-  logic [7:0] left_q;  // remaining bytes of the group
+  logic [7:0] remaining_q;  // remaining bytes of the group
   logic take, code, finish;
   assign in_ready_o = !out_valid_o || out_ready_i;
   assign take = in_valid_i && in_ready_o;
   assign finish = in_data_i == 8'h00;
-  assign code = left_q == 8'd0;
+  assign code = remaining_q == 8'd0;
 
   always_ff @(posedge clk_i) begin
     if (take) begin
@@ -39,18 +39,18 @@ module lipp_cobs_decoder (
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {out_valid_o, begun_q, zero_q} <= '0;
-      left_q <= '0;
+      remaining_q <= '0;
     end else begin
       if (in_ready_o) out_valid_o <= take && begun_q && (finish || !code || zero_q);
       if (take) begin
         begun_q <= !finish;
         if (finish) begin
-          left_q <= '0;
+          remaining_q <= '0;
         end else if (code) begin
-          left_q <= in_data_i - 8'd1;
+          remaining_q <= in_data_i - 8'd1;
           zero_q <= in_data_i != 8'hff;
         end else begin
-          left_q <= left_q - 8'd1;
+          remaining_q <= remaining_q - 8'd1;
         end
       end
     end

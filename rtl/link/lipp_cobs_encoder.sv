@@ -29,20 +29,20 @@ module lipp_cobs_encoder (
 
   // ---- fill ----
   logic fill_q;        // the bank
-  logic [7:0] held_q;  // number of bytes in it
+  logic [7:0] length_q;  // number of bytes in it
   logic [7:0] next;
   logic empty_q;       // the packet ended with a zero: an empty group follows
   logic take, zero, close;
   assign in_ready_o = !full_q[fill_q] && !empty_q;
   assign take = in_valid_i && in_ready_o;
   assign zero = in_data_i == 8'h00;
-  assign next = held_q + 8'd1;
+  assign next = length_q + 8'd1;
   assign close = empty_q ? !full_q[fill_q] : take && (zero || in_last_i || next == Longest);
 
   always_ff @(posedge clk_i) begin
     if (take) bytes[{fill_q, next}] <= in_data_i;
     if (close) begin
-      count_q[fill_q] <= zero || empty_q ? held_q : next;
+      count_q[fill_q] <= zero || empty_q ? length_q : next;
       final_q[fill_q] <= empty_q || (in_last_i && !zero);
     end
   end
@@ -74,14 +74,14 @@ module lipp_cobs_encoder (
     if (!rst_ni) begin
       full_q <= '0;
       {fill_q, empty_q, send_q, end_q, out_valid_o, late_valid_q} <= '0;
-      held_q <= '0;
+      length_q <= '0;
       at_q <= '0;
     end else begin
-      if (take) held_q <= next;
+      if (take) length_q <= next;
       if (close) begin
         full_q[fill_q] <= 1'b1;
         fill_q <= !fill_q;
-        held_q <= '0;
+        length_q <= '0;
         empty_q <= !empty_q && in_last_i && zero;
       end
       if (step) {out_valid_o, late_valid_q} <= {late_valid_q, some};

@@ -50,7 +50,8 @@ module lipp_packet_fifo #(
   logic [4:0][7:0] late_q;
   logic [31:0] crc_q;
   logic [LengthBits-1:0] length_q;      // bytes so far, at most MaxPacket + 1
-  logic too_long_q, late_full_q;        // length_q > MaxPacket, length_q >= 5: a comparison would come late
+  // length_q > MaxPacket, length_q >= 5: a comparison would come late
+  logic too_long_q, late_full_q;
   logic take, write, room_q;
   logic judge_q, right_q, long_q, cobs_q, short_q, good;
   assign in_ready_o = room_q || too_long_q;

@@ -16,31 +16,31 @@ module lipp_packet_out (
   import lipp_link_pkg::*;
 
   logic [31:0] crc_q;
-  logic [2:0] left_q;  // remaining bytes of the CRC; 0 during the packet
+  logic [2:0] remaining_q;  // remaining bytes of the CRC; 0 during the packet
   logic body, valid, ready;
-  assign body = left_q == 3'd0;
+  assign body = remaining_q == 3'd0;
   assign valid = !body || in_valid_i;
   assign in_ready_o = body && ready;
 
   lipp_cobs_encoder i_encoder (
     .clk_i, .rst_ni,
     .in_valid_i(valid), .in_ready_o(ready), .in_data_i(body ? in_data_i : ~crc_q[7:0]),
-    .in_last_i(left_q == 3'd1),
+    .in_last_i(remaining_q == 3'd1),
     .out_valid_o, .out_ready_i, .out_data_o
   );
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       crc_q <= CrcStart;
-      left_q <= '0;
+      remaining_q <= '0;
     end else if (valid && ready) begin
       if (body) begin
         crc_q <= crc32_byte(crc_q, in_data_i);
-        if (in_last_i) left_q <= 3'd4;
+        if (in_last_i) remaining_q <= 3'd4;
       end else begin
         // Ones are shifted in, so that the state is all ones after the last byte.
         crc_q <= {8'hff, crc_q[31:8]};
-        left_q <= left_q - 3'd1;
+        remaining_q <= remaining_q - 3'd1;
       end
     end
   end

@@ -16,27 +16,27 @@ module lipp_uart_tx (
 );
 
   logic [9:0] shift_q;   // stop, data, start
-  logic [3:0] left_q;    // bits not yet sent
+  logic [3:0] remaining_q;    // bits not yet sent
   logic [15:0] phase_q;
   logic tick_q;          // the last clock of a bit
   assign tx_o = shift_q[0];
-  assign ready_o = left_q == 4'd0 || (left_q == 4'd1 && tick_q);
+  assign ready_o = remaining_q == 4'd0 || (remaining_q == 4'd1 && tick_q);
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       shift_q <= '1;
-      left_q <= '0;
+      remaining_q <= '0;
       phase_q <= '0;
       tick_q <= 1'b0;
     end else begin
-      if (left_q == 4'd0) {tick_q, phase_q} <= {1'b0, step_i};
+      if (remaining_q == 4'd0) {tick_q, phase_q} <= {1'b0, step_i};
       else {tick_q, phase_q} <= 17'(phase_q) + 17'(step_i);
       if (valid_i && ready_o) begin
         shift_q <= {1'b1, data_i, 1'b0};
-        left_q <= 4'd10;
+        remaining_q <= 4'd10;
       end else if (tick_q) begin
         shift_q <= {1'b1, shift_q[9:1]};
-        left_q <= left_q - 4'd1;
+        remaining_q <= remaining_q - 4'd1;
       end
     end
   end

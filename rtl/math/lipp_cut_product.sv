@@ -7,8 +7,8 @@
 ///
 ///   p = floor(ah bh 2^(la + lb) / 2^Drop) + floor((ah bl 2^la + al bh 2^lb) / 2^Drop)
 ///
-/// All words have 64 bits, since simulators neither mask nor extend those; synthesis removes the unused bits.
-/// Latency 0.
+/// All words have 64 bits, since simulators neither mask nor extend those; synthesis removes the
+/// unused bits. Latency 0.
 module lipp_cut_product #(
   parameter int Wa = 18,       // bits of a
   parameter int Wb = 18,       // bits of b
@@ -26,19 +26,20 @@ module lipp_cut_product #(
   localparam logic [63:0] LowB = (64'd1 << low_bits(Wb)) - 64'd1;
 
   if (Wa < 1 || Wb < 1 || Wa + Wb > 64 || Drop < 0 || Drop >= Wa + Wb) begin : gen_illegal
-    $fatal(1, "lipp_cut_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
+    $fatal(1,
+        "lipp_cut_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
   end
 
   // The lower 64 bits of a product are the same for signed and unsigned words.
-  logic [63:0] a, b, upper, ah_bl, rest;
+  logic [63:0] a, b, upper, ah_bl, lower;
   assign a = 64'(a_i);
   assign b = 64'(b_i);
   assign upper = (a & ~LowA) * (b & ~LowB);
   assign ah_bl = (a & ~LowA) * (b & LowB);
-  assign rest = Square ? ah_bl << 1 : ah_bl + (a & LowA) * (b & ~LowB);
-  assign p_o = upper[Drop+:Wp] + rest[Drop+:Wp];
+  assign lower = Square ? ah_bl << 1 : ah_bl + (a & LowA) * (b & ~LowB);
+  assign p_o = upper[Drop+:Wp] + lower[Drop+:Wp];
   logic unused_places;
-  assign unused_places = ^{upper, rest};
+  assign unused_places = ^{upper, lower};
 
 endmodule
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of a word and a digit of one to four bits, p = a d, in rows of `lipp_gated_sum`. Combinational.
+/// Product of a word and a digit of one to four bits, p = a d, in rows of `lipp_gated_sum`.
+/// Combinational.
 module lipp_digit_product #(
   parameter int W = 18,           // bits of a, 3 or more
   parameter int Digit = 4,        // bits of d

@@ -3,9 +3,9 @@
 
 /// Sum of two words, each of whose bits has a gate: s = (a & x) + (b & y). Combinational.
 ///
-/// Two rows of a product are such a sum: the word, the word shifted, and a bit of the other factor at the gates of
-/// each. A family whose carry chains have room for the gates replaces this module (rtl/ecp5/): the gates
-/// then take no logic of their own.
+/// Two rows of a product are such a sum: the word, the word shifted, and a bit of the other factor
+/// at the gates of each. A family whose carry chains have room for the gates replaces this module
+/// (rtl/ecp5/): the gates then take no logic of their own.
 module lipp_gated_sum #(
   parameter int W = 18  // bits of the words and of the sum
 ) (

@@ -21,7 +21,8 @@ module lipp_low_product #(
   localparam int Own = 1 + $clog2(Digits);
 
   if (Low < 1 || Low > 17 || Latency < Own) begin : gen_illegal
-    $fatal(1, "lipp_low_product: Low must be 1 to 17 and Latency no shorter than the product takes");
+    $fatal(1,
+        "lipp_low_product: Low must be 1 to 17 and Latency no shorter than the product takes");
   end
 
   logic signed [Wp-1:0] p;

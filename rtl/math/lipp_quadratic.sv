@@ -99,12 +99,12 @@ module lipp_quadratic #(
   for (genvar k = 0; k < Parts; k++) begin : gen_part
     (* rom_style = "logic" *) logic [Wt-1:0] entries[Part];
     initial for (int n = 0; n < Part; n++) entries[n] = Table[k*Part+n];
-    logic asked_q;
+    logic selected_q;
     logic [A-3:0] at_q;
     always_ff @(posedge clk_i) begin
-      asked_q <= segment[A-:3] == 3'(k);
+      selected_q <= segment[A-:3] == 3'(k);
       at_q <= segment[A-:3] == 3'(k) ? segment[A-3:0] : '0;
-      entry_q[k] <= asked_q ? entries[at_q] : '0;
+      entry_q[k] <= selected_q ? entries[at_q] : '0;
     end
   end
   always_ff @(posedge clk_i) begin

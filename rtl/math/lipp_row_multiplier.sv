@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of two signed words as `lipp_multiplier` gives it, with the cross terms in rows of carry chains.
+/// Product of two signed words as `lipp_multiplier` gives it, with the cross terms in rows of carry
+/// chains.
 ///
-/// It has fewer registers, of which none is before the cell, and takes 3 or 4 clocks; the clock is slower.
-/// `lipp_cut_product` forms the sum and all registers follow it: a simulator then moves one word a clock. Synthesis
-/// for a family whose carry chains take the rows replaces this module (rtl/ecp5/).
-/// Latency lipp_math_pkg::row_latency(Wa, Wb).
+/// It has fewer registers, of which none is before the cell, and takes 3 or 4 clocks; the clock is
+/// slower. `lipp_cut_product` forms the sum and all registers follow it: a simulator then moves one
+/// word a clock. Synthesis for a family whose carry chains take the rows replaces this module
+/// (rtl/ecp5/). Latency lipp_math_pkg::row_latency(Wa, Wb).
 module lipp_row_multiplier #(
   parameter int Wa = 18,       // bits of a, 3 to 32
   parameter int Wb = 18,       // bits of b, 3 to 32
@@ -25,7 +26,8 @@ module lipp_row_multiplier #(
   localparam int Lb = low_bits(Wb);
   localparam int Latency = row_latency(Wa, Wb);
 
-  if (Wa < 3 || Wb < 3 || Wa > 32 || Wb > 32 || Drop < 0 || Drop >= Wa + Wb) begin : gen_illegal_width
+  if (Wa < 3 || Wb < 3 || Wa > 32
+      || Wb > 32 || Drop < 0 || Drop >= Wa + Wb) begin : gen_illegal_width
     $fatal(1, "lipp_row_multiplier: Wa and Wb must be 3 to 32, and Drop less than their sum");
   end
   if (La > 0 && Lb > 0 && Drop < La + Lb) begin : gen_illegal_drop
@@ -36,7 +38,8 @@ module lipp_row_multiplier #(
   end
 
   logic [Wp-1:0] p;
-  lipp_cut_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (.a_i, .b_i, .p_o(p));
+  lipp_cut_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (.a_i, .b_i,
+      .p_o(p));
 
   for (genvar k = 0; k < Latency; k++) begin : gen_stage
     logic [Wp-1:0] q;

@@ -3,7 +3,8 @@
 
 /// Product of a signed word and a few unsigned bits: p(t) = a(t - 2) * low(t - 2).
 ///
-/// Made in carry chains: the first clock makes the products with digits of four bits, the second sums them.
+/// Made in carry chains: the first clock makes the products with digits of four bits, the second
+/// sums them.
 module lipp_row_product #(
   parameter int W = 18,   // bits of the signed word, 3 or more
   parameter int Low = 4,  // bits of the unsigned factor, 1 to 16
@@ -37,7 +38,8 @@ module lipp_row_product #(
   end else begin : gen_more
     localparam int Wl = W + (Low < 8 ? Low : 8);
     logic signed [Wl-1:0] lower;
-    assign lower = {(Wl - 4)'(gen_digit[0].q >>> 4) + (Wl - 4)'(gen_digit[1].q), gen_digit[0].q[3:0]};
+    assign lower = {(Wl - 4)'(gen_digit[0].q >>> 4) + (Wl - 4)'(gen_digit[1].q),
+        gen_digit[0].q[3:0]};
     if (Digits == 2) begin : gen_two
       always_ff @(posedge clk_i) p_o <= lower;
     end else begin : gen_four
@@ -46,7 +48,8 @@ module lipp_row_product #(
       if (Digits == 3) begin : gen_three
         assign upper = gen_digit[2].q;
       end else begin : gen_last
-        assign upper = {(Wu - 4)'(gen_digit[2].q >>> 4) + (Wu - 4)'(gen_digit[3].q), gen_digit[2].q[3:0]};
+        assign upper = {(Wu - 4)'(gen_digit[2].q >>> 4) + (Wu - 4)'(gen_digit[3].q),
+            gen_digit[2].q[3:0]};
       end
       always_ff @(posedge clk_i) p_o <= {Wu'(lower >>> 8) + upper, lower[7:0]};
     end

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Product of a short word and a fraction, both unsigned, that needs no multiplier cell; rounded where it is cut:
+/// Product of a short word and a fraction, both unsigned, that needs no multiplier cell; rounded
+/// where it is cut:
 ///
 ///   p = a b                 with Drop = 0
 ///   p = (a b + 2^7) >> 8    with Drop = 8
 ///
-/// The product comes first and all registers follow it: a simulator then moves one word a clock, and
-/// synthesis may move the registers into the product. Synthesis for a family without such retiming
-/// replaces this module (rtl/ecp5/). Latency lipp_math_pkg::small_latency().
+/// The product comes first and all registers follow it: a simulator then moves one word a clock,
+/// and synthesis may move the registers into the product. Synthesis for a family without such
+/// retiming replaces this module (rtl/ecp5/). Latency lipp_math_pkg::small_latency().
 module lipp_small_product #(
   parameter int Wa = 17,   // bits of a, 3 to 17
   parameter int Drop = 0,  // places cut off, 0 or 8

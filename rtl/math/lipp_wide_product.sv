@@ -3,10 +3,10 @@
 
 /// Product of two signed words, made from multiplier cells only, cut below a given place.
 ///
-/// Gives the same result as `lipp_multiplier` with its cross terms in logic: the sum that `lipp_cut_product` forms.
-/// The products come first and all registers follow them: a simulator then moves one word a clock, and synthesis
-/// can move the registers into the multiplier cells. Synthesis for a family without such retiming replaces this
-/// module by its cells (rtl/ecp5/).
+/// Gives the same result as `lipp_multiplier` with its cross terms in logic: the sum that
+/// `lipp_cut_product` forms. The products come first and all registers follow them: a simulator
+/// then moves one word a clock, and synthesis can move the registers into the multiplier cells.
+/// Synthesis for a family without such retiming replaces this module by its cells (rtl/ecp5/).
 /// Latency lipp_math_pkg::mul_latency(Wa, Wb).
 module lipp_wide_product #(
   parameter int Wa = 18,       // bits of a
@@ -25,11 +25,13 @@ module lipp_wide_product #(
   localparam int Latency = mul_latency(Wa, Wb);
 
   if (Wa < 1 || Wb < 1 || Wa + Wb > 64 || Drop >= Wa + Wb) begin : gen_illegal
-    $fatal(1, "lipp_wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
+    $fatal(1,
+        "lipp_wide_product: Wa and Wb must be 1 or more, 64 at most together, and more than Drop");
   end
 
   logic [Wp-1:0] p;
-  lipp_cut_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (.a_i, .b_i, .p_o(p));
+  lipp_cut_product #(.Wa(Wa), .Wb(Wb), .Drop(Drop), .Square(Square)) i_product (.a_i, .b_i,
+      .p_o(p));
 
   for (genvar k = 0; k < Latency; k++) begin : gen_stage
     logic [Wp-1:0] q;

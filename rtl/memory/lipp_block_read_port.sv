@@ -30,7 +30,7 @@ module lipp_block_read_port #(
     $fatal(1, "lipp_block_read_port: Width and Height must be 1 to 16383");
   end
 
-  logic [PlaceBits:0] unasked_q, left_q;  // pixels to ask for, and those to come
+  logic [PlaceBits:0] unasked_q, remaining_q;  // pixels to ask for, and those to come
   logic busy_q, asks_q, open, ask, take, unused_idle;
   assign ready_o = !busy_q;
   assign ask = asks_q && open;
@@ -41,17 +41,17 @@ module lipp_block_read_port #(
     end else if (!busy_q) begin
       {busy_q, asks_q} <= {2{valid_i}};
     end else begin
-      if (take && left_q == (PlaceBits + 1)'(1)) busy_q <= 1'b0;
+      if (take && remaining_q == (PlaceBits + 1)'(1)) busy_q <= 1'b0;
       if (ask && unasked_q == (PlaceBits + 1)'(1)) asks_q <= 1'b0;
     end
   end
   always_ff @(posedge clk_i) begin
     if (!busy_q) begin
       {buffer_o, at_o} <= {buffer_i, first_i};
-      {unasked_q, left_q} <= {2{count_i}};
+      {unasked_q, remaining_q} <= {2{count_i}};
     end else begin
       if (ask) {at_o, unasked_q} <= {at_o + 1'b1, unasked_q - 1'b1};
-      if (take) left_q <= left_q - 1'b1;
+      if (take) remaining_q <= remaining_q - 1'b1;
     end
   end
 

@@ -70,7 +70,7 @@ module lipp_block_store #(
 
   logic busy_q, buffer_q, take;
   logic [PlaceBits-1:0] at_q;
-  logic [PlaceBits:0] left_q;
+  logic [PlaceBits:0] remaining_q;
   assign write_ready_o = !busy_q;
   assign write_pixel_ready_o = busy_q;
   assign take = write_pixel_valid_i && busy_q;
@@ -78,14 +78,14 @@ module lipp_block_store #(
     if (!rst_ni) begin
       {busy_q, write_done_o} <= '0;
     end else begin
-      write_done_o <= take && left_q == (PlaceBits + 1)'(1);
+      write_done_o <= take && remaining_q == (PlaceBits + 1)'(1);
       if (!busy_q) busy_q <= write_valid_i;
-      else if (take && left_q == (PlaceBits + 1)'(1)) busy_q <= 1'b0;
+      else if (take && remaining_q == (PlaceBits + 1)'(1)) busy_q <= 1'b0;
     end
   end
   always_ff @(posedge clk_i) begin
-    if (!busy_q) {buffer_q, at_q, left_q} <= {write_buffer_i, write_first_i, write_count_i};
-    else if (take) {at_q, left_q} <= {at_q + 1'b1, left_q - 1'b1};
+    if (!busy_q) {buffer_q, at_q, remaining_q} <= {write_buffer_i, write_first_i, write_count_i};
+    else if (take) {at_q, remaining_q} <= {at_q + 1'b1, remaining_q - 1'b1};
   end
 
   lipp_frame_store #(.Width(Width), .Height(Height)) i_store (

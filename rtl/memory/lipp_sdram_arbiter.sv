@@ -30,8 +30,8 @@ module lipp_sdram_arbiter
   output logic         show_o    // it is of show
 );
 
-  logic shown_q;  // the last transaction was of show
-  assign show_o = show_valid_i && !(shown_q && write_valid_i);
+  logic show_served_q;  // the last transaction was of show
+  assign show_o = show_valid_i && !(show_served_q && write_valid_i);
   assign write_o = write_valid_i && !show_o;
   assign valid_o = show_valid_i || write_valid_i || read_valid_i;
   assign transaction_o = show_o ? show_i : write_o ? write_i : read_i;
@@ -40,8 +40,8 @@ module lipp_sdram_arbiter
   assign write_ready_o = ready_i && write_o;
   assign read_ready_o = ready_i && !show_o && !write_o;
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) shown_q <= 1'b0;
-    else if (valid_o && ready_i) shown_q <= show_o;
+    if (!rst_ni) show_served_q <= 1'b0;
+    else if (valid_o && ready_i) show_served_q <= show_o;
   end
 
 endmodule

@@ -8,9 +8,9 @@
 ///
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP
 ///
-/// so that n words take max(tRCD + n, tRAS) + tRP clocks to read, and max(tRCD + n + tWR - 1, tRAS) +
-/// tRP to write. Times in ns are rounded up to clocks. The next transaction is taken two clocks before its ACTIVE
-/// command may be: who chooses among several decides as late as possible.
+/// so that n words take max(tRCD + n, tRAS) + tRP clocks to read, and max(tRCD + n + tWR - 1, tRAS)
+/// + tRP to write. Times in ns are rounded up to clocks. The next transaction is taken two clocks
+/// before its ACTIVE command may be: who chooses among several decides as late as possible.
 ///
 /// Words to write must be there: write_take_o takes write_word_i, once for each word. Words read
 /// cannot wait either: read_valid_o, with the tag_i of their transaction, in their order. PadClocks
@@ -102,21 +102,21 @@ module lipp_sdram_controller
   logic [2:0] more_q, more_d;   // refreshes of the initialisation but for the last
   state_e state_q, state_d, after_q, after_d;
   logic [TimerBits-1:0] timer_q;
-  logic tick_q, due_q, open_q;  // a refresh is due; a transaction may be taken
+  logic tick_q, refresh_due_q, open_q;  // a refresh is due; a transaction may be taken
   logic [1:0] late_q;           // refreshes that are due
   logic [1:0] late_d;
-  assign late_d = late_q + 2'(tick_q && late_q != 2'd3) - 2'(state_q == Refresh && due_q);
+  assign late_d = late_q + 2'(tick_q && late_q != 2'd3) - 2'(state_q == Refresh && refresh_due_q);
 
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       timer_q <= TimerBits'(PowerUp);
-      {tick_q, due_q, open_q} <= '0;
+      {tick_q, refresh_due_q, open_q} <= '0;
       late_q <= '0;
     end else begin
       timer_q <= tick_q ? TimerBits'(Interval - 1) : timer_q - 1'b1;
       tick_q <= timer_q == TimerBits'(1);
       late_q <= late_d;
-      due_q <= late_d != '0;
+      refresh_due_q <= late_d != '0;
       open_q <= late_d == '0 && step_q == ReadyStep;
     end
   end
@@ -145,7 +145,7 @@ module lipp_sdram_controller
             if (more_q == '0) step_d = ModeStep;
           end
           ModeStep: {state_d, step_d} = {Mode, ReadyStep};
-          default: if (due_q) state_d = Refresh;
+          default: if (refresh_due_q) state_d = Refresh;
               else if (valid_i && open_q) state_d = Activate;
         endcase
       end
@@ -194,19 +194,19 @@ module lipp_sdram_controller
     end
   end
 
-  logic [ColumnBits:0] left_q;
+  logic [ColumnBits:0] remaining_q;
   always_ff @(posedge clk_i) begin
     if (ready_o) begin
       at_q <= transaction_i;
       write_q <= write_i;
       tag_q <= tag_i;
-      left_q <= transaction_i.count;
+      remaining_q <= transaction_i.count;
     end else if (state_q == Activate) begin
-      last_q <= left_q == (ColumnBits + 1)'(1);
+      last_q <= remaining_q == (ColumnBits + 1)'(1);
     end else if (state_q == Column) begin
       at_q.column <= at_q.column + 1'b1;
-      left_q <= left_q - 1'b1;
-      last_q <= left_q == (ColumnBits + 1)'(2);
+      remaining_q <= remaining_q - 1'b1;
+      last_q <= remaining_q == (ColumnBits + 1)'(2);
     end
   end
   logic unused_at;

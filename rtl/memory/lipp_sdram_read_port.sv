@@ -8,8 +8,8 @@
 /// pixels: words that come from the memory never wait. A pair crosses to the client's clock in one
 /// word. The next request is taken after the last pixel of the one before.
 ///
-/// From the words' arrival to the pixels: 2 clocks of the memory, then that of `lipp_async_fifo`, and
-/// one more: the FIFO's memory is slow, so its pixels leave from registers.
+/// From the words' arrival to the pixels: 2 clocks of the memory, then that of `lipp_async_fifo`,
+/// and one more: the FIFO's memory is slow, so its pixels leave from registers.
 module lipp_sdram_read_port
   import lipp_sdram_pkg::*;
 #(
@@ -40,7 +40,7 @@ module lipp_sdram_read_port
 );
 
   localparam int Room = 3 << AddressBits;
-  logic [PlaceBits:0] left_q;
+  logic [PlaceBits:0] remaining_q;
   logic busy_q, take;
   logic split_valid, split_ready, split_free, pair_valid, pair_ready, rgb_valid, rgb_ready;
   transaction_t split_transaction;
@@ -53,11 +53,11 @@ module lipp_sdram_read_port
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) busy_q <= 1'b0;
     else if (!busy_q) busy_q <= valid_i;
-    else busy_q <= !(take && left_q == (PlaceBits + 1)'(1));
+    else busy_q <= !(take && remaining_q == (PlaceBits + 1)'(1));
   end
   always_ff @(posedge clk_i) begin
-    if (!busy_q) left_q <= count_i;
-    else if (take) left_q <= left_q - 1'b1;
+    if (!busy_q) remaining_q <= count_i;
+    else if (take) remaining_q <= remaining_q - 1'b1;
   end
 
   lipp_sdram_splitter #(

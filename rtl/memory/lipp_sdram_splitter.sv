@@ -39,7 +39,7 @@ module lipp_sdram_splitter
 
   localparam int BufferWords = (Width * Height + 1) / 2 * 3;
   localparam int BufferRows = (BufferWords + RowWords - 1) / RowWords;
-  localparam int LeftBits = PlaceBits + 2 > ColumnBits + 1 ? PlaceBits + 2 : ColumnBits + 1;
+  localparam int RemainingBits = PlaceBits + 2 > ColumnBits + 1 ? PlaceBits + 2 : ColumnBits + 1;
   localparam int BudgetBits = $clog2(MaxBudget + 1);
   localparam int NumberBits = RowBits + BankBits;  // of a row, through all banks
 
@@ -51,26 +51,28 @@ module lipp_sdram_splitter
     $fatal(1, "lipp_sdram_splitter: two frames must fit into the SDRAM's 32768 rows of 512 words");
   end
   if (Block < 1 || Block > RowWords || MaxBudget < Block || Budget > MaxBudget) begin : gen_block
-    $fatal(1, "lipp_sdram_splitter: Block must be 1 to 512, MaxBudget no less than Block and Budget");
+    $fatal(1,
+        "lipp_sdram_splitter: Block must be 1 to 512, MaxBudget no less than Block and Budget");
   end
 
   typedef enum logic [1:0] {Idle, Measure, Wait, Offer} state_e;
   state_e state_q;
   logic [NumberBits-1:0] number_q;
   logic [ColumnBits-1:0] column_q;
-  logic [LeftBits-1:0] left_q;  // words
+  logic [RemainingBits-1:0] remaining_q;  // words
   logic [BudgetBits-1:0] budget_q;
   logic [ColumnBits:0] count_q, in_row, in_block;
 
-  logic [LeftBits-1:0] first;
-  assign first = LeftBits'(first_i) + LeftBits'(first_i >> 1);
+  logic [RemainingBits-1:0] first;
+  assign first = RemainingBits'(first_i) + RemainingBits'(first_i >> 1);
   assign in_row = (ColumnBits + 1)'(RowWords) - (ColumnBits + 1)'(column_q);
-  assign in_block = (ColumnBits + 1)'(left_q < LeftBits'(Block) ? left_q : LeftBits'(Block));
+  assign in_block = (ColumnBits + 1)'(remaining_q < RemainingBits'(Block) ? remaining_q
+      : RemainingBits'(Block));
   assign ready_o = state_q == Idle;
   assign valid_o = state_q == Offer;
   assign transaction_o = '{
     row: number_q[NumberBits-1:BankBits], bank: number_q[BankBits-1:0], column: column_q,
-    count: count_q, last: left_q == LeftBits'(count_q)
+    count: count_q, last: remaining_q == RemainingBits'(count_q)
   };
 
   logic pay;
@@ -96,11 +98,11 @@ module lipp_sdram_splitter
     if (ready_o) begin
       number_q <= NumberBits'(first >> ColumnBits) + (buffer_i ? NumberBits'(BufferRows) : '0);
       column_q <= first[ColumnBits-1:0];
-      left_q <= LeftBits'(count_i) + LeftBits'(count_i >> 1);
+      remaining_q <= RemainingBits'(count_i) + RemainingBits'(count_i >> 1);
     end else if (pay) begin
       number_q <= number_q + NumberBits'(column_sum[ColumnBits]);
       column_q <= column_sum[ColumnBits-1:0];
-      left_q <= left_q - LeftBits'(count_q);
+      remaining_q <= remaining_q - RemainingBits'(count_q);
     end
     if (state_q == Measure) count_q <= in_row < in_block ? in_row : in_block;
   end

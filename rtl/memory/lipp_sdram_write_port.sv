@@ -42,7 +42,7 @@ module lipp_sdram_write_port
     $fatal(1, "lipp_sdram_write_port: 2^AddressBits pairs of pixels must hold Block words");
   end
 
-  logic [PlaceBits:0] left_q;
+  logic [PlaceBits:0] remaining_q;
   logic busy_q, some_q, take;  // pixels of the request are still to come
   logic split_valid, split_ready, split_free, join_ready, pair_valid, pair_ready;
   transaction_t split_transaction;
@@ -57,12 +57,12 @@ module lipp_sdram_write_port
     else if (!busy_q) {busy_q, some_q} <= {2{valid_i}};
     else begin
       busy_q <= !done_o;
-      some_q <= some_q && !(take && left_q == (PlaceBits + 1)'(1));
+      some_q <= some_q && !(take && remaining_q == (PlaceBits + 1)'(1));
     end
   end
   always_ff @(posedge clk_i) begin
-    if (!busy_q) left_q <= count_i;
-    else if (take) left_q <= left_q - 1'b1;
+    if (!busy_q) remaining_q <= count_i;
+    else if (take) remaining_q <= remaining_q - 1'b1;
   end
 
   // A pair is in the budget when it is in the FIFO: its transaction is behind it.

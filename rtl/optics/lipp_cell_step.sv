@@ -84,21 +84,23 @@ module lipp_cell_step #(
     lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(Drop)) i_rise (
       .clk_i, .a_i(ny_i), .b_i({1'b0, rise_i[F:0]}), .p_o(rise)
     );
-    logic signed [Wt-1:0] ny, half_nx_q, half_nx_q2, once_q, fourth_q, whole_q, rest_q, rest, sum_q;
+    logic signed [Wt-1:0] ny, half_nx_q, half_nx_q2, once_q, fourth_q, offset_q, constant_q,
+        constant, sum_q;
     assign ny = Wt'(ny_i) <<< Guard;
     always_ff @(posedge clk_i) begin
       half_nx_q <= (Wt'(nx_i) <<< (Guard - 1)) + Wt'(4);  // with the rounding's half
       once_q <= (rise_i[F+1] ? ny : '0) + (rise_i[F+2] ? ny <<< 1 : '0);
       fourth_q <= rise_i[F+3] ? ny <<< 2 : '0;
-      whole_q <= once_q - fourth_q;
+      offset_q <= once_q - fourth_q;
       half_nx_q2 <= half_nx_q;
-      rest_q <= half_nx_q2 + whole_q;
+      constant_q <= half_nx_q2 + offset_q;
     end
-    lipp_delay #(.Width(Wt), .Cycles(MulLatency - 3)) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
+    lipp_delay #(.Width(Wt), .Cycles(MulLatency - 3)) i_rest (.clk_i, .d_i(constant_q),
+        .q_o(constant));
     logic signed [Wq-1:0] q0_q, q1_q, q2_q, q1_d;
     assign q1_d = Wq'(sum_q >>> Guard);
     always_ff @(posedge clk_i) begin
-      sum_q <= Wt'(rise) + rest;
+      sum_q <= Wt'(rise) + constant;
       q0_q <= q0_d;
       q1_q <= q1_d;
       q2_q <= q1_d - q0_d;

@@ -5,14 +5,15 @@
 ///
 /// The pixel belongs to the lenslet through which the eye sees it, and may lie under a neighbour.
 /// The lattice coordinates are those of the line from pixel to eye where it crosses the apertures'
-/// plane: x is that point in the cell. The pixel itself is at (C - A) s / (1 - s) farther, where C is
-/// the lenslet's centre, A the point in front of the eye and s = D / (D + E). So
+/// plane: x is that point in the cell. The pixel itself is at (C - A) s / (1 - s) farther, where C
+/// is the lenslet's centre, A the point in front of the eye and s = D / (D + E). So
 ///
 ///   t_x  = (x << 2) + (16 C_x s >> 14) + o_x + 2,   x' = t_x >> 2,   y' likewise
 ///
 /// is 1 - s times the pixel's point; the coefficients of slope and point contain 1 / (1 - s).
-/// As integers, where a b >> k is the product that `lipp_multiplier` cuts by k places; C in half pitches and
-/// half rows: (2 i + j, 2 j) (square: (2 i, 2 j)). s has F + 11 fraction bits, o = -s A has F + 2.
+/// As integers, where a b >> k is the product that `lipp_multiplier` cuts by k places; C in half
+/// pitches and half rows: (2 i + j, 2 j) (square: (2 i, 2 j)). s has F + 11 fraction bits, o = -s A
+/// has F + 2.
 ///
 /// Output: W + 2 bits with F fraction bits, [-8, 8). beyond_o: x' or y' is outside that range.
 /// Latency converge_latency(F).

@@ -61,10 +61,12 @@ module lipp_enter_flat #(
   localparam int Wq = 2 * Wt - SquareDrop;
   logic signed [Wq-1:0] tx2, ty2, sum_q;
   logic [F+2:0] square_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(Wt), .Drop(SquareDrop), .Square(1'b1)) i_tx2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(Wt), .Drop(SquareDrop),
+      .Square(1'b1)) i_tx2 (
     .clk_i, .a_i(tx_q), .b_i(tx_q), .p_o(tx2)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(Wt), .Drop(SquareDrop), .Square(1'b1)) i_ty2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wt), .Wb(Wt), .Drop(SquareDrop),
+      .Square(1'b1)) i_ty2 (
     .clk_i, .a_i(ty_q), .b_i(ty_q), .p_o(ty2)
   );
   always_ff @(posedge clk_i) begin

@@ -65,23 +65,25 @@ module lipp_leave_flat #(
   logic signed [Wq-1:0] dx2, dy2;
   logic signed [Wq:0] sum_q;
   logic [Wq-2:0] g_d;
-  logic [F+2:0] rest_q, g_q;
-  logic whole_q, whole, steep;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dx2 (
+  logic [F+2:0] cos2_q, g_q;
+  logic reflects_q, reflects, steep;
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop),
+      .Square(1'b1)) i_dx2 (
     .clk_i, .a_i(dx_i), .b_i(dx_i), .p_o(dx2)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_dy2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop),
+      .Square(1'b1)) i_dy2 (
     .clk_i, .a_i(dy_i), .b_i(dy_i), .p_o(dy2)
   );
   assign g_d = sum_q[Wq] ? '0 : sum_q[Wq:2];
   always_ff @(posedge clk_i) begin
     sum_q <= (Wq + 1)'(dx2) + (Wq + 1)'(dy2);
-    rest_q <= ~(F + 3)'(g_d);
+    cos2_q <= ~(F + 3)'(g_d);
     g_q <= (F + 3)'(g_d);
-    whole_q <= |g_d[Wq-2:F+3];
+    reflects_q <= |g_d[Wq-2:F+3];
   end
   lipp_delay #(.Width(2), .Cycles(SineLatency - SquareLatency)) i_steep (
-    .clk_i, .d_i({whole_q, rest_q[F+2:F+1] == '0}), .q_o({whole, steep})
+    .clk_i, .d_i({reflects_q, cos2_q[F+2:F+1] == '0}), .q_o({reflects, steep})
   );
 
   // ---- the length to the flat face ----
@@ -93,7 +95,7 @@ module lipp_leave_flat #(
   logic signed [Wl-1:0] path;
   logic signed [Wl-2:0] path_d;
   logic depth_beyond_q, depth_beyond, depth_beyond_late, path_beyond_q, path_beyond;
-  lipp_rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(rest_q), .y_o(inverse));
+  lipp_rsqrt #(.F(F)) i_rsqrt (.clk_i, .x_i(cos2_q), .y_o(inverse));
   assign half_inverse = inverse[F+1] ? {1'b0, {(F + 1){1'b1}}} : $signed(inverse);
   // floor((nz + 1) / 2) - zc = floor((nz + (1 - 2 zc)) / 2)
   logic signed [Wf+1:0] half_less_zc_q, depth_d;
@@ -206,14 +208,14 @@ module lipp_leave_flat #(
   // ---- the direction of a reflected ray ----
   localparam int GlassDrop = F + 1;
   localparam int Wg = Wf + W - GlassDrop;
-  logic signed [Wf-1:0] rest_late;
+  logic signed [Wf-1:0] cos2_late;
   logic signed [Wg-1:0] glass;
   logic signed [W-1:0] dz_glass_q, dz_glass, dx_glass, dy_glass;
   lipp_delay #(.Width(Wf), .Cycles(rsqrt_latency())) i_rest (
-    .clk_i, .d_i({1'b0, rest_q}), .q_o(rest_late)
+    .clk_i, .d_i({1'b0, cos2_q}), .q_o(cos2_late)
   );
   lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wf), .Wb(W), .Drop(GlassDrop)) i_glass (
-    .clk_i, .a_i(rest_late), .b_i(half_inverse), .p_o(glass)
+    .clk_i, .a_i(cos2_late), .b_i(half_inverse), .p_o(glass)
   );
   always_ff @(posedge clk_i) dz_glass_q <= W'((glass + Wg'(1)) >>> 1);
 
@@ -232,7 +234,7 @@ module lipp_leave_flat #(
     .clk_i, .d_i(dz_air_early), .q_o(dz_air)
   );
   lipp_delay #(.Width(3), .Cycles(Last - SineLatency)) i_reflected (
-    .clk_i, .d_i({reflected_q, over_q || whole, steep}), .q_o({reflected, over_late, steep_late})
+    .clk_i, .d_i({reflected_q, over_q || reflects, steep}), .q_o({reflected, over_late, steep_late})
   );
   logic beyond_q;
   always_ff @(posedge clk_i) begin

@@ -105,27 +105,29 @@ module lipp_meet_dome #(
   localparam int SquareDrop = F - 3;
   localparam int Ws = 2 * Wf - SquareDrop;
   logic signed [2*Wh-SquareDrop-1:0] hx2, hy2;
-  logic signed [Ws-1:0] h2_q, rest_q, rest, b2, c_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hx2 (
+  logic signed [Ws-1:0] h2_q, origin_term_q, origin_term, b2, c_q;
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wh), .Drop(SquareDrop),
+      .Square(1'b1)) i_hx2 (
     .clk_i, .a_i(hx_i), .b_i(hx_i), .p_o(hx2)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wh), .Drop(SquareDrop), .Square(1'b1)) i_hy2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(Wh), .Wb(Wh), .Drop(SquareDrop),
+      .Square(1'b1)) i_hy2 (
     .clk_i, .a_i(hy_i), .b_i(hy_i), .p_o(hy2)
   );
   always_ff @(posedge clk_i) begin
     h2_q <= Ws'(hx2) + Ws'(hy2);
-    rest_q <= (Upward ? Ws'(oz_i) : '0) - h2_q;
+    origin_term_q <= (Upward ? Ws'(oz_i) : '0) - h2_q;
   end
   lipp_delay #(
     .Width(Ws),
     .Cycles(FootLatency + mul_latency(Wb, Wb) - mul_latency(Wh, Wh) - 2)
-  ) i_rest (.clk_i, .d_i(rest_q), .q_o(rest));
+  ) i_rest (.clk_i, .d_i(origin_term_q), .q_o(origin_term));
   lipp_multiplier #(
     .CrossCells(CrossCells), .Wa(Wb), .Wb(Wb), .Drop(SquareDrop + 8), .Square(1'b1)
   ) i_b2 (
     .clk_i, .a_i(b_q), .b_i(b_q), .p_o(b2)
   );
-  always_ff @(posedge clk_i) c_q <= rest + b2;
+  always_ff @(posedge clk_i) c_q <= origin_term + b2;
 
   // ---- cosine and squared sine ----
   // What C is, then the choices: a chain of both would limit the clock.

@@ -37,16 +37,16 @@ module lipp_move_lenslet #(
     $fatal(1, "lipp_move_lenslet: Grid must be GridSquare or GridHex");
   end
 
-  logic signed [Wh-1:0] rx, whole, part, row, step_y_q, hx_q, hy_q;
+  logic signed [Wh-1:0] rx, columns_x, rows_x, row, step_y_q, hx_q, hy_q;
   logic signed [Ws-1:0] step_x_q, hx_d, hy_d;
   assign rx = Shear ? Wh'(rx_i) : Grid == GridHex ? Wh'(cx_i >>> 1) : '0;
-  assign whole = di_i == 2'sd0 ? '0 : di_i[1] ? -Wh'(cx_i) : Wh'(cx_i);
-  assign part = dj_i == 2'sd0 ? '0 : dj_i[1] ? -rx : rx;
+  assign columns_x = di_i == 2'sd0 ? '0 : di_i[1] ? -Wh'(cx_i) : Wh'(cx_i);
+  assign rows_x = dj_i == 2'sd0 ? '0 : dj_i[1] ? -rx : rx;
   assign row = dj_i == 2'sd0 ? '0 : dj_i[1] ? -Wh'(cy_i) : Wh'(cy_i);
   assign hx_d = Ws'(hx_q) - step_x_q;
   assign hy_d = Ws'(hy_q) - Ws'(step_y_q);
   always_ff @(posedge clk_i) begin
-    step_x_q <= Ws'(whole) + Ws'(part);
+    step_x_q <= Ws'(columns_x) + Ws'(rows_x);
     step_y_q <= row;
     hx_q <= hx_i;
     hy_q <= hy_i;

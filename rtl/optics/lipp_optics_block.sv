@@ -37,7 +37,8 @@ module lipp_optics_block #(
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels to the right of the centre
+  // pixels to the right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
   input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
   input  logic signed [F+1:0]                          ray_b_i,  // wide, rows
@@ -64,7 +65,7 @@ module lipp_optics_block #(
 
   // ---- registers ----
   lipp_optics_registers_pkg::optics_registers__in_t status;
-  lipp_optics_registers_pkg::optics_registers__out_t set;
+  lipp_optics_registers_pkg::optics_registers__out_t hwif_out;
   logic apply_waits, start_waits, abort, busy, running, refused, idle;
 
   // The upper half of the addresses is the jitter table, which can only be written. What answers
@@ -76,7 +77,7 @@ module lipp_optics_block #(
     .s_apb_psel(s_apb_psel && !s_apb_paddr[8] && !s_apb_pready), .s_apb_penable, .s_apb_pwrite,
     .s_apb_pprot, .s_apb_paddr(s_apb_paddr[7:0]), .s_apb_pwdata, .s_apb_pstrb,
     .s_apb_pready(registers_ready), .s_apb_prdata(registers_data),
-    .s_apb_pslverr(registers_error), .hwif_in(status), .hwif_out(set)
+    .s_apb_pslverr(registers_error), .hwif_in(status), .hwif_out
   );
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -104,51 +105,59 @@ module lipp_optics_block #(
 
   optics_config_t optics;
   always_comb begin
-    optics.x_from_u = {set.optics.x_from_u_high.value.value, set.optics.x_from_u_low.value.value};
-    optics.x_from_v = {set.optics.x_from_v_high.value.value, set.optics.x_from_v_low.value.value};
-    optics.y_from_u = {set.optics.y_from_u_high.value.value, set.optics.y_from_u_low.value.value};
-    optics.y_from_v = {set.optics.y_from_v_high.value.value, set.optics.y_from_v_low.value.value};
-    optics.x_offset = {set.optics.x_offset_high.value.value, set.optics.x_offset_low.value.value};
-    optics.y_offset = {set.optics.y_offset_high.value.value, set.optics.y_offset_low.value.value};
-    optics.slope_x = set.optics.slope_x.value.value;
-    optics.slope_y = set.optics.slope_y.value.value;
-    optics.slope_aim_x = set.optics.slope_aim_x.value.value;
-    optics.slope_aim_y = set.optics.slope_aim_y.value.value;
-    optics.point_x = set.optics.point_x.value.value;
-    optics.point_y = set.optics.point_y.value.value;
-    optics.point_aim_x = set.optics.point_aim_x.value.value;
-    optics.point_aim_y = set.optics.point_aim_y.value.value;
-    optics.index = set.optics.index.value.value;
-    optics.index_square = set.optics.index_square.value.value;
-    optics.index_inverse = set.optics.index_inverse.value.value;
-    optics.index_inverse_square = set.optics.index_inverse_square.value.value;
-    optics.depth = set.optics.depth.value.value;
-    optics.depth_rest = set.optics.depth_rest.value.value;
-    optics.exit_z = set.optics.exit_z.value.value;
-    optics.cell_half = set.optics.cell_half.value.value;
-    optics.cell_pitch_x = set.optics.cell_pitch_x.value.value;
-    optics.cell_pitch_y = set.optics.cell_pitch_y.value.value;
-    optics.cell_half_y = set.optics.cell_half_y.value.value;
-    optics.cell_rise = set.optics.cell_rise.value.value;
-    optics.converge_share = set.optics_converge.share.value.value;
-    optics.converge_x = set.optics_converge.x.value.value;
-    optics.converge_y = set.optics_converge.y.value.value;
-    optics.extent_i = set.optics_extent.i.value.value;
-    optics.extent_j = set.optics_extent.j.value.value;
-    optics.shear_x = set.optics_shear.x.value.value;
-    optics.shear_lean = set.optics_shear.lean.value.value;
-    optics.shear_row = set.optics_shear.row.value.value;
+    optics.x_from_u = {hwif_out.optics.x_from_u_high.value.value,
+        hwif_out.optics.x_from_u_low.value.value};
+    optics.x_from_v = {hwif_out.optics.x_from_v_high.value.value,
+        hwif_out.optics.x_from_v_low.value.value};
+    optics.y_from_u = {hwif_out.optics.y_from_u_high.value.value,
+        hwif_out.optics.y_from_u_low.value.value};
+    optics.y_from_v = {hwif_out.optics.y_from_v_high.value.value,
+        hwif_out.optics.y_from_v_low.value.value};
+    optics.x_offset = {hwif_out.optics.x_offset_high.value.value,
+        hwif_out.optics.x_offset_low.value.value};
+    optics.y_offset = {hwif_out.optics.y_offset_high.value.value,
+        hwif_out.optics.y_offset_low.value.value};
+    optics.slope_x = hwif_out.optics.slope_x.value.value;
+    optics.slope_y = hwif_out.optics.slope_y.value.value;
+    optics.slope_aim_x = hwif_out.optics.slope_aim_x.value.value;
+    optics.slope_aim_y = hwif_out.optics.slope_aim_y.value.value;
+    optics.point_x = hwif_out.optics.point_x.value.value;
+    optics.point_y = hwif_out.optics.point_y.value.value;
+    optics.point_aim_x = hwif_out.optics.point_aim_x.value.value;
+    optics.point_aim_y = hwif_out.optics.point_aim_y.value.value;
+    optics.index = hwif_out.optics.index.value.value;
+    optics.index_square = hwif_out.optics.index_square.value.value;
+    optics.index_inverse = hwif_out.optics.index_inverse.value.value;
+    optics.index_inverse_square = hwif_out.optics.index_inverse_square.value.value;
+    optics.depth = hwif_out.optics.depth.value.value;
+    optics.depth_rest = hwif_out.optics.depth_rest.value.value;
+    optics.exit_z = hwif_out.optics.exit_z.value.value;
+    optics.cell_half = hwif_out.optics.cell_half.value.value;
+    optics.cell_pitch_x = hwif_out.optics.cell_pitch_x.value.value;
+    optics.cell_pitch_y = hwif_out.optics.cell_pitch_y.value.value;
+    optics.cell_half_y = hwif_out.optics.cell_half_y.value.value;
+    optics.cell_rise = hwif_out.optics.cell_rise.value.value;
+    optics.converge_share = hwif_out.optics_converge.share.value.value;
+    optics.converge_x = hwif_out.optics_converge.x.value.value;
+    optics.converge_y = hwif_out.optics_converge.y.value.value;
+    optics.extent_i = hwif_out.optics_extent.i.value.value;
+    optics.extent_j = hwif_out.optics_extent.j.value.value;
+    optics.shear_x = hwif_out.optics_shear.x.value.value;
+    optics.shear_lean = hwif_out.optics_shear.lean.value.value;
+    optics.shear_row = hwif_out.optics_shear.row.value.value;
   end
 
   assign optics_o = optics;
 
   raster_config_t window;
   assign window = '{
-    first_column: set.raster.columns.first.value, last_column: set.raster.columns.last.value,
-    first_row: set.raster.rows.first.value, last_row: set.raster.rows.last.value,
-    width: set.raster.panel.width.value, height: set.raster.panel.height.value,
-    samples: set.raster.jitter.samples.value, jitter: jitter_e'(set.raster.jitter.mode.value),
-    table_first: set.raster.jitter.table_first.value, seed: set.raster.seed.value.value
+    first_column: hwif_out.raster.columns.first.value,
+        last_column: hwif_out.raster.columns.last.value,
+    first_row: hwif_out.raster.rows.first.value, last_row: hwif_out.raster.rows.last.value,
+    width: hwif_out.raster.panel.width.value, height: hwif_out.raster.panel.height.value,
+    samples: hwif_out.raster.jitter.samples.value,
+        jitter: jitter_e'(hwif_out.raster.jitter.mode.value),
+    table_first: hwif_out.raster.jitter.table_first.value, seed: hwif_out.raster.seed.value.value
   };
 
   // ---- the source of rays ----
@@ -170,12 +179,12 @@ module lipp_optics_block #(
   logic stream, take, valid, ready, first, last;
   logic signed [PixelBits-1:0] u, v;
   logic signed [F+1:0] a, b;
-  assign abort = set.control.abort.value;
+  assign abort = hwif_out.control.abort.value;
   lipp_frame_gate i_gate (
     .clk_i, .rst_ni,
-    .apply_i(set.control.apply.value), .apply_waits_o(apply_waits),
-    .stream_i(set.source.stream.value), .take_o(take), .stream_o(stream),
-    .start_i(set.control.start.value), .start_waits_o(start_waits), .begin_o(begin_frame),
+    .apply_i(hwif_out.control.apply.value), .apply_waits_o(apply_waits),
+    .stream_i(hwif_out.source.stream.value), .take_o(take), .stream_o(stream),
+    .start_i(hwif_out.control.start.value), .start_waits_o(start_waits), .begin_o(begin_frame),
     .abort_i(abort), .raster_running_i(running),
     .raster_valid_i(walked_valid), .raster_ready_o(walked_ready), .raster_last_i(walked_last),
     .stream_valid_i(ray_valid_i), .stream_ready_o(ray_ready_o), .stream_last_i(ray_last_i),
@@ -198,15 +207,15 @@ module lipp_optics_block #(
   // on its way.
   localparam int Latency = ray_latency(Build);
   localparam int AddressBits = $clog2(Latency + 16);
-  logic taken_q, unused_valid;
+  logic exit_taken_q, unused_valid;
   logic [1:0] ends_q;
   always_ff @(posedge clk_i) ends_q <= {first, last};
   always_ff @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) taken_q <= 1'b0;
-    else taken_q <= valid && ready;
+    if (!rst_ni) exit_taken_q <= 1'b0;
+    else exit_taken_q <= valid && ready;
   end
   lipp_fifo #(.Width(2), .AddressBits(AddressBits)) i_ends (
-    .clk_i, .rst_ni, .write_i(taken_q), .data_i(ends_q), .valid_o(unused_valid),
+    .clk_i, .rst_ni, .write_i(exit_taken_q), .data_i(ends_q), .valid_o(unused_valid),
     .ready_i(exit_valid_o && exit_ready_i), .data_o({exit_first_o, exit_last_o})
   );
 

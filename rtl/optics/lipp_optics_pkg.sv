@@ -156,7 +156,8 @@ package lipp_optics_pkg;
 
   /// E of a build's slopes and of its directions in the air.
   function automatic int air_bits(build_t build);
-    return build.model == 2'(ModelExact) && !build.viewer ? extra_bits(int'(build.fraction_bits)) : 0;
+    return build.model == 2'(ModelExact) && !build.viewer ? extra_bits(int'(build.fraction_bits))
+        : 0;
   endfunction
 
   // Latencies of the steps of a ray, W = F + 2.
@@ -238,10 +239,10 @@ package lipp_optics_pkg;
   /// Latency of `lipp_leave_flat`: the longer of two paths, to the point on the face and to the
   /// root.
   function automatic int leave_flat_latency(int f);
-    int way, air;
-    way = rsqrt_latency() + 2 * mul_latency(f + 4, f + 2) + 3;
+    int root_path, air;
+    root_path = rsqrt_latency() + 2 * mul_latency(f + 4, f + 2) + 3;
     air = mul_latency(f + 4, f + 4) + 2 + sqrt_latency(1'b1) + 1;
-    return mul_latency(f + 2, f + 2) + 2 + (way > air ? way : air);
+    return mul_latency(f + 2, f + 2) + 2 + (root_path > air ? root_path : air);
   endfunction
 
   /// Latency of `lipp_exit_flat` (viewer) and `lipp_exit_dome`.

@@ -21,8 +21,8 @@
 /// outside its cell; a ray that needs more counts as missed. A ray that leaves the dome downward is
 /// blocked; neighbouring domes are not checked again. Blocked are also rays of a pixel whose
 /// lenslet the array does not have, and rays that would leave through such a lenslet, whatever else
-/// becomes of them. Build.converge is for displays whose pixels belong to the lenslet through which a
-/// near eye sees them, Build.shear for lattices whose rows are moved by a share of their height.
+/// becomes of them. Build.converge is for displays whose pixels belong to the lenslet through which
+/// a near eye sees them, Build.shear for lattices whose rows are moved by a share of their height.
 /// Latency ray_latency(Build).
 module lipp_ray_pipeline #(
   parameter lipp_optics_pkg::build_t Build = lipp_optics_pkg::ExactSquare,
@@ -61,14 +61,14 @@ module lipp_ray_pipeline #(
     $fatal(1, "lipp_ray_pipeline: Build.model must be ModelPinhole, ModelParaxial or ModelExact");
   end
   if (Viewer && Model != ModelExact) begin : gen_illegal_viewer
-    $fatal(1, "lipp_ray_pipeline: Build.viewer must be 0 but for ModelExact: others read it from registers");
+    $fatal(1, "lipp_ray_pipeline: Build.viewer must be 0 except for ModelExact");
   end
   if (Build.aims && Model == ModelPinhole) begin : gen_illegal_aims
-    $fatal(1, "lipp_ray_pipeline: Build.aims must be 0 for ModelPinhole, whose ray is the chief ray");
+    $fatal(1, "lipp_ray_pipeline: Build.aims must be 0 for ModelPinhole, the chief ray");
   end
-  if (Walk > 4 || (Walk > 0 && (Model != ModelExact || !strays(Build))))
-  begin : gen_illegal_walk
-    $fatal(1, "lipp_ray_pipeline: Build.walk must be 0, or up to 4 where exact rays can leave their cell");
+  if (Walk > 4
+      || (Walk > 0 && (Model != ModelExact || !strays(Build)))) begin : gen_illegal_walk
+    $fatal(1, "lipp_ray_pipeline: Build.walk must be 0, or up to 4 if exact rays leave the cell");
   end
 
   logic unfit;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The stream around `lipp_ray_pipeline`: pixels in, exit rays out, one ray every clock, valid/ready
-/// on both sides.
+/// The stream around `lipp_ray_pipeline`: pixels in, exit rays out, one ray every clock,
+/// valid/ready on both sides.
 ///
 /// Rays leave in the order in which they entered. The optics in use are a copy of config_i. apply_i
 /// requests a new copy; it is made as soon as all rays inside have left. Until then busy_o is high
@@ -23,7 +23,8 @@ module lipp_ray_stream #(
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels to the right of the centre
+  // pixels to the right of the centre
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,
   input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
   input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
   input  logic signed [F+1:0]                          ray_b_i,  // wide, rows

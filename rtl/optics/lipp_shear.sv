@@ -43,7 +43,8 @@ module lipp_shear #(
     .clk_i, .a_i(y_i), .b_i(g_i), .p_o(product)
   );
   logic signed [Wx-1:0] x_late;
-  lipp_delay #(.Width(Wx), .Cycles(mul_latency(Wx, Wo))) i_x_match (.clk_i, .d_i(x_i), .q_o(x_late));
+  lipp_delay #(.Width(Wx), .Cycles(mul_latency(Wx, Wo))) i_x_match (.clk_i, .d_i(x_i),
+      .q_o(x_late));
 
   // x << 3 has three clear places below F; the rounding's half is set in the first of them.
   logic signed [Wt-1:0] total_q;

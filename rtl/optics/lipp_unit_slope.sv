@@ -45,10 +45,12 @@ module lipp_unit_slope #(
   logic signed [Wq-1:0] mx2, my2;
   logic signed [Wq:0] sum_q;
   logic [F+5:0] square_q;
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_mx2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop),
+      .Square(1'b1)) i_mx2 (
     .clk_i, .a_i(mx_i), .b_i(mx_i), .p_o(mx2)
   );
-  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop), .Square(1'b1)) i_my2 (
+  lipp_multiplier #(.CrossCells(CrossCells), .Wa(W), .Wb(W), .Drop(SquareDrop),
+      .Square(1'b1)) i_my2 (
     .clk_i, .a_i(my_i), .b_i(my_i), .p_o(my2)
   );
   always_ff @(posedge clk_i) begin

@@ -17,10 +17,10 @@
 ///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
 /// first and last mark the frame's.
 ///
-/// Drawn pixels come in the rays' order, and reach the video by `lipp_pixel_feed`: each is shown at its
-/// own place, or is late, counted and dropped. If pixels are still missing at begin_i, the frame that
-/// would begin is black: all its pixels are underflows. owns_o: the drawing uses the optics. It is high
-/// in the clock after source_i or shown_o was high, or pixels were missing.
+/// Drawn pixels come in the rays' order, and reach the video by `lipp_pixel_feed`: each is shown at
+/// its own place, or is late, counted and dropped. If pixels are still missing at begin_i, the
+/// frame that would begin is black: all its pixels are underflows. owns_o: the drawing uses the
+/// optics. It is high in the clock after source_i or shown_o was high, or pixels were missing.
 module lipp_draw_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -50,11 +50,13 @@ module lipp_draw_frame #(
   input  logic                                         want_i,
   output logic [23:0]                                  rgb_o,
   output logic                                         underflow_o,
-  output logic                                         drawn_o  // pulse: the frame's last pixel has come
+  // pulse: the frame's last pixel has come
+  output logic                                         drawn_o
 );
   import lipp_optics_pkg::PanelBits, lipp_optics_pkg::PixelBits;
 
-  if (Width < 1 || Width >= 1 << PanelBits || Height < 1 || Height >= 1 << PanelBits) begin : gen_illegal_panel
+  if (Width < 1 || Width >= 1 << PanelBits
+      || Height < 1 || Height >= 1 << PanelBits) begin : gen_illegal_panel
     $fatal(1, "lipp_draw_frame: Width and Height must be 1 to %0d", (1 << PanelBits) - 1);
   end
   if (SamplesBits < 0 || SamplesBits > 2) begin : gen_illegal_samples
@@ -62,10 +64,10 @@ module lipp_draw_frame #(
   end
 
   // ---- frames ----
-  logic shown_q, begins, owed_none;
-  assign take_o = begin_i && owed_none && !hold_i;
-  assign begins = begin_i && owed_none && (hold_i ? shown_q : source_i);
-  assign shown_o = shown_q;
+  logic scene_shown_q, begins, complete;
+  assign take_o = begin_i && complete && !hold_i;
+  assign begins = begin_i && complete && (hold_i ? scene_shown_q : source_i);
+  assign shown_o = scene_shown_q;
 
   // ---- the rays ----
   localparam logic [PanelBits-1:0] LastColumn = PanelBits'(Width - 1);
@@ -112,16 +114,16 @@ module lipp_draw_frame #(
   // ---- the pixels ----
   logic unused_hit;
   lipp_pixel_feed #(.Pixels(Width * Height)) i_feed (
-    .clk_i, .rst_ni, .begin_i, .fed_i(begins), .shown_i(shown_q), .none_o(owed_none),
+    .clk_i, .rst_ni, .begin_i, .draws_i(begins), .shown_i(scene_shown_q), .complete_o(complete),
     .last_o(drawn_o), .pixel_valid_i, .pixel_ready_o, .pixel_rgb_i, .want_i, .hit_o(unused_hit),
     .rgb_o, .underflow_o
   );
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {shown_q, owns_o} <= '0;
+      {scene_shown_q, owns_o} <= '0;
     end else begin
-      owns_o <= source_i || shown_q || !owed_none;
-      if (take_o) shown_q <= source_i;
+      owns_o <= source_i || scene_shown_q || !complete;
+      if (take_o) scene_shown_q <= source_i;
     end
   end
 

@@ -4,8 +4,8 @@
 /// CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
 ///
 /// start_i starts the check; it is ignored while busy_o is high. The module asks the store's client
-/// read, which it owns while busy_o is high, for all pixels, and takes each as it comes. done_o is a
-/// pulse two clocks after the last one; crc_o is then valid until the next start.
+/// read, which it owns while busy_o is high, for all pixels, and takes each as it comes. done_o is
+/// a pulse two clocks after the last one; crc_o is then valid until the next start.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,

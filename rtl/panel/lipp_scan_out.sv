@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Video output: the pixels of a frame, or a test pattern, without end. A pixel lasts ClocksPerPixel
-/// clocks, pixel_o marks the first of them.
+/// Video output: the pixels of a frame, or a test pattern, without end. A pixel lasts
+/// ClocksPerPixel clocks, pixel_o marks the first of them.
 ///
 /// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
 /// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
 /// low if it is negative. rgb_o is black outside of the pixels. Only at the beginning of vertical
 /// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o
 /// changes), and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset
-/// starts a frame of buffer 0. filled_o is low until the first swap: no buffer holds a frame before.
+/// starts a frame of buffer 0. filled_o is low until the first swap: no buffer holds a frame
+/// before.
 ///
-/// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is on
-/// its way, and a clock before swapped_o. Then want_o is a pulse for each pixel of the frame, a
-/// pattern's too, and pixel_i that pixel, in the same clock. The first pulse comes (VSync + VBack) lines
-/// and HSync + HBack pixels, in clocks, after frame_end_o.
+/// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is
+/// on its way, and a clock before swapped_o. Then want_o is a pulse for each pixel of the frame, a
+/// pattern's too, and pixel_i that pixel, in the same clock. The first pulse comes (VSync + VBack)
+/// lines and HSync + HBack pixels, in clocks, after frame_end_o.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
 /// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
@@ -75,7 +76,8 @@ module lipp_scan_out #(
   if (Width < 1 || Width > 16383 || Height < 1 || Height > 16383) begin : gen_illegal_panel
     $fatal(1, "lipp_scan_out: Width and Height must be 1 to 16383");
   end
-  if (HFront < 0 || HSync < 1 || HBack < 0 || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
+  if (HFront < 0 || HSync < 1 || HBack < 0
+      || VFront < 1 || VSync < 1 || VBack < 0) begin : gen_illegal_timing
     $fatal(1, "lipp_scan_out: porches must be 0 or more, and syncs and VFront 1 or more");
   end
   if (LineClocks * ClocksPerPixel < Pattern + 2) begin : gen_illegal_line
@@ -85,7 +87,7 @@ module lipp_scan_out #(
     $fatal(1, "lipp_scan_out: ClocksPerPixel must be a power of two");
   end
 
-  // ---- the clocks of a pixel: begin_q[k] is high k clocks after its first one, and so
+  // ---- clocks of a pixel: begin_q[k] is high k clocks after its first clock ----
   // begin_q[k-1] k clocks after its last one ----
   logic [Latency:0] begin_q;
   logic pixel_end;

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The frame in the store to the video: asks for the front buffer once a frame, and gives its pixels.
+/// The frame in the store to the video: asks for the front buffer once a frame, and gives its
+/// pixels.
 ///
 /// begin_i is the start of a frame of the video. From the next clock on front_i is its buffer and
 /// shown_i whether that buffer is on the panel; swapped_i is a pulse in that clock if it is another
-/// buffer than before, of CRC-32 crc_i, which is valid from the clock after swapped_i on. The store is
-/// asked a clock after that. Pixels reach the video by `lipp_pixel_feed`: each is shown at its own
-/// place, or is late, counted by underflow_o and dropped.
+/// buffer than before, of CRC-32 crc_i, which is valid from the clock after swapped_i on. The store
+/// is asked a clock after that. Pixels reach the video by `lipp_pixel_feed`: each is shown at its
+/// own place, or is late, counted by underflow_o and dropped.
 ///
-/// The CRC of each frame that was shown whole is compared with crc_i. If it differs, the memory has lost
-/// the frame: lost_o is high, and the panel black, until the next swap.
+/// The CRC of each frame that was shown whole is compared with crc_i. If it differs, the memory has
+/// lost the frame: lost_o is high, and the panel black, until the next swap.
 module lipp_show_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -44,9 +45,9 @@ module lipp_show_frame #(
     $fatal(1, "lipp_show_frame: Width and Height must be 1 to 16383");
   end
 
-  logic begin_q, shows, begins, none, hit, last;
+  logic begin_q, shows, begins, complete, hit, last;
   assign shows = shown_i && (!lost_o || swapped_i);
-  assign begins = begin_q && shows && none;
+  assign begins = begin_q && shows && complete;
   assign first_o = '0;
   assign count_o = (PlaceBits + 1)'(Width * Height);
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -56,24 +57,24 @@ module lipp_show_frame #(
   always_ff @(posedge clk_i) if (begins) buffer_o <= front_i;
 
   lipp_pixel_feed #(.Pixels(Width * Height)) i_feed (
-    .clk_i, .rst_ni, .begin_i(begin_q), .fed_i(begins), .shown_i(shows), .none_o(none),
+    .clk_i, .rst_ni, .begin_i(begin_q), .draws_i(begins), .shown_i(shows), .complete_o(complete),
     .last_o(last), .pixel_valid_i, .pixel_ready_o, .pixel_rgb_i, .want_i,
     .hit_o(hit), .rgb_o, .underflow_o
   );
 
   // ---- the CRC of what is shown ----
-  logic hit_q, whole_q, last_q;  // no pixel of the frame was late
+  logic hit_q, in_time_q, last_q;  // no pixel of the frame was late
   logic [23:0] rgb_q;
   logic [31:0] crc_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {hit_q, whole_q, last_q, lost_o} <= '0;
+      {hit_q, in_time_q, last_q, lost_o} <= '0;
     end else begin
       hit_q <= hit;
       last_q <= last && !begins;  // a frame whose last pixel is so late has had its underflow
-      whole_q <= begins || (whole_q && !underflow_o);
+      in_time_q <= begins || (in_time_q && !underflow_o);
       if (begin_q && swapped_i) lost_o <= 1'b0;
-      else if (last_q && whole_q) lost_o <= ~crc_q != crc_i;
+      else if (last_q && in_time_q) lost_o <= ~crc_q != crc_i;
     end
   end
   always_ff @(posedge clk_i) begin

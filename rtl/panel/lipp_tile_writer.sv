@@ -19,11 +19,11 @@
 /// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
 ///
 /// Each row of the tile is a request to the store's client write; copied rows are requests to its
-/// client read before. A row that bad data cut short is filled up with any pixels. A request is made
-/// when the row's first pixel is there, and after the row before is written.
+/// client read before. A row that bad data cut short is filled up with any pixels. A request is
+/// made when the row's first pixel is there, and after the row before is written.
 ///
-/// Clocks from start_i to done_o with a store that is always ready, for h rows of w pixels and b bytes
-/// up to the first pixel, where n = ceil(log2(rows of tiles)), at least 1:
+/// Clocks from start_i to done_o with a store that is always ready, for h rows of w pixels and b
+/// bytes up to the first pixel, where n = ceil(log2(rows of tiles)), at least 1:
 ///
 ///   raw 3 w h + n + 5, copy h (w + 4) + n + 2, solid and a single run b + h (w + 3) + n + 2
 module lipp_tile_writer #(
@@ -73,7 +73,7 @@ module lipp_tile_writer #(
   localparam int Rows = tiles(Height);
   localparam int RowBits = Rows > 1 ? $clog2(Rows) : 1;
   localparam int SideBits = $clog2(Tile);
-  localparam int LeftBits = 2 * SideBits + 1;
+  localparam int RemainingBits = 2 * SideBits + 1;
   // Last index along a side of a tile: for the last tile of a row or column, and for the others.
   localparam logic [SideBits-1:0] Whole = SideBits'(Tile - 1);
   localparam logic [SideBits-1:0] CutX = SideBits'((Width - 1) % Tile);
@@ -99,7 +99,7 @@ module lipp_tile_writer #(
   assign take = valid_i && ready_o;
 
   // ---- the tile's position: its row by division, one bit a clock ----
-  logic [15:0] rest_q;     // the tile's number, in the end its column
+  logic [15:0] column_q;     // the tile's number, in the end its column
   logic [15:0] columns_q;  // 2^k rows of tiles, in tiles
   logic [PlaceBits-1:0] rows_q;  // the same as an address in the store
   logic [SideBits-1:0] last_x_q;
@@ -107,11 +107,11 @@ module lipp_tile_writer #(
   logic [PlaceBits-1:0] row_at_q;
   logic missing, row_done;
   assign missing = int'(tile_i) >= Columns * Rows;
-  assign last_column = rest_q == 16'(Columns - 1);
+  assign last_column = column_q == 16'(Columns - 1);
 
   always_ff @(posedge clk_i) begin
     if (start) begin
-      rest_q <= tile_i;
+      column_q <= tile_i;
       columns_q <= 16'(Columns << (RowBits - 1));
       rows_q <= PlaceBits'((Tile * Width) << (RowBits - 1));
       row_at_q <= '0;
@@ -120,14 +120,14 @@ module lipp_tile_writer #(
     if (state_q == Locate) begin
       columns_q <= columns_q >> 1;
       rows_q <= rows_q >> 1;
-      if (rest_q >= columns_q) begin
-        rest_q <= rest_q - columns_q;
+      if (column_q >= columns_q) begin
+        column_q <= column_q - columns_q;
         row_at_q <= row_at_q + rows_q;
       end
     end
     if (state_q == Place) begin
       last_x_q <= last_column ? CutX : Whole;
-      row_at_q <= row_at_q + PlaceBits'({rest_q, SideBits'(0)});
+      row_at_q <= row_at_q + PlaceBits'({column_q, SideBits'(0)});
     end
     if (row_done) row_at_q <= row_at_q + PlaceBits'(Width);
   end
@@ -135,20 +135,20 @@ module lipp_tile_writer #(
   // ---- QOI's index of pixels; it always contains the previous pixel ----
   // A block memory's output comes late in the clock.
   (* ram_style = "distributed" *) logic [23:0] index[64];
-  logic [63:0] known_q;
+  logic [63:0] index_valid_q;
   logic [23:0] rgb_q, indexed;
   logic [5:0] hash;            // of rgb_q: (3 r + 5 g + 7 b + 11 * 255) mod 64
   logic [5:0] hash_q, more_q;  // its two summands
   localparam logic [5:0] BlackHash = 6'(11 * 255);
-  logic known, previous;
-  assign known = known_q[data_i[5:0]];
+  logic index_valid, previous;
+  assign index_valid = index_valid_q[data_i[5:0]];
   assign hash = hash_q + more_q;
   assign previous = data_i[5:0] == hash;
-  assign indexed = previous ? rgb_q : known ? index[data_i[5:0]] : '0;
+  assign indexed = previous ? rgb_q : index_valid ? index[data_i[5:0]] : '0;
   always_ff @(posedge clk_i) begin
-    if (start) known_q <= '0;
+    if (start) index_valid_q <= '0;
     else if (pixel_q) begin
-      known_q[hash] <= 1'b1;
+      index_valid_q[hash] <= 1'b1;
       index[hash] <= rgb_q;
     end
   end
@@ -159,7 +159,7 @@ module lipp_tile_writer #(
   logic luma_q, luma_d;
   logic [6:0] run_q, run_d;    // remaining repetitions of the pixel less 1: none if negative
   logic fill_q, fill_d;        // the pixel, or the copy, continues to the tile's end
-  logic [LeftBits-1:0] left_q; // pixels of the tile to come, less 2: negative at the last
+  logic [RemainingBits-1:0] remaining_q; // pixels of the tile to come, less 2: negative at the last
   logic draws, moves, wrong;   // of a byte: a pixel, a part of one, none that QOI has here
   logic step, repeats, bad, repeating, colour, look_up, open;  // open: a pixel may be made
   logic [23:0] rgb, difference;
@@ -183,7 +183,7 @@ module lipp_tile_writer #(
         hashed(difference[21:16], difference[13:8], difference[5:0])};
     if (look_up) begin
       rgb = indexed;
-      {hash_d, more_d} = {previous || known ? data_i[5:0] : BlackHash, 6'd0};
+      {hash_d, more_d} = {previous || index_valid ? data_i[5:0] : BlackHash, 6'd0};
     end
   end
 
@@ -240,20 +240,20 @@ module lipp_tile_writer #(
     end else begin
       if (step) {want_q, luma_q, run_q} <= {want_d, luma_d, run_d};
       else if (repeats && !run_q[6]) run_q <= run_q - 1'b1;
-      fill_q <= (step ? fill_d : fill_q) && !(emit && left_q[LeftBits-1]);
+      fill_q <= (step ? fill_d : fill_q) && !(emit && remaining_q[RemainingBits-1]);
       if (step && (draws || moves)) {rgb_q, hash_q, more_q} <= {rgb, hash_d, more_d};
       if (take) before_q <= {before_q[7:0], data_i};
       if (take) last_q <= last_i;
       if (bad) bad_q <= 1'b1;
-      if (emit) left_q <= left_q - 1'b1;
-      if (emit && left_q[LeftBits-1]) full_q <= 1'b1;
+      if (emit) remaining_q <= remaining_q - 1'b1;
+      if (emit && remaining_q[RemainingBits-1]) full_q <= 1'b1;
     end
     if (state_q == Place) begin
       unique case ({last_row_q, last_column})
-        2'b00: left_q <= LeftBits'(Tile * Tile - 2);
-        2'b01: left_q <= LeftBits'((int'(CutX) + 1) * Tile - 2);
-        2'b10: left_q <= LeftBits'(Tile * (int'(CutY) + 1) - 2);
-        2'b11: left_q <= LeftBits'((int'(CutX) + 1) * (int'(CutY) + 1) - 2);
+        2'b00: remaining_q <= RemainingBits'(Tile * Tile - 2);
+        2'b01: remaining_q <= RemainingBits'((int'(CutX) + 1) * Tile - 2);
+        2'b10: remaining_q <= RemainingBits'(Tile * (int'(CutY) + 1) - 2);
+        2'b11: remaining_q <= RemainingBits'((int'(CutX) + 1) * (int'(CutY) + 1) - 2);
       endcase
     end
   end
@@ -278,7 +278,7 @@ module lipp_tile_writer #(
     hashed_q <= into_rgb;
   end
 
-  // ---- rows to the store: ask for a copied row, ask to write, write, and wait until it is written ----
+  // ---- rows to the store: ask for a copied row, ask to write, write, wait for the store ----
   typedef enum logic [1:0] {Ask, Offer, Fill, Settle} row_e;
   row_e row_q;
   logic fills, ended, pads, x_last;  // ended: the decoder makes no pixel any more

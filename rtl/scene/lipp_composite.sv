@@ -3,8 +3,8 @@
 
 /// Composites layers from front to back in linear light, and the background behind them.
 ///
-/// P_k is the premultiplied light of layer k, A_k its opacity, B_k its brightness, at most 256. C is the light so
-/// far, T what is left of the light behind, both from C_0 = 0 and T_0 = 65536:
+/// P_k is the premultiplied light of layer k, A_k its opacity, B_k its brightness, at most 256. C
+/// is the light so far, T what is left of the light behind, both from C_0 = 0 and T_0 = 65536:
 ///
 ///   G_k     = (T_k B_k + 2^7) >> 8
 ///   C_(k+1) = C_k + ((P_k G_k + 2^15) >> 16)        for each of red, green and blue
@@ -13,7 +13,8 @@
 ///
 /// P_k is A_k at most: then C fits into 17 bits. Latency composite_latency(Layers).
 ///
-/// Products with a brightness are in logic: a board with four layers and bilinear has no multiplier left for them.
+/// Products with a brightness are in logic: a board with four layers and bilinear has no multiplier
+/// left for them.
 module lipp_composite #(
   parameter int Layers = 4
 ) (
@@ -38,9 +39,11 @@ module lipp_composite #(
     $fatal(1, "lipp_composite: Layers must be 1 to 8");
   end
   // T_k is there Step (k - 1) + 1 clocks after the input.
-  for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer  // one, for $fatal of an illegal number
-    logic [ShareBits-1:0] left_q;       // T_(k+1)
-    logic [2:0][Wc-1:0] sum_q;          // C_(k+1), GainLatency clocks after T_(k+1); of layer 0 one less
+  // one, for $fatal of an illegal number
+  for (genvar k = 0; k < Layers || k == 0; k++) begin : gen_layer
+    logic [ShareBits-1:0] transmittance_q;       // T_(k+1)
+    // C_(k+1), GainLatency clocks after T_(k+1); of layer 0 one less
+    logic [2:0][Wc-1:0] sum_q;
     logic [BrightnessBits-1:0] bright_q;
     logic [2:0][LightBits-1:0] light;
     localparam int GainAt = k == 0 ? 0 : Step * (k - 1) + 1 + GainLatency;
@@ -49,18 +52,18 @@ module lipp_composite #(
     end
 
     if (k == 0) begin : gen_front
-      always_ff @(posedge clk_i) left_q <= Whole - opacity_i[0];
+      always_ff @(posedge clk_i) transmittance_q <= Whole - opacity_i[0];
     end else begin : gen_behind
       logic [ShareBits-1:0] ahead, opacity;
-      logic signed [Wp-1:0] lost;
+      logic signed [Wp-1:0] absorbed;
       logic [ShareBits:0] gain;  // G_k
-      logic [Wp-1:0] left_d;
-      assign ahead = gen_layer[k-1].left_q;
+      logic [Wp-1:0] transmittance_d;
+      assign ahead = gen_layer[k-1].transmittance_q;
       lipp_delay #(.Width(ShareBits), .Cycles(Step * (k - 1) + 1), .Block(1'b0)) i_opacity (
         .clk_i, .d_i(opacity_i[k]), .q_o(opacity)
       );
       lipp_mult18 i_lost (
-        .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed({1'b0, opacity})), .p_o(lost)
+        .clk_i, .a_i($signed({1'b0, ahead})), .b_i($signed({1'b0, opacity})), .p_o(absorbed)
       );
       lipp_small_product #(.Wa(ShareBits), .Drop(8)) i_gain (
         .clk_i, .a_i(ahead), .b_i(bright_q), .p_o(gain)
@@ -70,10 +73,10 @@ module lipp_composite #(
         .clk_i, .d_i(ahead), .q_o(ahead_late)
       );
       // T - ((p + 2^15) >> 16) = (2^16 T + 2^15 - 1 - p) >> 16.
-      assign left_d = {3'd0, ahead_late, 16'h7FFF} - lost;
-      always_ff @(posedge clk_i) left_q <= left_d[16+:ShareBits];
+      assign transmittance_d = {3'd0, ahead_late, 16'h7FFF} - absorbed;
+      always_ff @(posedge clk_i) transmittance_q <= transmittance_d[16+:ShareBits];
       logic unused_bits;
-      assign unused_bits = ^{left_d, gain[ShareBits]};
+      assign unused_bits = ^{transmittance_d, gain[ShareBits]};
     end
 
     lipp_delay #(.Width(3 * LightBits), .Cycles(GainAt), .Block(1'b0)) i_light (
@@ -110,7 +113,7 @@ module lipp_composite #(
   // ---- background ----
   localparam int Last = Layers > 0 ? Layers - 1 : 0;
   logic draws;
-  logic [2:0][Wc-1:0] whole_q;
+  logic [2:0][Wc-1:0] pixel_sum_q;
   lipp_delay #(.Width(1), .Cycles(Step * Layers + 1), .Block(1'b0)) i_draws (
     .clk_i, .d_i(draws_i), .q_o(draws)
   );
@@ -121,15 +124,16 @@ module lipp_composite #(
     logic [Wp-1:0] sum_d;
     always_ff @(posedge clk_i) back_q <= background_i[c];
     lipp_mult18 i_part (
-      .clk_i, .a_i($signed({1'b0, gen_layer[Last].left_q})), .b_i($signed({2'b00, back_q})), .p_o(part)
+      .clk_i, .a_i($signed({1'b0, gen_layer[Last].transmittance_q})),
+      .b_i($signed({2'b00, back_q})), .p_o(part)
     );
     lipp_delay #(.Width(Wc), .Cycles(CellLatency - GainLatency + (Layers == 1 ? 1 : 0))) i_so_far (
       .clk_i, .d_i(gen_layer[Last].sum_q[c]), .q_o(so_far)
     );
     assign sum_d = {3'd0, so_far, 16'h8000} + part;
     always_ff @(posedge clk_i) begin
-      whole_q[c] <= sum_d[16+:Wc];
-      light_o[c] <= !draws ? '0 : whole_q[c][Wc-1] ? '1 : whole_q[c][LightBits-1:0];
+      pixel_sum_q[c] <= sum_d[16+:Wc];
+      light_o[c] <= !draws ? '0 : pixel_sum_q[c][Wc-1] ? '1 : pixel_sum_q[c][LightBits-1:0];
     end
     logic unused_sum;
     assign unused_sum = ^sum_d;

@@ -5,8 +5,8 @@
 ///
 ///   rgb_o = table[L < 4096 ? L : 4096 + (L >> 4)]        for each of red, green and blue
 ///
-/// Entries 4096 to 4351 are never read. Dark light, where the curve is steep, has an entry for each word.
-/// Each channel has its own copy of the table. Latency curve_latency().
+/// Entries 4096 to 4351 are never read. Dark light, where the curve is steep, has an entry for each
+/// word. Each channel has its own copy of the table. Latency curve_latency().
 module lipp_curve_table (
   input  logic                                      clk_i,
   input  logic                                      write_i,  // a byte of the table

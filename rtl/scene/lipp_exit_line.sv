@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// From an exit ray to its line: where it meets the plane z = 0 of the domes' vertices, and its slopes.
+/// From an exit ray to its line: where it meets the plane z = 0 of the domes' vertices, and its
+/// slopes.
 ///
-/// The line is in the array's axes, in radii from the array's origin. Words as integers, a b >> k the
-/// product that `lipp_row_multiplier` cuts by k places, q the reciprocal root of 4 dz that `lipp_quadratic`
-/// gives:
+/// The line is in the array's axes, in radii from the array's origin. Words as integers, a b >> k
+/// the product that `lipp_row_multiplier` cuts by k places, q the reciprocal root of 4 dz that
+/// `lipp_quadratic` gives:
 ///
 ///   r        = q q >> F+2                                    1 / dz, F + 4 fraction bits
 ///   slope_x  = ((dx r >> F+1) + 4) >> 3,  slope_y likewise    F + 1 fraction bits
 ///   x_o      = ((xi i >> 31-F) + (xj j >> 31-F) + (x >> 2) - (slope_x z >> F+3) + 2) >> 2
 ///   y_o      = ((yj j >> 31-F) + (y >> 2) - (slope_y z >> F+3) + 2) >> 2
 ///
-/// draws_o: the status is ok or crosstalk, dz is 1/4 or more (75.5 degrees to the axis), and x_o and y_o
-/// are in [-2048, 2048). Errors in units of the last place: of a slope m at most 0.8 + 1.25 |m|, 0.35 RMS where
-/// |m| < 1 (measured, 7 million rays); of a position at most 1.5 + |z| (0.8 + 1.25 |m|) / 16, and 2^(F-34) more
-/// for each lenslet from the origin.
+/// draws_o: the status is ok or crosstalk, dz is 1/4 or more (75.5 degrees to the axis), and x_o
+/// and y_o are in [-2048, 2048). Errors in units of the last place: of a slope m at most 0.8 + 1.25
+/// |m|, 0.35 RMS where |m| < 1 (measured, 7 million rays); of a position at most 1.5 + |z| (0.8 +
+/// 1.25 |m|) / 16, and 2^(F-34) more for each lenslet from the origin.
 /// Latency exit_line_latency(F).
 module lipp_exit_line #(
   parameter int F = 16
@@ -30,8 +31,10 @@ module lipp_exit_line #(
   input  logic signed [F+1:0]                          dy_i,
   input  logic signed [F+1:0]                          dz_i,
   input  lipp_optics_pkg::ray_status_e                 status_i,
-  input  logic signed [31:0]                           xi_i,  // radii, 30 fraction bits: to the next
-  input  logic signed [31:0]                           xj_i,  // lenslet in x, to the next row's in x
+  // step to the next lenslet in x, and to the next row of lenslets in x and in y, as steps of the
+  // position: radii, 30 fraction bits
+  input  logic signed [31:0]                           xi_i,
+  input  logic signed [31:0]                           xj_i,
   input  logic signed [31:0]                           yj_i,  // and in y
   output logic signed [F+8:0]                          x_o,  // position
   output logic signed [F+8:0]                          y_o,

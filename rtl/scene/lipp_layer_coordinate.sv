@@ -3,23 +3,23 @@
 
 /// The texture coordinate at which a ray's line meets a layer.
 ///
-/// Words as integers, a b >> k the product that `lipp_row_multiplier` cuts by k places, A = coefficient_bits(F)
-/// the fraction bits that a build reads of the 24 of a, b, c and d, and F - 3 those of the 20 of depth:
+/// Words as integers, a b >> k the product that `lipp_row_multiplier` cuts by k places, A =
+/// coefficient_bits(F) the fraction bits that a build reads of the 24 of a, b, c and d, and F - 3
+/// those of the 20 of depth:
 ///
 ///   X'  = (2 (infinite ? 0 : x) + 1 + (depth slope_x >> F)) >> 1       F - 3 fraction bits
 ///   Y'  = (2 (infinite ? 0 : y) + 1 + (depth slope_y >> F)) >> 1
 ///   s_o = (s0 + h + (a X' >> A+F-19) + (b Y' >> A+F-19)) >> 8           8 fraction bits
 ///   t_o = (t0 + h + (c X' >> A+F-19) + (d Y' >> A+F-19)) >> 8
 ///
-/// h = 2^7 - 2^15 with Bilinear, which rounds s - 1/2 and t - 1/2; else 0, so that the whole part is floor(s).
-/// beyond_o: X' or Y' is outside [-2048, 2048), or s_o or t_o does not fit.
+/// h = 2^7 - 2^15 with Bilinear, which rounds s - 1/2 and t - 1/2; else 0, so that the whole part
+/// is floor(s). beyond_o: X' or Y' is outside [-2048, 2048), or s_o or t_o does not fit.
 ///
 /// Error of s before its last cut, in texels, with the exact line and the registers' words:
 ///   |ds| <= (|a| + |b|) (2^-(F-2) + |depth| 2^-(F+2)) + 2^-15 + [F < 20] 2^-A (|X'| + |Y'|)
-/// The last term is there in builds with F < 20, which cut a and b. So the error is 2^-12 at F = 23 where
-/// |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope of 1. At F = 16 a unit of the slope
-/// is half the optics' own error of direction, 14 urad.
-/// Latency layer_latency(F).
+/// The last term is there in builds with F < 20, which cut a and b. So the error is 2^-12 at F = 23
+/// where |a| + |b| <= 128 and (|a| + |b|) |depth| <= 4096 texels for a slope of 1. At F = 16 a unit
+/// of the slope is half the optics' own error of direction, 14 urad. Latency layer_latency(F).
 module lipp_layer_coordinate #(
   parameter int F = 16,
   parameter bit Bilinear = 1'b0

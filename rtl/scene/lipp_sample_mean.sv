@@ -3,12 +3,12 @@
 
 /// The mean of a pixel's 2^SamplesBits samples, which follow each other:
 ///
-///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
+///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for each of red, green, blue
 ///
-/// Samples may have clocks between them. The first sample of a frame begins a pixel, whatever came before.
-/// last_of_pixel_o: light_o is a pixel; first_o and last_o: one of its samples is the frame's first or last.
-/// They belong to the valid_i of mean_latency(SamplesBits) clocks before. With one sample nothing is built.
-/// Latency mean_latency(SamplesBits).
+/// Samples may have clocks between them. The first sample of a frame begins a pixel, whatever came
+/// before. last_of_pixel_o: light_o is a pixel; first_o and last_o: one of its samples is the
+/// frame's first or last. They belong to the valid_i of mean_latency(SamplesBits) clocks before.
+/// With one sample nothing is built. Latency mean_latency(SamplesBits).
 module lipp_sample_mean #(
   parameter int SamplesBits = 0  // 0 to 2
 ) (
@@ -57,7 +57,8 @@ module lipp_sample_mean #(
       for (int c = 0; c < 3; c++) light_o[c] <= sum_q[c][Ws-1:SamplesBits];
     end
     logic unused_sum;
-    assign unused_sum = ^{sum_q[2][SamplesBits-1:0], sum_q[1][SamplesBits-1:0], sum_q[0][SamplesBits-1:0]};
+    assign unused_sum = ^{sum_q[2][SamplesBits-1:0], sum_q[1][SamplesBits-1:0],
+        sum_q[0][SamplesBits-1:0]};
   end
 
 endmodule

@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Draws the scene: exit rays in, pixels of the panel out, one ray every clock, valid/ready on both sides.
+/// Draws the scene: exit rays in, pixels of the panel out, one ray every clock, valid/ready on both
+/// sides.
 ///
-/// Rays come in the order of the panel's pixels, 2^samples_bits of them for each. A pixel leaves for each. The
-/// registers in use are a copy of config_i. take_i requests a new copy; it is made as soon as all rays inside
-/// have left as pixels. Until then busy_o is high and the input closed, so that no frame is drawn with two
-/// sets. Reset requests a copy.
+/// Rays come in the order of the panel's pixels, 2^samples_bits of them for each. A pixel leaves
+/// for each. The registers in use are a copy of config_i. take_i requests a new copy; it is made as
+/// soon as all rays inside have left as pixels. Until then busy_o is high and the input closed, so
+/// that no frame is drawn with two sets. Reset requests a copy.
 ///
-/// write_i stores a byte in a slot, 0 to slots - 1: texels row by row, then the palette (r, g, b, a of each
-/// entry). The bytes of a palette's entry follow each other; no byte of another slot comes between them.
-/// Slot 15 is the panel's curve. Bytes may come each clock. A slot that is being drawn must not be written;
-/// the module does not check it.
+/// write_i stores a byte in a slot, 0 to slots - 1: texels row by row, then the palette (r, g, b, a
+/// of each entry). The bytes of a palette's entry follow each other; no byte of another slot comes
+/// between them. Slot 15 is the panel's curve. Bytes may come each clock. A slot that is being
+/// drawn must not be written; the module does not check it.
 ///
-/// Steps: `lipp_exit_line`, for each layer `lipp_layer_coordinate`, then `lipp_texel_fetch`, for each layer
-/// `lipp_texel_blend`, then `lipp_composite`, `lipp_sample_mean`, `lipp_curve_table`. A ray with another status than
-/// ok or crosstalk is black. Latency scene_latency(F, Scene) + 5 clocks when nothing stalls.
+/// Steps: `lipp_exit_line`, for each layer `lipp_layer_coordinate`, then `lipp_texel_fetch`, for
+/// each layer `lipp_texel_blend`, then `lipp_composite`, `lipp_sample_mean`, `lipp_curve_table`. A
+/// ray with another status than ok or crosstalk is black. Latency scene_latency(F, Scene) + 5
+/// clocks when nothing stalls.
 module lipp_scene #(
   parameter int F = 16,  // fraction bits of the optics' build
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
@@ -25,7 +27,8 @@ module lipp_scene #(
 
   input  lipp_scene_pkg::scene_config_t                config_i,  // the next copy
   input  logic                                         take_i,  // make a copy
-  output logic                                         busy_o,  // until it is made; closes the input
+  // until it is made; closes the input
+  output logic                                         busy_o,
   output logic                                         idle_o,  // no ray is inside
 
   input  logic                                         write_i,  // a byte of a slot
@@ -49,7 +52,8 @@ module lipp_scene #(
 
   output logic                                         pixel_valid_o,
   input  logic                                         pixel_ready_i,
-  output logic [23:0]                                  pixel_rgb_o,  // {r, g, b}, bytes of the panel
+  // {r, g, b}, bytes of the panel
+  output logic [23:0]                                  pixel_rgb_o,
   output logic                                         pixel_first_o,
   output logic                                         pixel_last_o
 );
@@ -65,7 +69,7 @@ module lipp_scene #(
   localparam int AddressBits = $clog2(Latency + 16);
 
   if (!legal(Scene)) begin : gen_illegal
-    $fatal(1, "lipp_scene: Scene must have 1 to 8 layers, slots for them, 32 to 1024 columns, 2 to 1024 rows (bilinear: an even number), a multiple of 1024 texels up to 261120, and 1 to 4 samples");
+    $fatal(1, "lipp_scene: Scene must have 1 to 8 layers, and sizes as in lipp_scene_pkg::legal");
   end
 
   // ---- the registers in use ----
@@ -174,7 +178,7 @@ module lipp_scene #(
     .clk_i, .d_i({pixel_ends, pixel_first, pixel_last}), .q_o({ends, out_first, out_last})
   );
 
-  // ---- handshakes: a place for each ray; those that do not end a pixel are dropped at the end ----
+  // ---- handshakes: one place per ray; rays that do not end a pixel are dropped at the end ----
   logic out_valid, out_ends;
   lipp_flow_control #(.Latency(Latency + 1), .AddressBits(AddressBits), .Width(27)) i_flow (
     .clk_i, .rst_ni, .hold_i(hold), .idle_o(idle), .valid_i(exit_valid_i), .ready_o(exit_ready_o),

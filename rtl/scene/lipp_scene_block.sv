@@ -8,8 +8,8 @@
 /// while the scene is shown (shown_i), or in those written, while the scene is to be shown
 /// (source_o). Bit 15 is the panel's curve, which every scene needs.
 ///
-/// The port is APB4; a write changes the bytes whose strobe is set. An access to a layer takes three
-/// clocks, because its word is found in two steps: in each layer, then among the layers.
+/// The port is APB4; a write changes the bytes whose strobe is set. An access to a layer takes
+/// three clocks, because its word is found in two steps: in each layer, then among the layers.
 /// rtl/registers.rdl defines the registers. Those of layers that the build lacks are not there.
 module lipp_scene_block #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers
@@ -52,19 +52,19 @@ module lipp_scene_block #(
   assign common = s_apb_paddr[9:6] == '0;
   assign layers = s_apb_paddr[9] && int'(s_apb_paddr[8:2]) < Words;
 
-  lipp_scene_registers_pkg::scene_registers__in_t told;
-  lipp_scene_registers_pkg::scene_registers__out_t set;
+  lipp_scene_registers_pkg::scene_registers__in_t hwif_in;
+  lipp_scene_registers_pkg::scene_registers__out_t hwif_out;
   lipp_scene_registers i_registers (
     .clk(clk_i), .arst_n(rst_ni),
     .s_apb_psel(s_apb_psel && common), .s_apb_penable, .s_apb_pwrite, .s_apb_pprot,
     .s_apb_paddr(s_apb_paddr[5:0]), .s_apb_pwdata, .s_apb_pstrb, .s_apb_pready(ready),
-    .s_apb_prdata(word), .s_apb_pslverr(error), .hwif_in(told), .hwif_out(set)
+    .s_apb_prdata(word), .s_apb_pslverr(error), .hwif_in, .hwif_out
   );
 
   // ---- the layers ----
   logic [Words-1:0][31:0] words_q;
   logic [Layers-1:0][31:0] own_word_q;
-  logic [Layers-1:0] chosen_q;  // the layer of the address, which stands still
+  logic [Layers-1:0] addressed_q;  // the layer of the address, which stands still
   logic [31:0] layer_word_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -89,14 +89,14 @@ module lipp_scene_block #(
   always_comb begin
     layer_word = '0;
     for (int layer = 0; layer < Layers; layer++) begin
-      layer_word |= own_word_q[layer] & {32{chosen_q[layer]}};
+      layer_word |= own_word_q[layer] & {32{addressed_q[layer]}};
     end
   end
   always_ff @(posedge clk_i) begin
     layer_word_q <= layer_word;
     for (int layer = 0; layer < Layers; layer++) begin
       own_word_q[layer] <= words_q[8*layer+int'(s_apb_paddr[4:2])];
-      chosen_q[layer] <= int'(s_apb_paddr[8:5]) == layer;
+      addressed_q[layer] <= int'(s_apb_paddr[8:5]) == layer;
     end
   end
   assign s_apb_pready = ready || other_q;
@@ -106,12 +106,12 @@ module lipp_scene_block #(
   // ---- what was written ----
   always_comb begin
     config_o = '0;
-    config_o.lattice_xi = set.lattice.xi.value.value;
-    config_o.lattice_xj = set.lattice.xj.value.value;
-    config_o.lattice_yj = set.lattice.yj.value.value;
+    config_o.lattice_xi = hwif_out.lattice.xi.value.value;
+    config_o.lattice_xj = hwif_out.lattice.xj.value.value;
+    config_o.lattice_yj = hwif_out.lattice.yj.value.value;
     config_o.background = {
-      set.background.red.value.value, set.background.green.value.value,
-      set.background.blue.value.value
+      hwif_out.background.red.value.value, hwif_out.background.green.value.value,
+      hwif_out.background.blue.value.value
     };
     for (int layer = 0; layer < Layers; layer++) begin
       config_o.layers[layer] = '{
@@ -121,20 +121,20 @@ module lipp_scene_block #(
       };
     end
   end
-  assign source_o = set.source.scene.value;
+  assign source_o = hwif_out.source.scene.value;
 
   // ---- slots ----
-  logic [15:0] named, taken_q;
+  logic [15:0] slots_d, slots_taken_q;
   always_comb begin
-    named = '0;
+    slots_d = '0;
     for (int layer = 0; layer < Layers; layer++) begin
-      if (config_o.layers[layer].look.visible) named[config_o.layers[layer].look.slot] = 1'b1;
+      if (config_o.layers[layer].look.visible) slots_d[config_o.layers[layer].look.slot] = 1'b1;
     end
-    named[CurveSlot] = 1'b1;
+    slots_d[CurveSlot] = 1'b1;
   end
   always_ff @(posedge clk_i) begin
-    if (take_i) taken_q <= named;
-    slots_o <= (source_o ? named : '0) | (shown_i ? taken_q : '0);
+    if (take_i) slots_taken_q <= slots_d;
+    slots_o <= (source_o ? slots_d : '0) | (shown_i ? slots_taken_q : '0);
   end
 
   // ---- state ----
@@ -145,14 +145,14 @@ module lipp_scene_block #(
     else waits_q <= (accessed && !s_apb_pslverr) || (waits_q && !take_i);
   end
   assign {
-    told.build.samples_bits.next, told.build.bilinear.next, told.build.height.next,
-    told.build.width_bits.next, told.build.slots.next, told.build.layers.next
+    hwif_in.build.samples_bits.next, hwif_in.build.bilinear.next, hwif_in.build.height.next,
+    hwif_in.build.width_bits.next, hwif_in.build.slots.next, hwif_in.build.layers.next
   } = Scene;
-  assign told.status.shown.next = shown_i;
-  assign told.status.waits.next = waits_q;
-  assign told.status.slots.next = slots_o;
-  assign told.frames.count.incr = drawn_i;
-  assign told.underflows.count.incr = underflow_i;
+  assign hwif_in.status.shown.next = shown_i;
+  assign hwif_in.status.waits.next = waits_q;
+  assign hwif_in.status.slots.next = slots_o;
+  assign hwif_in.frames.count.incr = drawn_i;
+  assign hwif_in.underflows.count.incr = underflow_i;
 
 endmodule
 

@@ -75,7 +75,8 @@ package lipp_scene_pkg;
   /// The registers of a scene. Layer 0 is in front. What a build lacks, it does not read.
   typedef struct packed {
     layer_config_t [MostLayers-1:0]   layers;
-    logic signed [31:0]               lattice_xi;  // radii from a lenslet to the next, x; 30 fraction bits
+    // radii from a lenslet to the next, x; 30 fraction bits
+    logic signed [31:0]               lattice_xi;
     logic signed [31:0]               lattice_xj;  // to the next row, x
     logic signed [31:0]               lattice_yj;  // y
     logic [2:0][LightBits-1:0]        background;  // [2] red, [1] green, [0] blue
@@ -91,7 +92,9 @@ package lipp_scene_pkg;
     return f + 4;
   endfunction
 
-  /// Tells whether a build is legal.
+  /// Tells whether a build is legal: 1 to 8 layers, a slot for each, 32 to 1024 columns (a power of
+  /// two), 2 to 1024 rows (with bilinear an even number), a multiple of 1024 texels up to 261120,
+  /// and 1, 2 or 4 samples.
   function automatic bit legal(scene_build_t scene);
     int size;
     size = int'(scene.height) << scene.width_bits;

@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Blends the texels of a layer by their weights: linear light, premultiplied by the opacity, and opacity.
+/// Blends the texels of a layer by their weights: linear light, premultiplied by the opacity, and
+/// opacity.
 ///
-/// With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (65536: the whole):
+/// With the opacity A = a + [a >= 128], the bytes r, g, b of texel n and its weight w_n (65536: the
+/// whole):
 ///
 ///   share_n = (w_n A + 2^7) >> 8        16 fraction bits
 ///   light_o = (sum over n of (share_n r^2 >> 8) + 2^7) >> 8,  g and b likewise
 ///   opacity_o = sum over n of share_n
 ///
-/// Weights whose sum is at most 65536 keep the opacity at 65536 or below, and the light at 65025. With one tap a
-/// weight is 65536 or 0. Latency texel_blend_latency().
+/// Weights whose sum is at most 65536 keep the opacity at 65536 or below, and the light at 65025.
+/// With one tap a weight is 65536 or 0. Latency texel_blend_latency().
 module lipp_texel_blend #(
   parameter int Taps = 1  // 1 or 4
 ) (
@@ -56,16 +58,16 @@ module lipp_texel_blend #(
     for (genvar c = 0; c < 3; c++) begin : gen_channel
       // Red is the lowest byte, and light_o's highest part.
       logic [LightBits-1:0] square;
-      logic signed [2*MulBits-1:0] whole;
+      logic signed [2*MulBits-1:0] full_product;
       lipp_byte_square i_square (
         .clk_i, .value_i(colour_i[n][8*(2-c)+:8]), .square_o(square)
       );
       lipp_mult18 i_product (
-        .clk_i, .a_i($signed({1'b0, share[n]})), .b_i($signed({2'b00, square})), .p_o(whole)
+        .clk_i, .a_i($signed({1'b0, share[n]})), .b_i($signed({2'b00, square})), .p_o(full_product)
       );
-      assign product[c][n] = whole[8+:Wp];
-      logic unused_whole;
-      assign unused_whole = ^whole;
+      assign product[c][n] = full_product[8+:Wp];
+      logic unused_bits_of_product;
+      assign unused_bits_of_product = ^full_product;
     end
   end
 

@@ -1,21 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The colours of the texels at each layer's coordinate, and their weights.
+/// Reads the texels at each layer's texture coordinate and computes their filter weights.
 ///
-/// Layers and slots are joined by a crossbar. The first visible layer that names a slot has it; a layer
-/// without a slot is transparent. With i = s_i >> 8, j = t_i >> 8, f = s_i & 255, g = t_i & 255:
+/// A slot is a texture memory with one read port per tap. Each visible layer selects a slot by its
+/// number (look_i). If several layers select the same slot, the layer with the lowest index reads
+/// it and the others are transparent. A crossbar takes each layer's address to its slot and the
+/// slot's colours back to the layer.
 ///
-///   nearest: the texel (i, j) has the weight 65536
-///   bilinear: the texels (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1) have the weights
-///     (256 - f) (256 - g), f (256 - g), (256 - f) g, f g; tap {row[0], column[0]} is the one of that row
-///     and column
+/// Coordinates s_i, t_i have 8 fraction bits. With the integer parts i = s_i >> 8, j = t_i >> 8 and
+/// the fractions f = s_i & 255, g = t_i & 255, the texels and their weights (65536 is 1) are
 ///
-/// A colour is {A, b, g, r}: the bytes of the palette's entry, with the opacity A = a + [a >= 128], 256 the whole. The
-/// four bytes of an entry are written one after the other.
+///   nearest filter (one tap):    texel (i, j), weight 65536
+///   bilinear filter (four taps): texel (i,     j)      weight (256 - f) (256 - g)
+///                                texel (i + 1, j)      weight  f        (256 - g)
+///                                texel (i,     j + 1)  weight (256 - f)  g
+///                                texel (i + 1, j + 1)  weight  f         g
 ///
-/// Texels outside of the texture, and those of a layer with hidden_i, have the weight 0; their colour is
-/// undefined. Latency fetch_latency().
+/// Tap n = {row[0], column[0]} reads the texel whose row and column have these lowest bits. So the
+/// four taps always read four different memories.
+///
+/// colour_o is {A, b, g, r}: a palette entry's bytes, with the opacity byte a widened to
+/// A = a + [a >= 128], which is 0 to 256. The four bytes of an entry are written in consecutive
+/// writes.
+///
+/// The weight is 0 for texels outside the texture, for a layer with hidden_i, and for a layer
+/// without a slot; the colour is then undefined. Latency: fetch_latency() clocks.
 module lipp_texel_fetch #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
   localparam lipp_scene_pkg::scene_build_t Built = lipp_scene_pkg::built(Scene),
@@ -50,22 +60,22 @@ module lipp_texel_fetch #(
     $fatal(1, "lipp_texel_fetch: Scene is not legal");
   end
 
-  // ---- which layer has which slot; it stands still while rays are inside ----
-  logic [Layers-1:0][Slots-1:0] names_d, names_q, has_d, has_q;
-  logic [Layers-1:0] shown_q;
+  // ---- slot selection: [layer][slot]; constant while rays are in the pipeline ----
+  logic [Layers-1:0][Slots-1:0] selects_d, selects_q, owns_d, owns_q;
+  logic [Layers-1:0] owns_any_q;
   always_comb begin
     for (int k = 0; k < Layers; k++) begin
       for (int m = 0; m < Slots; m++) begin
-        names_d[k][m] = look_i[k].visible && look_i[k].slot == 4'(m);
-        has_d[k][m] = names_q[k][m];
-        for (int front = 0; front < k; front++) if (names_q[front][m]) has_d[k][m] = 1'b0;
+        selects_d[k][m] = look_i[k].visible && look_i[k].slot == 4'(m);
+        owns_d[k][m] = selects_q[k][m];
+        for (int front = 0; front < k; front++) if (selects_q[front][m]) owns_d[k][m] = 1'b0;
       end
     end
   end
   always_ff @(posedge clk_i) begin
-    names_q <= names_d;
-    has_q <= has_d;
-    for (int k = 0; k < Layers; k++) shown_q[k] <= has_q[k] != '0;
+    selects_q <= selects_d;
+    owns_q <= owns_d;
+    for (int k = 0; k < Layers; k++) owns_any_q[k] <= owns_q[k] != '0;
   end
   logic unused_look;
   assign unused_look = ^look_i;
@@ -84,12 +94,13 @@ module lipp_texel_fetch #(
         column_q <= column;
         row_q <= row;
         hidden_q <= hidden_i[k];
-        // A negative number is a large one without its sign.
-        inside_q <= !hidden_q && column_q[WholeBits-1:WidthBits] == '0 && row_q < WholeBits'(Height);
+        // A negative coordinate, read without its sign, is beyond the texture too.
+        inside_q <= !hidden_q && column_q[WholeBits-1:WidthBits] == '0
+            && row_q < WholeBits'(Height);
         at_q[k] <= AddressBits'({row_q, column_q[WidthBits-1:0]});
       end
       lipp_delay #(.Width(1), .Cycles(Latency - 3)) i_inside (
-        .clk_i, .d_i(inside_q && shown_q[k]), .q_o(in_texture)
+        .clk_i, .d_i(inside_q && owns_any_q[k]), .q_o(in_texture)
       );
       always_ff @(posedge clk_i) weight_o[k] <= in_texture ? Whole : '0;
       logic unused_fraction;
@@ -97,7 +108,7 @@ module lipp_texel_fetch #(
         s_i[k][CoordinateFraction-1:0], t_i[k][CoordinateFraction-1:0], row_q[WholeBits-1]
       };
     end else begin : gen_bilinear
-      // Column and row of the even (0) and of the odd taps (1), halved.
+      // [0]: half the column (row) of the taps with an even column (row); [1]: of the odd taps.
       logic [1:0][WholeBits-2:0] column_q, row_q;
       logic [1:0] column_in_q, row_in_q, column_in, row_in;
       logic [CoordinateFraction:0] f_q, g_q, f_late, g_late;
@@ -108,7 +119,7 @@ module lipp_texel_fetch #(
         row_q[0] <= (WholeBits - 1)'((row + WholeBits'(1)) >>> 1);
         row_q[1] <= (WholeBits - 1)'(row >>> 1);
         hidden_q <= hidden_i[k];
-        // The weight of the even tap: f where the even one is the second.
+        // f_q, g_q: weight of the even tap. It is f if the even column is i + 1, else 256 - f.
         f_q <= column[0] ? {1'b0, s_i[k][7:0]} : 9'd256 - {1'b0, s_i[k][7:0]};
         g_q <= row[0] ? {1'b0, t_i[k][7:0]} : 9'd256 - {1'b0, t_i[k][7:0]};
         for (int n = 0; n < 2; n++) begin
@@ -120,7 +131,7 @@ module lipp_texel_fetch #(
         end
       end
 
-      // Weights: one product, three differences, and the masks.
+      // Weights of the four taps from one product, f g, by three subtractions; then the masks.
       localparam int ProductLatency = small_latency();
       localparam int Weights = Latency - ProductLatency - 2;  // the product starts
       logic [17:0] product;
@@ -136,7 +147,7 @@ module lipp_texel_fetch #(
       lipp_delay #(.Width(18), .Cycles(ProductLatency)) i_later (
         .clk_i, .d_i({f_late, g_late}), .q_o({f_later, g_later})
       );
-      assign {column_in, row_in} = {column_in_q & {2{shown_q[k]}}, row_in_q};
+      assign {column_in, row_in} = {column_in_q & {2{owns_any_q[k]}}, row_in_q};
       lipp_delay #(.Width(4), .Cycles(Latency - 3)) i_inside (
         .clk_i, .d_i({column_in, row_in}), .q_o({column_shown, row_shown})
       );
@@ -162,7 +173,7 @@ module lipp_texel_fetch #(
   logic [3:0] write_slot_q;
   logic [19:0] write_at_q;
   logic [7:0] write_data_q;
-  logic [2:0][7:0] bytes_q;  // before write_data_q
+  logic [2:0][7:0] bytes_q;  // the entry's bytes before write_data_q
   logic [EntryBits-1:0] entry;
   assign entry = {9'(write_data_q) + 9'(write_data_q[7]), bytes_q};
   always_comb begin
@@ -170,7 +181,7 @@ module lipp_texel_fetch #(
     colour_d = '0;
     for (int m = 0; m < Slots; m++) begin
       for (int k = 0; k < Layers; k++) begin
-        if (has_q[k][m]) begin
+        if (owns_q[k][m]) begin
           slot_at_d[m] |= at_q[k];
           colour_d[k] |= slot_colour[m];
         end
@@ -189,7 +200,8 @@ module lipp_texel_fetch #(
   for (genvar m = 0; m < Slots; m++) begin : gen_slot
     lipp_texel_slot #(.Scene(Built)) i_slot (
       .clk_i, .write_i(write_q && write_slot_q == 4'(m)), .write_at_i(write_at_q),
-      .write_data_i(write_data_q), .entry_i(entry), .read_at_i(slot_at_q[m]), .colour_o(slot_colour[m])
+      .write_data_i(write_data_q), .entry_i(entry), .read_at_i(slot_at_q[m]),
+      .colour_o(slot_colour[m])
     );
   end
 

@@ -4,8 +4,9 @@
 /// Memory of bytes of any depth: one port writes, the other reads, with a latency of three.
 ///
 /// It is made of memories whose depths are powers of two, the largest first, so that few bytes are
-/// wasted: 12288 bytes take one of 8192 and one of 4096. The rest below 2048 is one more. The third clock
-/// selects the memory that was asked. read_data_o of an address at or beyond Depth is undefined.
+/// wasted: 12288 bytes take one of 8192 and one of 4096. The rest below 2048 is one more. The third
+/// clock selects the memory that was asked. read_data_o of an address at or beyond Depth is
+/// undefined.
 module lipp_texel_memory #(
   parameter int Depth = 49152,
   localparam int AddressBits = $clog2(Depth)
@@ -26,10 +27,10 @@ module lipp_texel_memory #(
   end
 
   /// Address bits of the first memory for so many bytes.
-  function automatic int first_bits(int rest);
-    if (rest >= 1 << LargestBits) return LargestBits;
-    if (rest <= 1 << LeastBits) return rest < 2 ? 1 : $clog2(rest);
-    return $clog2(rest + 1) - 1;
+  function automatic int first_bits(int bytes);
+    if (bytes >= 1 << LargestBits) return LargestBits;
+    if (bytes <= 1 << LeastBits) return bytes < 2 ? 1 : $clog2(bytes);
+    return $clog2(bytes + 1) - 1;
   endfunction
 
   /// Bytes before memory k.
@@ -66,17 +67,17 @@ module lipp_texel_memory #(
     end else begin : gen_some
       // First is a multiple of this memory's depth.
       localparam logic [AddressBits-Bits-1:0] Upper = (AddressBits - Bits)'(First >> Bits);
-      logic asked_q, asked_q2;
+      logic selected_q, selected_q2;
       lipp_memory_1w1r #(.Width(8), .AddressBits(Bits)) i_memory (
         .clk_i, .write_i(write_i && write_at_i[AddressBits-1:Bits] == Upper),
         .write_at_i(write_at_i[Bits-1:0]), .write_data_i,
         .read_at_i(read_at_i[Bits-1:0]), .read_data_o(read_data)
       );
       always_ff @(posedge clk_i) begin
-        asked_q <= read_at_i[AddressBits-1:Bits] == Upper;
-        asked_q2 <= asked_q;
+        selected_q <= read_at_i[AddressBits-1:Bits] == Upper;
+        selected_q2 <= selected_q;
       end
-      assign byte_masked[k] = read_data & {8{asked_q2}};
+      assign byte_masked[k] = read_data & {8{selected_q2}};
     end
   end
 

@@ -3,12 +3,12 @@
 
 /// A slot: the texels and the palette of a layer. An address gives the colour of its texel.
 ///
-/// Bytes are written as the scene's slots have them: the texels row by row, then the palette, 256 times r, g,
-/// b, a. A palette's entry is stored with its fourth byte, from entry_i.
+/// Bytes are written as the scene's slots have them: the texels row by row, then the palette, 256
+/// times r, g, b, a. A palette's entry is stored with its fourth byte, from entry_i.
 ///
-/// With Scene.bilinear the texels lie in four banks, of the even and odd columns and rows: bank {row[0],
-/// column[0]}, address row / 2 * (width / 2) + column / 2. Each has its own address and copy of the palette.
-/// Otherwise there is one bank, with the address row * width + column.
+/// With Scene.bilinear the texels lie in four banks, of the even and odd columns and rows: bank
+/// {row[0], column[0]}, address row / 2 * (width / 2) + column / 2. Each has its own address and
+/// copy of the palette. Otherwise there is one bank, with the address row * width + column.
 /// colour_o: the entry of each bank's texel, slot_latency() clocks after its address.
 module lipp_texel_slot #(
   parameter lipp_scene_pkg::scene_build_t Scene = lipp_scene_pkg::FourLayers,
@@ -59,7 +59,8 @@ module lipp_texel_slot #(
     end else begin : gen_bilinear
       localparam logic [1:0] Bank = 2'(k);
       assign write = texel_q && {at_q[ColumnBits], at_q[0]} == Bank;
-      assign write_at = AddressBits'({at_q[19:ColumnBits+1], at_q[ColumnBits-1:1]});  // row / 2, column / 2
+      // row / 2, column / 2
+      assign write_at = AddressBits'({at_q[19:ColumnBits+1], at_q[ColumnBits-1:1]});
     end
 
     logic [7:0] texel;

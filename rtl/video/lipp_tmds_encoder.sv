@@ -4,8 +4,8 @@
 /// A channel of DVI: a byte of a pixel, or two control bits, to a symbol of ten bits. Latency 3.
 ///
 /// Bit 0 of a symbol is sent first. A pixel's byte d becomes q[0] = d[0], q[k] = q[k-1] ^ d[k]; or,
-/// if d has more than four ones, or four and d[0] low, q[k] = ~(q[k-1] ^ d[k]) and bit 8 low: at most
-/// five changes from bit to bit. Then the eight bits are inverted, bit 9 high, if
+/// if d has more than four ones, or four and d[0] low, q[k] = ~(q[k-1] ^ d[k]) and bit 8 low: at
+/// most five changes from bit to bit. Then the eight bits are inverted, bit 9 high, if
 /// that brings the ones and zeros sent since the last control symbol nearer to each other.
 ///
 /// balance = (ones - zeros) / 2 of these symbols; it stays from -4 to 4 (DVI 1.0, section 3).
@@ -45,7 +45,8 @@ module lipp_tmds_encoder (
   logic plain_q;  // the sums are not complemented
   logic signed [3:0] more_q;
   always_comb begin
-    for (int k = 0; k < 8; k++) sums[k] = ^(data_q & 8'(2 ** (k + 1) - 1)) ^ (equal_q && k % 2 == 1);
+    for (int k = 0; k < 8; k++) sums[k] = ^(data_q & 8'(2 ** (k + 1) - 1))
+        ^ (equal_q && k % 2 == 1);
   end
   always_ff @(posedge clk_i) begin
     {plain_q, sums_q} <= {!equal_q, sums};

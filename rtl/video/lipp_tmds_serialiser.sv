@@ -14,11 +14,11 @@
 ///   clock      0  1  2  3  4
 ///   begins_q   1  .  .  .  .   a change has been seen: this clock is to be place 3
 ///   astray_q   .  1  .  .  .   the ring was elsewhere: place 4
-///   set_q      .  .  1  .  .   place 0
+///   restart_q  .  .  1  .  .   place 0
 ///   place_q    .  .  .  1  2
 ///
-/// Where the clocks' edges meet, a change is seen now a clock sooner, now a clock later, at place 2 or
-/// 4; the ring then goes on as it was. A change at place 0 or 1 sets it again.
+/// Where the clocks' edges meet, a change is seen now a clock sooner, now a clock later, at place 2
+/// or 4; the ring then goes on as it was. A change at place 0 or 1 sets it again.
 module lipp_tmds_serialiser #(
   parameter int Channels = 3
 ) (
@@ -29,7 +29,8 @@ module lipp_tmds_serialiser #(
   input  logic                     shift_clk_i,
   input  logic                     shift_rst_ni,
   output logic [Channels-1:0][1:0] pair_o,
-  output logic               [1:0] clock_o  // the pixel's clock: high in the first five bits of each symbol
+  // the pixel's clock: high in the first five bits of each symbol
+  output logic               [1:0] clock_o
 );
 
   if (Channels < 1) begin : gen_illegal
@@ -46,12 +47,12 @@ module lipp_tmds_serialiser #(
 
   // A LUT of four inputs between registers, and a third of a chip's width: the shift clock is as
   // fast as an FPGA's logic goes.
-  logic turn, turned_q, begins_q, known_q, astray_q, set_q;
+  logic turn, turned_q, begins_q, aligned_q, astray_q, restart_q;
   logic [4:0] place_q;  // the ring: one bit is high, its number is the place
   // A register for each channel, near its pads. Synthesis makes one register of equal ones: these
   // differ in their sense, high or low, and in what they are in reset.
   logic [Channels-1:0] load_q, low;
-  logic [Channels-1:0][9:0] rest_q;
+  logic [Channels-1:0][9:0] shift_q;
   for (genvar k = 0; k < Channels; k++) begin : gen_sense
     assign low[k] = k % 2 == 1;
   end
@@ -60,21 +61,21 @@ module lipp_tmds_serialiser #(
   );
   always_ff @(posedge shift_clk_i or negedge shift_rst_ni) begin
     if (!shift_rst_ni) begin
-      {turned_q, begins_q, known_q, astray_q, set_q} <= '0;
+      {turned_q, begins_q, aligned_q, astray_q, restart_q} <= '0;
       place_q <= 5'd1;
       for (int k = 0; k < Channels; k++) load_q[k] <= k % 4 >= 2;
     end else begin
       turned_q <= turn;
       begins_q <= turn != turned_q;
-      astray_q <= begins_q && (!known_q || place_q[0] || place_q[1]);
-      known_q <= known_q || begins_q;
-      set_q <= astray_q;
-      place_q <= set_q ? 5'b00010 : {place_q[3:0], place_q[4]};
+      astray_q <= begins_q && (!aligned_q || place_q[0] || place_q[1]);
+      aligned_q <= aligned_q || begins_q;
+      restart_q <= astray_q;
+      place_q <= restart_q ? 5'b00010 : {place_q[3:0], place_q[4]};
       load_q <= {Channels{place_q[0]}} ^ low;
     end
   end
   // From the symbols to the pins is a way across the chip, in three steps.
-  // A symbol's pairs 0 to 4 are at the end of rest_q in places 2, 3, 4, 0 and 1.
+  // A symbol's pairs 0 to 4 are at the end of shift_q in places 2, 3, 4, 0 and 1.
   logic [Channels-1:0][1:0] first_q, second_q;
   logic high_q, before_q;
   logic [1:0] second_clock_q;
@@ -86,8 +87,8 @@ module lipp_tmds_serialiser #(
     clock_o <= second_clock_q;
     // What comes in behind is never sent.
     for (int k = 0; k < Channels; k++) begin
-      rest_q[k] <= load_q[k] != low[k] ? symbol_q[k] : {rest_q[k][1:0], rest_q[k][9:2]};
-      {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], rest_q[k][1:0]};
+      shift_q[k] <= load_q[k] != low[k] ? symbol_q[k] : {shift_q[k][1:0], shift_q[k][9:2]};
+      {pair_o[k], second_q[k], first_q[k]} <= {second_q[k], first_q[k], shift_q[k][1:0]};
     end
   end
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_axil_to_apb`, at its ports, and what it needs of the manager: that it keeps
-/// what it offers.
+/// The contract of `lipp_axil_to_apb`, at its ports, and what it needs of the manager: that it
+/// keeps what it offers.
 module lipp_axil_to_apb_checks #(
   parameter int AddressBits = 9,
   parameter bit AssumeManager = 1'b0  // proofs: the manager's side is an assumption
@@ -49,7 +49,8 @@ module lipp_axil_to_apb_checks #(
   localparam int A = AddressBits;
   wire setup = m_apb_psel && !m_apb_penable;
   wire done = m_apb_psel && m_apb_penable && m_apb_pready;
-  wire [A+39:0] access = {m_apb_pwrite, m_apb_pprot, m_apb_paddr, m_apb_pwdata & {32{m_apb_pwrite}}, m_apb_pstrb};
+  wire [A+39:0] access = {m_apb_pwrite, m_apb_pprot, m_apb_paddr, m_apb_pwdata & {32{m_apb_pwrite}},
+      m_apb_pstrb};
   wire b_take = s_axil_bvalid && s_axil_bready;
   wire r_take = s_axil_rvalid && s_axil_rready;
 
@@ -62,19 +63,19 @@ module lipp_axil_to_apb_checks #(
   reg [A+2:0] aw_word_q, ar_word_q;  // the parts taken last
   reg [35:0] w_word_q;
   reg [31:0] r_word_q;
-  reg known_q;                // the values below are of the clock before
+  reg past_valid_q;                // the values below are of the clock before
   reg idle_q, wait_q, may_write_q, may_read_q, last_write_q;
   reg [A+39:0] access_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {aw_q, w_q, ar_q, b_due_q, r_due_q, known_q} <= 0;
+      {aw_q, w_q, ar_q, b_due_q, r_due_q, past_valid_q} <= 0;
     end else begin
       aw_q <= (s_axil_awvalid && s_axil_awready) || aw_waits;
       w_q <= (s_axil_wvalid && s_axil_wready) || w_waits;
       ar_q <= (s_axil_arvalid && s_axil_arready) || ar_waits;
       b_due_q <= (done && m_apb_pwrite) || (b_due_q && !b_take);
       r_due_q <= (done && !m_apb_pwrite) || (r_due_q && !r_take);
-      known_q <= 1;
+      past_valid_q <= 1;
     end
   end
   reg aw_held_q, w_held_q, ar_held_q, b_held_q, r_held_q;  // offered in the clock before, not taken
@@ -120,10 +121,10 @@ module lipp_axil_to_apb_checks #(
           || (s_axil_rresp == {r_error_q, 1'b0} && (r_error_q || s_axil_rdata == r_word_q)));
       answer_has_room: assert(!(done && (m_apb_pwrite ? b_due_q : r_due_q)));
       // No part of a request is taken while one waits, and none is refused without that.
-      places: assert(!known_q || {s_axil_awready, s_axil_wready, s_axil_arready}
+      places: assert(!past_valid_q || {s_axil_awready, s_axil_wready, s_axil_arready}
           == {!aw_waits, !w_waits, !ar_waits});
       apb_enable: assert(!m_apb_penable || m_apb_psel);
-      if (known_q) begin
+      if (past_valid_q) begin
         // An answer stays as it is until it is taken.
         b_stable: assert(!b_held_q || (s_axil_bvalid && s_axil_bresp == b_was_q));
         r_stable: assert(!r_held_q || (s_axil_rvalid && {s_axil_rresp, s_axil_rdata} == r_was_q));
@@ -138,7 +139,8 @@ module lipp_axil_to_apb_checks #(
   end
 
   // ---- what it needs ----
-  wire manager_ok = !known_q || ((!aw_held_q || (s_axil_awvalid && {s_axil_awprot, s_axil_awaddr} == aw_was_q))
+  wire manager_ok = !past_valid_q
+      || ((!aw_held_q || (s_axil_awvalid && {s_axil_awprot, s_axil_awaddr} == aw_was_q))
       && (!w_held_q || (s_axil_wvalid && {s_axil_wstrb, s_axil_wdata} == w_was_q))
       && (!ar_held_q || (s_axil_arvalid && {s_axil_arprot, s_axil_araddr} == ar_was_q)));
   if (AssumeManager) begin : gen_assume_manager

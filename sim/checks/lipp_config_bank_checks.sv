@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The contract of `lipp_config_bank`, at its ports.
 ///
-/// The copy in use changes only if nothing used it two clocks before, while busy_o is high, and only
-/// to what config_i was in the clock before. busy_o is high from the clock after a request on, and
-/// is what hold_o was in the clock before.
+/// The copy in use changes only if nothing used it two clocks before, while busy_o is high, and
+/// only to what config_i was in the clock before. busy_o is high from the clock after a request on,
+/// and is what hold_o was in the clock before.
 module lipp_config_bank_checks #(
   parameter int Width = 32
 ) (
@@ -25,12 +25,12 @@ module lipp_config_bank_checks #(
   wire checked = rst_ni && reset_q;
 `endif
 
-  reg known_q;  // the values below are of the clock before
+  reg past_valid_q;  // the values below are of the clock before
   reg applied_q, busy_q, hold_q, idle_q, idle_q2;
   reg [Width-1:0] config_q, used_q;
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) known_q <= 0;
-    else known_q <= 1;
+    if (!rst_ni) past_valid_q <= 0;
+    else past_valid_q <= 1;
   end
   always @(posedge clk_i) begin
     {applied_q, busy_q, hold_q} <= {apply_i, busy_o, hold_o};
@@ -39,7 +39,7 @@ module lipp_config_bank_checks #(
   end
 
   always @(posedge clk_i) begin
-    if (checked && known_q) begin
+    if (checked && past_valid_q) begin
       only_idle: assert(config_o == used_q || (idle_q2 && busy_q));
       copied: assert(config_o == used_q || config_o == config_q);
       busy: assert(!applied_q || busy_o);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The contract of `lipp_flow_control`, at its ports.
 ///
-/// The input is closed in the clock after hold_i, and open only while there is a free place; with a ready reader
-/// and no hold it opens within 6 clocks and stays open. A ray leaves Latency + 4 clocks after it
-/// was accepted, or later if it had to wait for the reader. idle_o is high exactly when no ray is
-/// inside and none left in the last three clocks.
+/// The input is closed in the clock after hold_i, and open only while there is a free place; with a
+/// ready reader and no hold it opens within 6 clocks and stays open. A ray leaves Latency + 4
+/// clocks after it was accepted, or later if it had to wait for the reader. idle_o is high exactly
+/// when no ray is inside and none left in the last three clocks.
 module lipp_flow_control_checks #(
   parameter int Latency = 100,
   parameter int AddressBits = 9,

@@ -42,16 +42,16 @@ module lipp_frame_gate_checks #(
   reg applies_q;         // a change was requested and has not taken effect
   reg starts_q;          // a frame was requested and has not begun
   reg due_next_q;        // a change is due before the requested frame
-  reg due_q;             // a change is due before the frame that has begun
+  reg change_due_q;             // a change is due before the frame that has begun
   reg walks_q;           // the raster's frame has begun, and not ended
   reg [1:0] begun_q;     // clocks since the one after begin_o, up to 3
-  reg known_q;           // the values below are of the clock before
-  reg took_q, stream_q, wanted_q, waited_q;
+  reg past_valid_q;           // the values below are of the clock before
+  reg took_q, stream_q, restart_q, waited_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {within_q, applies_q, starts_q, due_next_q, due_q, walks_q} <= 0;
+      {within_q, applies_q, starts_q, due_next_q, change_due_q, walks_q} <= 0;
       begun_q <= 0;
-      {known_q, waited_q} <= 0;
+      {past_valid_q, waited_q} <= 0;
     end else begin
       if (abort_i) within_q <= 0;
       else if (accept) within_q <= !last;
@@ -59,13 +59,13 @@ module lipp_frame_gate_checks #(
       starts_q <= start_i || (starts_q && !begin_o && !abort_i);
       if (start_i) due_next_q <= apply_i || (applies_q && !take_o);
       else if (take_o || begin_o || abort_i) due_next_q <= 0;
-      if (begin_o) due_q <= due_next_q && !take_o;
-      else if (take_o) due_q <= 0;
+      if (begin_o) change_due_q <= due_next_q && !take_o;
+      else if (take_o) change_due_q <= 0;
       if (begin_o) walks_q <= 1;
       else if (!raster_running_i || (from_raster && raster_last_i)) walks_q <= 0;
       if (begin_o) begun_q <= 0;
       else if (begun_q < 3) begun_q <= begun_q + 1;
-      known_q <= 1;
+      past_valid_q <= 1;
       // In this clock a change could be decided.
       waited_q <= applies_q && !take_o && (abort_i || (accept ? last : !within_q));
     end
@@ -73,7 +73,7 @@ module lipp_frame_gate_checks #(
   always @(posedge clk_i) begin
     took_q <= take_o;
     stream_q <= stream_o;
-    wanted_q <= stream_i;
+    restart_q <= stream_i;
   end
 
   always @(posedge clk_i) begin
@@ -87,13 +87,13 @@ module lipp_frame_gate_checks #(
       between: assert(!take_o || !within_q);
       requested: assert(!take_o || applies_q);
       // The source changes with it, and at no other time.
-      changes: assert(!known_q || stream_o == (took_q ? wanted_q : stream_q));
+      changes: assert(!past_valid_q || stream_o == (took_q ? restart_q : stream_q));
       // No request is lost: it waits, and is answered in the next clock in which it can be.
       waits: assert(apply_waits_o == applies_q && start_waits_o == starts_q);
       answered: assert(!waited_q || take_o);
       begins: assert(begin_o == (starts_q && !raster_running_i));
       // A frame uses every change that was requested before its start.
-      in_time: assert(!from_raster || !due_q);
+      in_time: assert(!from_raster || !change_due_q);
     end
   end
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_raster` towards those who take its rays: an offered ray stays as it is until it
-/// is taken, but for an abort; a frame's first ray, and no other, is marked first, and the raster
-/// runs to its last.
+/// The contract of `lipp_raster` towards those who take its rays: an offered ray stays as it is
+/// until it is taken, but for an abort; a frame's first ray, and no other, is marked first, and the
+/// raster runs to its last.
 module lipp_raster_checks #(
   parameter int F = 23
 ) (

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_scan_out` towards a video transmitter: black outside of the pixels, and syncs
-/// only there.
+/// The contract of `lipp_scan_out` towards a video transmitter: black outside of the pixels, and
+/// syncs only there.
 module lipp_scan_out_checks #(
   parameter bit HPositive = 1'b1,
   parameter bit VPositive = 1'b1
@@ -22,13 +22,13 @@ module lipp_scan_out_checks #(
   wire checked = rst_ni && reset_q;
 `endif
 
-  reg known_q;  // a clock has passed since reset
+  reg past_valid_q;  // a clock has passed since reset
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) known_q <= 0;
-    else known_q <= 1;
+    if (!rst_ni) past_valid_q <= 0;
+    else past_valid_q <= 1;
   end
   always @(posedge clk_i) begin
-    if (checked && known_q) begin
+    if (checked && past_valid_q) begin
       blank: assert(de_o || rgb_o == 0);
       apart: assert(!de_o || (hsync_o != HPositive && vsync_o != VPositive));
       first: assert(!frame_start_o || de_o);
@@ -38,5 +38,6 @@ module lipp_scan_out_checks #(
 endmodule
 
 `ifndef FORMAL  // simulation: beside every instance
-bind lipp_scan_out lipp_scan_out_checks #(.HPositive(HPositive), .VPositive(VPositive)) i_checks (.*);
+bind lipp_scan_out lipp_scan_out_checks #(.HPositive(HPositive),
+    .VPositive(VPositive)) i_checks (.*);
 `endif

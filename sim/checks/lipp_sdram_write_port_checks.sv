@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// The contract of `lipp_sdram_write_port`: legal requests, each word there when it is taken, and each
-/// request's end told.
+/// The contract of `lipp_sdram_write_port`: legal requests, each word there when it is taken, and
+/// each request's end told.
 module lipp_sdram_write_port_checks #(
   parameter int PlaceBits = 8
 ) (

@@ -35,40 +35,43 @@ module lipp_wishbone_to_apb_checks #(
 `endif
 
   localparam int A = AddressBits;
-  wire asked = s_wb_cyc && s_wb_stb;
+  wire request = s_wb_cyc && s_wb_stb;
   wire pulse = s_wb_ack || s_wb_err;
   wire setup = m_apb_psel && !m_apb_penable;
   wire done = m_apb_psel && m_apb_penable && m_apb_pready;
-  wire [A+39:0] access = {m_apb_pwrite, m_apb_pprot, m_apb_paddr, m_apb_pwdata & {32{m_apb_pwrite}}, m_apb_pstrb};
+  wire [A+39:0] access = {m_apb_pwrite, m_apb_pprot, m_apb_paddr, m_apb_pwdata & {32{m_apb_pwrite}},
+      m_apb_pstrb};
 
-  reg known_q;   // the values below are of the clock before
-  reg kept_q;    // the master has held the cycle of this access from its begin on
-  reg asked_q, pulse_q, idle_q, wait_q, done_q, error_q;
+  reg past_valid_q;   // the values below are of the clock before
+  reg cycle_held_q;    // the master has held the cycle of this access from its begin on
+  reg request_q, pulse_q, idle_q, wait_q, done_q, error_q;
   reg [31:0] word_q;
   reg [A+39:0] access_q;
-  reg [A+34:0] wanted_q;
+  reg [A+34:0] request_word_q;
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) {known_q, kept_q} <= 0;
+    if (!rst_ni) {past_valid_q, cycle_held_q} <= 0;
     else begin
-      known_q <= 1;
-      kept_q <= setup ? asked : kept_q && asked;
+      past_valid_q <= 1;
+      cycle_held_q <= setup ? request : cycle_held_q && request;
     end
   end
   always @(posedge clk_i) begin
-    {asked_q, pulse_q, idle_q, wait_q} <= {asked, pulse, !m_apb_psel, m_apb_psel && !done};
-    {done_q, error_q, word_q, access_q} <= {done && kept_q && asked, m_apb_pslverr, m_apb_prdata, access};
-    wanted_q <= {s_wb_we, s_wb_adr, s_wb_dat_w, s_wb_sel};
+    {request_q, pulse_q, idle_q, wait_q} <= {request, pulse, !m_apb_psel, m_apb_psel && !done};
+    {done_q, error_q, word_q, access_q} <= {done && cycle_held_q && request, m_apb_pslverr,
+        m_apb_prdata, access};
+    request_word_q <= {s_wb_we, s_wb_adr, s_wb_dat_w, s_wb_sel};
   end
 
   always @(posedge clk_i) begin
-    if (checked && known_q) begin
+    if (checked && past_valid_q) begin
       // An access begins exactly when a cycle waits, and is that cycle's.
-      begins: assert(setup == (idle_q && asked_q && !pulse_q));
+      begins: assert(setup == (idle_q && request_q && !pulse_q));
       own_access: assert(!setup || access == {
-          wanted_q[A+34], 3'b000, wanted_q[A+33:36], 2'b00, wanted_q[35:4] & {32{wanted_q[A+34]}},
-          wanted_q[3:0] & {4{wanted_q[A+34]}}});
+          request_word_q[A+34], 3'b000, request_word_q[A+33:36], 2'b00,
+              request_word_q[35:4] & {32{request_word_q[A+34]}},
+          request_word_q[3:0] & {4{request_word_q[A+34]}}});
       // Each is answered once, in the clock after its end, unless the master gave it up.
-      answered: assert(pulse == (done_q && asked) && !(s_wb_ack && s_wb_err));
+      answered: assert(pulse == (done_q && request) && !(s_wb_ack && s_wb_err));
       answer: assert(!pulse || (s_wb_err == error_q && (error_q || s_wb_dat_r == word_q)));
       one_clock: assert(!(pulse && pulse_q));
       // APB4: a clock of setup, then the access until ready, all of it unchanged.

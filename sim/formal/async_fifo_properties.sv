@@ -83,11 +83,11 @@ module async_fifo_properties #(
 
   // ---- the counts one step ago ----
   reg [C-1:0] written_gray_q, read_gray_q;
-  reg known_q = 0;
+  reg past_valid_q = 0;
   always @($global_clock) begin
     written_gray_q <= \i_fifo.written_gray_q ;
     read_gray_q <= \i_fifo.read_gray_q ;
-    known_q <= started_q;
+    past_valid_q <= started_q;
   end
   wire [C-1:0] written_change = written_gray_q ^ \i_fifo.written_gray_q ;
   wire [C-1:0] read_change = read_gray_q ^ \i_fifo.read_gray_q ;
@@ -97,7 +97,7 @@ module async_fifo_properties #(
       // The word at the output is the one read last: its number is read - 1.
       in_order: assert(!out_valid || C'(read - 1) != watch || out_data == watched_q);
       room: assert(inside <= Places && (!in_ready || inside < Places));
-      one_bit: assert(!known_q || ((written_change & (written_change - 1)) == 0
+      one_bit: assert(!past_valid_q || ((written_change & (written_change - 1)) == 0
           && (read_change & (read_change - 1)) == 0));
 
       inside_gray: assert(binary(\i_fifo.written_gray_q ) == written

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_axil_to_apb` between any manager that keeps what it offers and any completer: the contract of
-/// axil_to_apb_checks, and the invariants that make it inductive.
+/// `lipp_axil_to_apb` between any manager that keeps what it offers and any completer: the contract
+/// of axil_to_apb_checks, and the invariants that make it inductive.
 module axil_to_apb_properties (
   input logic        clk_i,
   input logic        rst_ni,

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_draw_frame` with any video, any optics and scene that keep the order of rays, and any software.
+/// `lipp_draw_frame` with any video, any optics and scene that keep the order of rays, and any
+/// software.
 ///
 /// The optics and the scene give a pixel for every 2^SamplesBits rays, whenever they like. The n-th
-/// pixel of a frame carries n, so that a pixel at another place is seen. The video takes as many pixels
-/// as it likes between two beginnings. Proved: the rays of a frame are those of all its pixels in
-/// order, each once; a pixel that the video gets is that of its place, and any other is black and
-/// counted; each pixel that was asked for comes, is taken once or dropped once; registers are
-/// taken at the beginning of a frame only, never while they are being written, with no ray of another frame
-/// anywhere, and as soon as that can be.
+/// pixel of a frame carries n, so that a pixel at another place is seen. The video takes as many
+/// pixels as it likes between two beginnings. Proved: the rays of a frame are those of all its
+/// pixels in order, each once; a pixel that the video gets is that of its place, and any other is
+/// black and counted; each pixel that was asked for comes, is taken once or dropped once; registers
+/// are taken at the beginning of a frame only, never while they are being written, with no ray of
+/// another frame anywhere, and as soon as that can be.
 module draw_frame_properties #(
   parameter int Width = 3,
   parameter int Height = 2,
@@ -82,14 +83,16 @@ module draw_frame_properties #(
     if (rst_ni) begin
       rays_in_place: assert (!ray_valid || (ray_u == 8 * (2 * column + 1 - Width) + quarter_u
           && ray_v == 8 * (Height - 2 * row - 1) + quarter_v));
-      rays_marked: assert (!ray_valid || (ray_first == (sent_q == '0) && ray_last == (sent_q == 8'(Rays - 1))));
+      rays_marked: assert (!ray_valid || (ray_first == (sent_q == '0) && ray_last
+          == (sent_q == 8'(Rays - 1))));
       rays_once: assert (!ray_valid || sent_q < 8'(Rays));
       pixel_in_place: assert (!hit || (comes && come_q == passed_q && rgb == {16'habcd, passed_q}));
       pixel_or_black: assert (hit || rgb == '0);
       in_time_or_counted: assert (underflow == missed_q);
       ended: assert (drawn == last_q);
       whole: assert (!begins || (sent_q == 8'(Rays) && come_q == 8'(Pixels)));
-      taken_between: assert (!take || (begin_i && !hold_i && sent_q == 8'(Rays) && come_q == 8'(Pixels)));
+      taken_between: assert (!take || (begin_i && !hold_i && sent_q == 8'(Rays) && come_q
+          == 8'(Pixels)));
       taken_soon: assert (!begin_i || hold_i || come_q != 8'(Pixels) || take);
       one_set: assert (come_q == 8'(Pixels) || sets_q == drawn_sets_q);
       drawn_when_shown: assert (!begins || (hold_i ? shown : source_i));
@@ -98,24 +101,25 @@ module draw_frame_properties #(
   end
 
   // ---- invariants ----
-  wire [7:0] owed = 8'(i_dut.i_feed.owed_q), late = 8'(i_dut.i_feed.late_q);
-  wire [7:0] placed = 8'((i_dut.row_q * Width + i_dut.column_q) << SamplesBits) + 8'(i_dut.sample_q);
+  wire [7:0] pending = 8'(i_dut.i_feed.pending_q), late = 8'(i_dut.i_feed.late_q);
+  wire [7:0] placed = 8'((i_dut.row_q * Width + i_dut.column_q) << SamplesBits)
+      + 8'(i_dut.sample_q);
   always_ff @(posedge clk_i) begin
     if (rst_ni) begin
-      in_owed: assert (owed == 8'(Pixels) - come_q && come_q <= 8'(Pixels));
-      in_owed_none: assert (i_dut.owed_none == (owed == '0));
+      in_owed: assert (pending == 8'(Pixels) - come_q && come_q <= 8'(Pixels));
+      in_complete: assert (i_dut.complete == (pending == '0));
       in_sent: assert (sent_q <= 8'(Rays) && come_q <= 8'(sent_q >> SamplesBits));
       in_passed: assert (passed_q <= 8'(Pixels));
-      in_late: assert (!i_dut.i_feed.fed_q || come_q + late == passed_q);
-      in_late_none: assert (i_dut.i_feed.fed_q || late == '0);
+      in_late: assert (!i_dut.i_feed.draws_q || come_q + late == passed_q);
+      in_late_none: assert (i_dut.i_feed.draws_q || late == '0);
       in_place: assert (i_dut.column_q < 14'(Width) && i_dut.row_q < 14'(Height)
           && i_dut.sample_q <= 2'((1 << SamplesBits) - 1));
       in_first: assert (i_dut.walk_q || placed == '0);
       in_walk: assert (!i_dut.walk_q || placed == sent_q + 8'(ray_valid));
       in_walked: assert (i_dut.walk_q || sent_q + 8'(ray_valid) == 8'(Rays));
-      in_shown: assert (!i_dut.i_feed.fed_q || shown);
+      in_shown: assert (!i_dut.i_feed.draws_q || shown);
       in_missing: assert (come_q == 8'(Pixels) || shown);
-      in_sets: assert (!i_dut.i_feed.fed_q || come_q == 8'(Pixels) || sets_q == drawn_sets_q);
+      in_sets: assert (!i_dut.i_feed.draws_q || come_q == 8'(Pixels) || sets_q == drawn_sets_q);
     end
   end
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_fifo` with a writer that never overfills it, and any reader: the contract of fifo_checks, and
-/// the invariants that make it inductive.
+/// `lipp_fifo` with a writer that never overfills it, and any reader: the contract of fifo_checks,
+/// and the invariants that make it inductive.
 module fifo_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 2
@@ -20,13 +20,13 @@ module fifo_properties #(
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.write_at_q ;
   (* hierconn *) wire [AddressBits-1:0] \i_fifo.read_at_q ;
   (* hierconn *) wire [AddressBits:0] \i_fifo.stored_q ;
-  (* hierconn *) wire [1:0] \i_fifo.asked_q ;
-  (* hierconn *) wire [2:0] \i_fifo.held_q ;
+  (* hierconn *) wire [1:0] \i_fifo.reads_q ;
+  (* hierconn *) wire [2:0] \i_fifo.level_q ;
   (* hierconn *) wire \i_fifo.some_q ;
   (* hierconn *) wire \i_fifo.free_q ;
   (* hierconn *) wire \i_fifo.valid_q ;
-  (* hierconn *) wire [1:0] \i_fifo.put_q ;
-  (* hierconn *) wire [1:0] \i_fifo.get_q ;
+  (* hierconn *) wire [1:0] \i_fifo.fill_at_q ;
+  (* hierconn *) wire [1:0] \i_fifo.drain_at_q ;
   (* hierconn *) wire [2:0] \i_fifo.ready_words_q ;
   (* hierconn *) wire [Width-1:0] \i_fifo.place_q[0] ;
   (* hierconn *) wire [Width-1:0] \i_fifo.place_q[1] ;
@@ -34,11 +34,11 @@ module fifo_properties #(
   (* hierconn *) wire [Width-1:0] \i_fifo.place_q[3] ;
   (* hierconn *) wire [Width-1:0] \i_fifo.read_data ;
   (* hierconn *) wire [Width-1:0] \i_fifo.i_memory.word_q ;
-  (* hierconn *) wire [Width-1:0] \i_fifo.i_memory.kept_q ;
-  (* hierconn *) wire [AddressBits-1:0] \i_fifo.i_memory.kept_at ;
+  (* hierconn *) wire [Width-1:0] \i_fifo.i_memory.watched_word_q ;
+  (* hierconn *) wire [AddressBits-1:0] \i_fifo.i_memory.watched_at ;
   wire [AddressBits:0] stored = \i_fifo.stored_q ;
-  wire [1:0] asked = \i_fifo.asked_q ;
-  wire [2:0] held = \i_fifo.held_q ;
+  wire [1:0] reads = \i_fifo.reads_q ;
+  wire [2:0] level = \i_fifo.level_q ;
   wire [2:0] ready_words = \i_fifo.ready_words_q ;
   wire [AddressBits-1:0] read_at = \i_fifo.read_at_q ;
   wire [4*Width-1:0] places = {
@@ -62,41 +62,41 @@ module fifo_properties #(
   wire [Width-1:0] watched;
   lipp_fifo_checks #(.Width(Width), .AddressBits(AddressBits), .AssumeWriter(1'b1)) i_checks (
     .clk_i, .rst_ni, .write_i, .data_i, .valid_o(valid), .ready_i, .data_o(data),
-    .watch_i(watch_i && \i_fifo.write_at_q == \i_fifo.i_memory.kept_at ),
+    .watch_i(watch_i && \i_fifo.write_at_q == \i_fifo.i_memory.watched_at ),
     .count_o(count), .wrote_o(wrote), .watching_o(watching), .ahead_o(ahead), .watched_o(watched)
   );
 
   // ---- invariants ----
-  wire [C+1:0] total = stored + held;
+  wire [C+1:0] total = stored + level;
   wire [C-1:0] flying = ahead - ready_words;  // among the words on the way
-  wire [C-1:0] deep = ahead - held;           // among those in the memory
-  wire [1:0] place = \i_fifo.get_q + ahead[1:0];
+  wire [C-1:0] deep = ahead - level;           // among those in the memory
+  wire [1:0] place = \i_fifo.drain_at_q + ahead[1:0];
   wire [AddressBits-1:0] at = read_at + deep[AddressBits-1:0];
   always @(posedge clk_i) begin
     if (rst_ni) begin
       overflow: assert(!(write_i && stored == Room));
       inside_count: assert(stored <= Room && total == count);
-      inside_held: assert(held <= 4 && ready_words <= 4
-          && held == ready_words + asked[0] + asked[1]);
-      inside_flags: assert(\i_fifo.some_q == (stored != 0) && \i_fifo.free_q == (held < 4)
+      inside_held: assert(level <= 4 && ready_words <= 4
+          && level == ready_words + reads[0] + reads[1]);
+      inside_flags: assert(\i_fifo.some_q == (stored != 0) && \i_fifo.free_q == (level < 4)
           && \i_fifo.valid_q == (ready_words != 0));
-      inside_places: assert(\i_fifo.put_q == \i_fifo.get_q + ready_words[1:0]);
+      inside_places: assert(\i_fifo.fill_at_q == \i_fifo.drain_at_q + ready_words[1:0]);
       inside_memory: assert(\i_fifo.write_at_q == read_at + stored[AddressBits-1:0]);
       // A word moves on each clock, unless the places at the output are taken.
-      inside_moves: assert((held > 2 || stored == wrote[0])
-          && (ready_words + asked[1] > 1 || asked[0] == wrote[1])
-          && (ready_words != 0 || asked[1] == wrote[2]));
-      inside_recent: assert(wrote[0] <= stored && wrote[0] + wrote[1] <= stored + asked[0]
-          && wrote[0] + wrote[1] + wrote[2] <= stored + asked[0] + asked[1]);
+      inside_moves: assert((level > 2 || stored == wrote[0])
+          && (ready_words + reads[1] > 1 || reads[0] == wrote[1])
+          && (ready_words != 0 || reads[1] == wrote[2]));
+      inside_recent: assert(wrote[0] <= stored && wrote[0] + wrote[1] <= stored + reads[0]
+          && wrote[0] + wrote[1] + wrote[2] <= stored + reads[0] + reads[1]);
       if (watching) begin
         if (ahead < ready_words)
           inside_place: assert(places[place*Width +: Width] == watched);
-        else if (ahead < held) begin
-          if (flying == 0 && asked[1]) inside_read: assert(\i_fifo.read_data == watched);
+        else if (ahead < level) begin
+          if (flying == 0 && reads[1]) inside_read: assert(\i_fifo.read_data == watched);
           else inside_cell: assert(\i_fifo.i_memory.word_q == watched);
         end else
-          inside_word: assert(at == \i_fifo.i_memory.kept_at
-              && \i_fifo.i_memory.kept_q == watched);
+          inside_word: assert(at == \i_fifo.i_memory.watched_at
+              && \i_fifo.i_memory.watched_word_q == watched);
       end
     end
   end
@@ -114,7 +114,7 @@ module fifo_properties #(
   end
   always @(posedge clk_i) begin
     if (rst_ni) begin
-      cover_full: cover(count == Room && held == 4);
+      cover_full: cover(count == Room && level == 4);
       cover_drained: cover(was_full_q && count == 0);
       cover_wrapped: cover(round_q && valid && ready_i && write_i);
       cover_watched: cover(watching && ahead == 0 && valid && ready_i && was_full_q);

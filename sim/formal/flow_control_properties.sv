@@ -8,15 +8,16 @@
 ///
 /// The second (Order) is about which ray it is: the n-th accepted ray enters with the index n,
 /// leaves the pipeline Latency clocks later, and must be the n-th to leave. A stage without a ray
-/// carries arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1), twice the number of rays
-/// that can be inside. It assumes of the first that the FIFO is never overfilled.
+/// carries arbitrary data (junk_i). Indices count modulo 2^(AddressBits+1), twice the number of
+/// rays that can be inside. It assumes of the first that the FIFO is never overfilled.
 module flow_control_properties #(
   parameter int Latency = 4,
   parameter int AddressBits = 4,
   parameter int Index = AddressBits + 1,
   parameter bit Order = 1'b0,    // 1: the second proof
   parameter bit AnyFifo = 1'b1,  // 1: a FIFO that its contract describes, 0: `lipp_fifo` itself
-  parameter bit Guide = 1'b0     // covers: a ray is always offered, none is taken until full
+  // covers: a ray is always offered, none is accepted until the queue is full
+  parameter bit Guide = 1'b0
 ) (
   input  logic             clk_i,
   input  logic             rst_ni,
@@ -32,8 +33,8 @@ module flow_control_properties #(
 
   // Internal registers: flattening connects these wires to those of the same name. A register that
   // this Latency does not have leaves its wire free; nothing uses that wire.
-  (* hierconn *) wire [AddressBits:0] \i_flow.taken_q ;
-  (* hierconn *) wire [1:0] \i_flow.left_q ;
+  (* hierconn *) wire [AddressBits:0] \i_flow.reserved_q ;
+  (* hierconn *) wire [1:0] \i_flow.departed_q ;
   (* hierconn *) wire [(Marks > 1 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[0].valid_q ;
   (* hierconn *) wire [(Marks > 2 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[1].valid_q ;
   (* hierconn *) wire [(Marks > 3 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[2].valid_q ;
@@ -42,10 +43,10 @@ module flow_control_properties #(
   (* hierconn *) wire [(Marks > 6 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[5].valid_q ;
   (* hierconn *) wire [(Marks > 7 ? 64 : LastMarks)-1:0] \i_flow.gen_marks[6].valid_q ;
   (* hierconn *) wire [LastMarks-1:0] \i_flow.gen_marks[7].valid_q ;
-  wire [AddressBits:0] taken = \i_flow.taken_q ;
+  wire [AddressBits:0] reserved = \i_flow.reserved_q ;
   wire [Latency-1:0] marks;
-  wire [AddressBits:0] counted = taken + marks[0];  // with the ray of the last clock
-  wire [1:0] gone = \i_flow.left_q [0] + \i_flow.left_q [1];  // still counted
+  wire [AddressBits:0] counted = reserved + marks[0];  // with the ray of the last clock
+  wire [1:0] departed = \i_flow.departed_q [0] + \i_flow.departed_q [1];  // still counted
   assign marks[(Marks > 1 ? 64 : Latency)-1:0] = \i_flow.gen_marks[0].valid_q ;
   if (Marks > 1) assign marks[(Marks > 2 ? 128 : Latency)-1:64] = \i_flow.gen_marks[1].valid_q ;
   if (Marks > 2) assign marks[(Marks > 3 ? 192 : Latency)-1:128] = \i_flow.gen_marks[2].valid_q ;
@@ -82,14 +83,14 @@ module flow_control_properties #(
   logic [Index-1:0] index;
   wire accept = valid_i && ready;
   wire leave = valid && ready_i;
-  reg [Index-1:0] accepted_q, left_q;
+  reg [Index-1:0] accepted_q, leaves_q;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       accepted_q <= 0;
-      left_q <= 0;
+      leaves_q <= 0;
     end else begin
       accepted_q <= accepted_q + accept;
-      left_q <= left_q + leave;
+      leaves_q <= leaves_q + leave;
     end
   end
   // Stage s holds the number of rays accepted before the clock in which it was filled.
@@ -122,7 +123,7 @@ module flow_control_properties #(
   );
 
   if (Order) begin : gen_order
-    wire [Index-1:0] before = watch - left_q;  // rays that leave before the watched one
+    wire [Index-1:0] before = watch - leaves_q;  // rays that leave before the watched one
     wire [Latency-1:0] follows;  // a stage's count follows from that of the stage behind it
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
       wire [Index-1:0] here = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
@@ -131,9 +132,9 @@ module flow_control_properties #(
     always @(posedge clk_i) begin
       if (rst_ni) begin
         // Nothing lost, duplicated or reordered: the n-th to leave is the n-th accepted.
-        in_order: assert(!valid || left_q != watch || index == watch);
+        in_order: assert(!valid || leaves_q != watch || index == watch);
         inside_counted: assert(&follows);
-        inside_waiting: assert(written == left_q + waiting);
+        inside_waiting: assert(written == leaves_q + waiting);
         inside_watching: assert(watching == (before < waiting));
         inside_watched: assert(!watching || (ahead == before && watched == watch));
       end
@@ -174,26 +175,27 @@ module flow_control_properties #(
       end
     end
 
-    lipp_flow_control_checks #(.Latency(Latency), .AddressBits(AddressBits), .Width(Index)) i_checks (
+    lipp_flow_control_checks #(.Latency(Latency), .AddressBits(AddressBits),
+        .Width(Index)) i_checks (
       .clk_i, .rst_ni, .hold_i, .idle_o(idle), .valid_i, .ready_o(ready), .valid_o(valid),
       .ready_i, .data_o(index)
     );
     always @(posedge clk_i) begin
       if (rst_ni) begin
         idle_empty: assert(!idle || (marks == 0 && !valid && waiting == 0));
-        inside_taken: assert(counted == inside_q + gone);
-        inside_left: assert(\i_flow.left_q == \gen_count.i_checks.leave_q [1:0]);
+        inside_taken: assert(counted == inside_q + departed);
+        inside_left: assert(\i_flow.departed_q == \gen_count.i_checks.leave_q [1:0]);
         inside_written: assert(last == \i_flow.i_fifo.write_i );
         inside_tree: assert(&node_right);
-        inside_places: assert(counted == waiting + inside + gone && counted <= Room);
+        inside_places: assert(counted == waiting + inside + departed && counted <= Room);
         inside_recent: assert(recent == inside + wrote[0] + wrote[1] + wrote[2]);
-        inside_open: assert(!ready || taken <= Room - 2);
+        inside_open: assert(!ready || reserved <= Room - 2);
         inside_entered: assert(entered == {wrote, marks});
         inside_flows: assert(flows <= 6
-            && (flows < 1 || inside_q < Room - 5 || \i_flow.left_q [0])
-            && (flows < 2 || inside_q < Room - 4 || \i_flow.left_q [1])
-            && (flows < 3 || (counted < Room && (!ready || taken < Room - 2)))
-            && (flows < 4 || counted < Room - 1) && (flows < 5 || taken < Room - 2));
+            && (flows < 1 || inside_q < Room - 5 || \i_flow.departed_q [0])
+            && (flows < 2 || inside_q < Room - 4 || \i_flow.departed_q [1])
+            && (flows < 3 || (counted < Room && (!ready || reserved < Room - 2)))
+            && (flows < 4 || counted < Room - 1) && (flows < 5 || reserved < Room - 2));
       end
     end
   end
@@ -216,8 +218,8 @@ module flow_control_properties #(
     always @(posedge clk_i) begin
       if (rst_ni) begin
         cover_stream: cover(entered == {(Latency+4){1'b1}} && leave && accept);
-        cover_watched: cover(leave && left_q == watch && watch == 2);
-        cover_held: cover(hold_i && idle && left_q != 0);
+        cover_watched: cover(leave && leaves_q == watch && watch == 2);
+        cover_held: cover(hold_i && idle && leaves_q != 0);
       end
     end
   end

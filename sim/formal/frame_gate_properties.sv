@@ -24,30 +24,33 @@ module frame_gate_properties (
   logic raster_ready_o, stream_ready_o;
   lipp_frame_gate i_gate (
     .clk_i, .rst_ni, .apply_i, .apply_waits_o, .stream_i, .take_o, .stream_o, .start_i,
-    .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
+    .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o,
+    .raster_last_i,
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
   lipp_frame_gate_checks #(.AssumeRaster(1'b1)) i_checks (
     .clk_i, .rst_ni, .apply_i, .apply_waits_o, .stream_i, .take_o, .stream_o, .start_i,
-    .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o, .raster_last_i,
+    .start_waits_o, .begin_o, .abort_i, .raster_running_i, .raster_valid_i, .raster_ready_o,
+    .raster_last_i,
     .stream_valid_i, .stream_ready_o, .stream_last_i, .valid_o, .ready_i
   );
 
   // Internal registers: flattening connects these wires to those of the same name.
   (* hierconn *) wire \i_gate.within_q ;
   (* hierconn *) wire \i_checks.within_q ;
-  (* hierconn *) wire \i_checks.due_q ;
+  (* hierconn *) wire \i_checks.change_due_q ;
   (* hierconn *) wire \i_checks.due_next_q ;
   (* hierconn *) wire [1:0] \i_checks.begun_q ;
   (* hierconn *) wire \i_checks.walks_q ;
   always @(posedge clk_i) begin
     if (rst_ni) begin
       inside_within: assert(\i_gate.within_q == \i_checks.within_q );
-      inside_due: assert((!\i_checks.due_q || apply_waits_o)
+      inside_due: assert((!\i_checks.change_due_q || apply_waits_o)
           && (!\i_checks.due_next_q || (apply_waits_o && start_waits_o)));
       // A change that is due is made in the clock after begin_o, unless a frame of the stream is
       // not complete.
-      inside_time: assert(!\i_checks.due_q || stream_o || (\i_checks.begun_q == 0 && take_o));
+      inside_time: assert(!\i_checks.change_due_q || stream_o
+          || (\i_checks.begun_q == 0 && take_o));
     end
   end
 
@@ -71,7 +74,7 @@ module frame_gate_properties (
     if (rst_ni) begin
       cover_waited: cover(waited_q && take_o);
       cover_sources: cover(changed_q == 2 && valid_o && ready_i);
-      cover_due_in_stream: cover(\i_checks.due_q && stream_o && \i_checks.begun_q == 3);
+      cover_due_in_stream: cover(\i_checks.change_due_q && stream_o && \i_checks.begun_q == 3);
       cover_again: cover(take_o && apply_i);
     end
   end

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_memory_1w1r` for proofs: one word, at any address, is kept, and the other addresses give any
-/// word. All that the memory can do, this can do: a proof with it is a proof for the memory.
+/// `lipp_memory_1w1r` for proofs: one word, at any address, is kept, and the other addresses give
+/// any word. All that the memory can do, this can do: a proof with it is a proof for the memory.
 module lipp_memory_1w1r #(
   parameter int Width = 36,
   parameter int AddressBits = 9
@@ -13,12 +13,12 @@ module lipp_memory_1w1r #(
   output logic [Width-1:0]       read_data_o
 );
 
-  (* anyconst *) reg [AddressBits-1:0] kept_at;
+  (* anyconst *) reg [AddressBits-1:0] watched_at;
   (* anyseq *) reg [Width-1:0] other;
-  reg [Width-1:0] kept_q, word_q;
+  reg [Width-1:0] watched_word_q, word_q;
   always @(posedge clk_i) begin
-    if (write_i && write_at_i == kept_at) kept_q <= write_data_i;
-    word_q <= read_at_i == kept_at ? kept_q : other;
+    if (write_i && write_at_i == watched_at) watched_word_q <= write_data_i;
+    word_q <= read_at_i == watched_at ? watched_word_q : other;
     read_data_o <= word_q;
   end
 

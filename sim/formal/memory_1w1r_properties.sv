@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_memory_1w1r` does nothing that memory_1w1r_kept, its stand-in in larger proofs, cannot do: what
-/// is read at any one address is the word last written there, two clocks before.
+/// `lipp_memory_1w1r` does nothing that memory_1w1r_kept, its stand-in in larger proofs, cannot do:
+/// what is read at any one address is the word last written there, two clocks before.
 module memory_1w1r_properties #(
   parameter int Width = 2,
   parameter int AddressBits = 3  // 3: the memory's words below are written out
@@ -31,25 +31,25 @@ module memory_1w1r_properties #(
     \i_memory.words[3] , \i_memory.words[2] , \i_memory.words[1] , \i_memory.words[0]
   };
 
-  (* anyconst *) reg [AddressBits-1:0] kept_at;
+  (* anyconst *) reg [AddressBits-1:0] watched_at;
   reg written_q = 0;
-  reg [2:1] asked_q = 0;  // the kept word was asked for, 1 and 2 clocks ago
-  reg [Width-1:0] kept_q, kept_q2, kept_q3;
+  reg [2:1] read_watched_q = 0;  // the kept word was asked for, 1 and 2 clocks ago
+  reg [Width-1:0] watched_word_q, watched_word_q2, watched_word_q3;
   always @(posedge clk_i) begin
-    if (write_i && write_at_i == kept_at) begin
-      kept_q <= write_data_i;
+    if (write_i && write_at_i == watched_at) begin
+      watched_word_q <= write_data_i;
       written_q <= 1;
     end
-    kept_q2 <= kept_q;
-    kept_q3 <= kept_q2;
-    asked_q <= {asked_q[1], read_at_i == kept_at && written_q};
+    watched_word_q2 <= watched_word_q;
+    watched_word_q3 <= watched_word_q2;
+    read_watched_q <= {read_watched_q[1], read_at_i == watched_at && written_q};
   end
   always @(posedge clk_i) begin
-    as_written: assert(!asked_q[2] || read_data == kept_q3);
-    inside_words: assert(!written_q || words[kept_at*Width +: Width] == kept_q);
-    inside_asked: assert(!asked_q[1] || \i_memory.word_q == kept_q2);
-    cover_read: cover(asked_q[2] && kept_q3 == 1 && kept_q2 == 2);
-    cover_while_written: cover(asked_q[1] && written_q && kept_q != kept_q2);
+    as_written: assert(!read_watched_q[2] || read_data == watched_word_q3);
+    inside_words: assert(!written_q || words[watched_at*Width +: Width] == watched_word_q);
+    inside_asked: assert(!read_watched_q[1] || \i_memory.word_q == watched_word_q2);
+    cover_read: cover(read_watched_q[2] && watched_word_q3 == 1 && watched_word_q2 == 2);
+    cover_while_written: cover(read_watched_q[1] && written_q && watched_word_q != watched_word_q2);
   end
 
 endmodule

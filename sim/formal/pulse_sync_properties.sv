@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse comes
-/// out for each that was accepted, before the next can be.
+/// `lipp_pulse_sync` between any two clocks: the solver chooses when each of them ticks. One pulse
+/// comes out for each that was accepted, before the next can be.
 module pulse_sync_properties (
   input logic from_clk_i,
   input logic to_clk_i,

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_ray_stream` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is idle.
+/// `lipp_ray_stream` as a whole: `lipp_config_bank` makes a copy only while `lipp_flow_control` is
+/// idle.
 ///
-/// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes, and
-/// a number of rays inside, which leave at any time and are missed at any later time. That is what the
-/// proof `lipp_flow_control` says of it. The properties say that all rays inside see one configuration, which does not change.
+/// In the place of `lipp_flow_control` and the pipeline, at any latency: an input that hold closes,
+/// and a number of rays inside, which leave at any time and are missed at any later time. That is
+/// what the proof `lipp_flow_control` says of it. The properties say that all rays inside see one
+/// configuration, which does not change.
 module ray_stream_properties #(
   parameter int Width = 2  // of the configuration
 ) (
@@ -23,15 +25,15 @@ module ray_stream_properties #(
 
   // ---- flow_control ----
   logic busy, hold;
-  reg held_q;
+  reg hold_q;
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) held_q <= 1;
-    else held_q <= hold;
+    if (!rst_ni) hold_q <= 1;
+    else hold_q <= hold;
   end
   reg [9:0] inside_q;
   wire empty = inside_q == 0;
   wire idle = empty && !late_i;
-  wire accept = valid_i && open_i && !held_q && inside_q < 10'h3ff;
+  wire accept = valid_i && open_i && !hold_q && inside_q < 10'h3ff;
   wire leave = leave_i && !empty;
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) inside_q <= 0;
@@ -48,7 +50,8 @@ module ray_stream_properties #(
   // ---- the configuration as the rays see it ----
   (* anyseq *) reg watch;
   reg [Width-1:0] entered_with_q, used_q;
-  reg watching_q, empty_q, known_q;  // known_q: used_q and empty_q are valid, no reset since
+  // past_valid_q: used_q and empty_q are valid, no reset since
+  reg watching_q, empty_q, past_valid_q;
   always @(posedge clk_i) begin
     if (accept && watch && !watching_q) entered_with_q <= used;
     used_q <= used;
@@ -57,11 +60,11 @@ module ray_stream_properties #(
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       watching_q <= 0;
-      known_q <= 0;
+      past_valid_q <= 0;
     end else begin
       // A ray that was accepted stays inside until all have left, at most.
       watching_q <= (watching_q && !(leave && inside_q == 1 && !accept)) || (accept && watch);
-      known_q <= 1;
+      past_valid_q <= 1;
     end
   end
 
@@ -76,9 +79,9 @@ module ray_stream_properties #(
   always @(posedge clk_i) begin
     if (rst_ni) begin
       copy_idle: assert(!\i_config_bank.copy_q || (busy && empty));
-      only_idle: assert(!known_q || used == used_q || empty_q);
+      only_idle: assert(!past_valid_q || used == used_q || empty_q);
       one_configuration: assert(!watching_q || (!empty && used == entered_with_q));
-      held_busy: assert(held_q == busy);
+      held_busy: assert(hold_q == busy);
       closed: assert(!busy || !accept);
       taken_over: assert(!steady_q || !accept || used == wanted);
       inside_steady: assert(!steady_q || busy || used == wanted);
@@ -93,7 +96,7 @@ module ray_stream_properties #(
       changed_q <= 0;
       waited_q <= 0;
     end else begin
-      if (known_q && used != used_q && changed_q != 3) changed_q <= changed_q + 1;
+      if (past_valid_q && used != used_q && changed_q != 3) changed_q <= changed_q + 1;
       waited_q <= waited_q || (busy && !idle && watching_q);
     end
   end

@@ -69,8 +69,8 @@ module sdram_arbiter_properties
       show_first: assert(show_waited_q <= 1);
       write_second: assert(write_waited_q <= 1);
       read_third: assert(!(ready_i && valid_i == 3'b100) || taken[2]);
-      inside_show: assert(show_waited_q == 0 || !i_dut.shown_q);
-      inside_write: assert(write_waited_q == 0 || i_dut.shown_q);
+      inside_show: assert(show_waited_q == 0 || !i_dut.show_served_q);
+      inside_write: assert(write_waited_q == 0 || i_dut.show_served_q);
     end
   end
 

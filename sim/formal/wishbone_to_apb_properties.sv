@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// `lipp_wishbone_to_apb` between any master, which may give up a cycle at any clock, and any completer:
-/// the contract of wishbone_to_apb_checks, and the invariants that make it inductive.
+/// `lipp_wishbone_to_apb` between any master, which may give up a cycle at any clock, and any
+/// completer: the contract of wishbone_to_apb_checks, and the invariants that make it inductive.
 module wishbone_to_apb_properties (
   input logic        clk_i,
   input logic        rst_ni,
@@ -35,21 +35,21 @@ module wishbone_to_apb_properties (
   );
 
   // Internal registers: flattening connects these wires to those of the same name.
-  (* hierconn *) wire \i_adapter.wanted_q ;
-  (* hierconn *) wire \i_checks.kept_q ;
+  (* hierconn *) wire \i_adapter.pending_q ;
+  (* hierconn *) wire \i_checks.cycle_held_q ;
   reg [1:0] acks_q;
   reg gave_up_q;  // an access ran on without its master
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) {acks_q, gave_up_q} <= 0;
     else begin
       acks_q <= acks_q + (s_wb_ack && acks_q != 3);
-      gave_up_q <= gave_up_q || (m_apb_penable && !\i_checks.kept_q && s_wb_cyc && s_wb_stb);
+      gave_up_q <= gave_up_q || (m_apb_penable && !\i_checks.cycle_held_q && s_wb_cyc && s_wb_stb);
     end
   end
   always @(posedge clk_i) begin
     if (rst_ni) begin
-      inside_kept: assert(!m_apb_penable || \i_adapter.wanted_q == \i_checks.kept_q );
-      inside_setup: assert(!m_apb_psel || m_apb_penable || \i_adapter.wanted_q );
+      inside_kept: assert(!m_apb_penable || \i_adapter.pending_q == \i_checks.cycle_held_q );
+      inside_setup: assert(!m_apb_psel || m_apb_penable || \i_adapter.pending_q );
       inside_pulse: assert(!m_apb_psel || !(s_wb_ack || s_wb_err));
       cover_acks: cover(acks_q == 2 && s_wb_err);
       cover_given_up: cover(gave_up_q && s_wb_ack);

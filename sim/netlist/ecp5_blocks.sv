@@ -8,8 +8,8 @@
 /// ECP5's block multiplier and block memory for the simulation of a netlist; yosys has only their
 /// ports. Uses that neither yosys nor rtl/ecp5 makes of them are refused.
 
-/// Multiplier 18 x 18, signed: registers at the operands, in the middle and at the product, each used
-/// or not, all with CLK0.
+/// Multiplier 18 x 18, signed: registers at the operands, in the middle and at the product, each
+/// used or not, all with CLK0.
 module MULT18X18D #(
   parameter REG_INPUTA_CLK = "NONE",
   parameter REG_INPUTA_CE = "CE0",
@@ -42,13 +42,16 @@ module MULT18X18D #(
     $fatal(1, "MULT18X18D: not modelled");
   end
   initial begin
-    if (SOURCEA || SOURCEB || !SIGNEDA || !SIGNEDB || !CE0 || RST0) $fatal(1, "MULT18X18D: not modelled");
+    if (SOURCEA || SOURCEB || !SIGNEDA || !SIGNEDB || !CE0 || RST0) $fatal(1,
+        "MULT18X18D: not modelled");
   end
 
   logic signed [17:0] a, b;
   logic signed [35:0] product, p;
-  wire signed [17:0] a_in = {A17, A16, A15, A14, A13, A12, A11, A10, A9, A8, A7, A6, A5, A4, A3, A2, A1, A0};
-  wire signed [17:0] b_in = {B17, B16, B15, B14, B13, B12, B11, B10, B9, B8, B7, B6, B5, B4, B3, B2, B1, B0};
+  wire signed [17:0] a_in = {A17, A16, A15, A14, A13, A12, A11, A10, A9, A8, A7, A6, A5, A4, A3, A2,
+      A1, A0};
+  wire signed [17:0] b_in = {B17, B16, B15, B14, B13, B12, B11, B10, B9, B8, B7, B6, B5, B4, B3, B2,
+      B1, B0};
   assign {
     P35, P34, P33, P32, P31, P30, P29, P28, P27, P26, P25, P24, P23, P22, P21, P20, P19, P18, P17,
     P16, P15, P14, P13, P12, P11, P10, P9, P8, P7, P6, P5, P4, P3, P2, P1, P0
@@ -77,13 +80,13 @@ module MULT18X18D #(
 
 endmodule
 
-/// Block memory of 512 x 36, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1 bits. Port A writes;
-/// both ports read, with words of 36 bits port B alone.
+/// Block memory of 512 x 36, 1024 x 18, 2048 x 9, 4096 x 4, 8192 x 2 or 16384 x 1 bits. Port A
+/// writes; both ports read, with words of 36 bits port B alone.
 ///
-/// The word's address is AD[13:5], AD[13:4], AD[13:3], AD[13:2], AD[13:1] or AD[13:0]. In words of 18 bits
-/// ADA[1:0] enable the bytes of 9 bits that are written, in those of 36 ADA[3:0]. Those of 36 come in
-/// through DIA (the lower half) and DIB, and leave through DOA and DOB. What port B reads while port A
-/// writes it is not defined: here, its complement.
+/// The word's address is AD[13:5], AD[13:4], AD[13:3], AD[13:2], AD[13:1] or AD[13:0]. In words of
+/// 18 bits ADA[1:0] enable the bytes of 9 bits that are written, in those of 36 ADA[3:0]. Those of
+/// 36 come in through DIA (the lower half) and DIB, and leave through DOA and DOB. What port B
+/// reads while port A writes it is not defined: here, its complement.
 module DP16KD #(
   parameter DATA_WIDTH_A = 18,
   parameter DATA_WIDTH_B = 18,
@@ -115,16 +118,21 @@ module DP16KD #(
   parameter INITVAL_38 = 320'd0, INITVAL_39 = 320'd0, INITVAL_3A = 320'd0, INITVAL_3B = 320'd0,
   parameter INITVAL_3C = 320'd0, INITVAL_3D = 320'd0, INITVAL_3E = 320'd0, INITVAL_3F = 320'd0
 ) (
-  input wire CLKA, CEA, OCEA, WEA, RSTA, CSA0, CSA1, CSA2, CLKB, CEB, OCEB, WEB, RSTB, CSB0, CSB1, CSB2,
+  input wire CLKA, CEA, OCEA, WEA, RSTA, CSA0, CSA1, CSA2, CLKB, CEB, OCEB, WEB, RSTB, CSB0, CSB1,
+      CSB2,
   input wire ADA0, ADA1, ADA2, ADA3, ADA4, ADA5, ADA6, ADA7, ADA8, ADA9, ADA10, ADA11, ADA12, ADA13,
   input wire ADB0, ADB1, ADB2, ADB3, ADB4, ADB5, ADB6, ADB7, ADB8, ADB9, ADB10, ADB11, ADB12, ADB13,
-  input wire DIA0, DIA1, DIA2, DIA3, DIA4, DIA5, DIA6, DIA7, DIA8, DIA9, DIA10, DIA11, DIA12, DIA13, DIA14,
+  input wire DIA0, DIA1, DIA2, DIA3, DIA4, DIA5, DIA6, DIA7, DIA8, DIA9, DIA10, DIA11, DIA12, DIA13,
+      DIA14,
     DIA15, DIA16, DIA17,
-  input wire DIB0, DIB1, DIB2, DIB3, DIB4, DIB5, DIB6, DIB7, DIB8, DIB9, DIB10, DIB11, DIB12, DIB13, DIB14,
+  input wire DIB0, DIB1, DIB2, DIB3, DIB4, DIB5, DIB6, DIB7, DIB8, DIB9, DIB10, DIB11, DIB12, DIB13,
+      DIB14,
     DIB15, DIB16, DIB17,
-  output wire DOA0, DOA1, DOA2, DOA3, DOA4, DOA5, DOA6, DOA7, DOA8, DOA9, DOA10, DOA11, DOA12, DOA13, DOA14,
+  output wire DOA0, DOA1, DOA2, DOA3, DOA4, DOA5, DOA6, DOA7, DOA8, DOA9, DOA10, DOA11, DOA12,
+      DOA13, DOA14,
     DOA15, DOA16, DOA17,
-  output wire DOB0, DOB1, DOB2, DOB3, DOB4, DOB5, DOB6, DOB7, DOB8, DOB9, DOB10, DOB11, DOB12, DOB13, DOB14,
+  output wire DOB0, DOB1, DOB2, DOB3, DOB4, DOB5, DOB6, DOB7, DOB8, DOB9, DOB10, DOB11, DOB12,
+      DOB13, DOB14,
     DOB15, DOB16, DOB17
 );
 
@@ -133,16 +141,25 @@ module DP16KD #(
   localparam int W = DATA_WIDTH_A;
   localparam bit Register = REGMODE_B == "OUTREG";
   if ((1 << (14 - Low)) * (W == 9 || W == 18 || W == 36 ? W / 9 * 8 : W) != 16384
-      || DATA_WIDTH_B != W || REGMODE_A != REGMODE_B || CSDECODE_A != "0b000" || CSDECODE_B != "0b000"
+      || DATA_WIDTH_B != W || REGMODE_A != REGMODE_B || CSDECODE_A != "0b000"
+          || CSDECODE_B != "0b000"
       || CLKAMUX != "CLKA" || CLKBMUX != "CLKB" || GSR != "DISABLED"
-      || |{INITVAL_00, INITVAL_01, INITVAL_02, INITVAL_03, INITVAL_04, INITVAL_05, INITVAL_06, INITVAL_07,
-      INITVAL_08, INITVAL_09, INITVAL_0A, INITVAL_0B, INITVAL_0C, INITVAL_0D, INITVAL_0E, INITVAL_0F,
-      INITVAL_10, INITVAL_11, INITVAL_12, INITVAL_13, INITVAL_14, INITVAL_15, INITVAL_16, INITVAL_17,
-      INITVAL_18, INITVAL_19, INITVAL_1A, INITVAL_1B, INITVAL_1C, INITVAL_1D, INITVAL_1E, INITVAL_1F,
-      INITVAL_20, INITVAL_21, INITVAL_22, INITVAL_23, INITVAL_24, INITVAL_25, INITVAL_26, INITVAL_27,
-      INITVAL_28, INITVAL_29, INITVAL_2A, INITVAL_2B, INITVAL_2C, INITVAL_2D, INITVAL_2E, INITVAL_2F,
-      INITVAL_30, INITVAL_31, INITVAL_32, INITVAL_33, INITVAL_34, INITVAL_35, INITVAL_36, INITVAL_37,
-      INITVAL_38, INITVAL_39, INITVAL_3A, INITVAL_3B, INITVAL_3C, INITVAL_3D, INITVAL_3E, INITVAL_3F}) begin : gen_refused
+      || |{INITVAL_00, INITVAL_01, INITVAL_02, INITVAL_03, INITVAL_04, INITVAL_05, INITVAL_06,
+          INITVAL_07,
+      INITVAL_08, INITVAL_09, INITVAL_0A, INITVAL_0B, INITVAL_0C, INITVAL_0D, INITVAL_0E,
+      INITVAL_0F,
+      INITVAL_10, INITVAL_11, INITVAL_12, INITVAL_13, INITVAL_14, INITVAL_15, INITVAL_16,
+      INITVAL_17,
+      INITVAL_18, INITVAL_19, INITVAL_1A, INITVAL_1B, INITVAL_1C, INITVAL_1D, INITVAL_1E,
+      INITVAL_1F,
+      INITVAL_20, INITVAL_21, INITVAL_22, INITVAL_23, INITVAL_24, INITVAL_25, INITVAL_26,
+      INITVAL_27,
+      INITVAL_28, INITVAL_29, INITVAL_2A, INITVAL_2B, INITVAL_2C, INITVAL_2D, INITVAL_2E,
+      INITVAL_2F,
+      INITVAL_30, INITVAL_31, INITVAL_32, INITVAL_33, INITVAL_34, INITVAL_35, INITVAL_36,
+      INITVAL_37,
+      INITVAL_38, INITVAL_39, INITVAL_3A, INITVAL_3B, INITVAL_3C, INITVAL_3D, INITVAL_3E,
+      INITVAL_3F}) begin : gen_refused
     $fatal(1, "DP16KD: not modelled");
   end
   initial begin
@@ -151,11 +168,15 @@ module DP16KD #(
       $fatal(1, "DP16KD: not modelled");
   end
 
-  wire [13:0] ada = {ADA13, ADA12, ADA11, ADA10, ADA9, ADA8, ADA7, ADA6, ADA5, ADA4, ADA3, ADA2, ADA1, ADA0};
-  wire [13:0] adb = {ADB13, ADB12, ADB11, ADB10, ADB9, ADB8, ADB7, ADB6, ADB5, ADB4, ADB3, ADB2, ADB1, ADB0};
+  wire [13:0] ada = {ADA13, ADA12, ADA11, ADA10, ADA9, ADA8, ADA7, ADA6, ADA5, ADA4, ADA3, ADA2,
+      ADA1, ADA0};
+  wire [13:0] adb = {ADB13, ADB12, ADB11, ADB10, ADB9, ADB8, ADB7, ADB6, ADB5, ADB4, ADB3, ADB2,
+      ADB1, ADB0};
   wire [35:0] di = {
-    DIB17, DIB16, DIB15, DIB14, DIB13, DIB12, DIB11, DIB10, DIB9, DIB8, DIB7, DIB6, DIB5, DIB4, DIB3,
-    DIB2, DIB1, DIB0, DIA17, DIA16, DIA15, DIA14, DIA13, DIA12, DIA11, DIA10, DIA9, DIA8, DIA7, DIA6,
+    DIB17, DIB16, DIB15, DIB14, DIB13, DIB12, DIB11, DIB10, DIB9, DIB8, DIB7, DIB6, DIB5, DIB4,
+        DIB3,
+    DIB2, DIB1, DIB0, DIA17, DIA16, DIA15, DIA14, DIA13, DIA12, DIA11, DIA10, DIA9, DIA8, DIA7,
+    DIA6,
     DIA5, DIA4, DIA3, DIA2, DIA1, DIA0
   };
   logic [W-1:0] words[1 << (14 - Low)];
@@ -184,11 +205,13 @@ module DP16KD #(
     assign doa = '0;
   end
   assign {
-    DOB17, DOB16, DOB15, DOB14, DOB13, DOB12, DOB11, DOB10, DOB9, DOB8, DOB7, DOB6, DOB5, DOB4, DOB3,
+    DOB17, DOB16, DOB15, DOB14, DOB13, DOB12, DOB11, DOB10, DOB9, DOB8, DOB7, DOB6, DOB5, DOB4,
+        DOB3,
     DOB2, DOB1, DOB0
   } = dob;
   assign {
-    DOA17, DOA16, DOA15, DOA14, DOA13, DOA12, DOA11, DOA10, DOA9, DOA8, DOA7, DOA6, DOA5, DOA4, DOA3,
+    DOA17, DOA16, DOA15, DOA14, DOA13, DOA12, DOA11, DOA10, DOA9, DOA8, DOA7, DOA6, DOA5, DOA4,
+        DOA3,
     DOA2, DOA1, DOA0
   } = doa;
 

@@ -5,8 +5,8 @@
 /* verilator lint_off UNUSEDPARAM */
 /* verilator lint_off UNUSEDSIGNAL */
 
-/// `lipp_ulx3s`, or with LIPPMANN_NETLIST its netlist, which has no parameters, with the outputs of the
-/// PLL as inputs. Below are models of the vendor's cells at its pins.
+/// `lipp_ulx3s`, or with LIPPMANN_NETLIST its netlist, which has no parameters, with the outputs of
+/// the PLL as inputs. Below are models of the vendor's cells at its pins.
 module ulx3s_pins
 `ifndef LIPPMANN_NETLIST
 #(
@@ -92,7 +92,8 @@ module EHXPLLL #(
   parameter CLKOS3_DIV = 8,
   parameter CLKOS3_CPHASE = 0
 ) (
-  input  wire CLKI, CLKFB, RST, STDBY, PHASESEL0, PHASESEL1, PHASEDIR, PHASESTEP, PHASELOADREG, PLLWAKESYNC,
+  input  wire CLKI, CLKFB, RST, STDBY, PHASESEL0, PHASESEL1, PHASEDIR, PHASESTEP, PHASELOADREG,
+      PLLWAKESYNC,
     ENCLKOP, ENCLKOS, ENCLKOS2, ENCLKOS3,
   output wire CLKOP, CLKOS, CLKOS2, CLKOS3, LOCK
 );

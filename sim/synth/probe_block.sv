@@ -14,7 +14,8 @@ module probe_block #(
   import lipp_optics_pkg::*;
 
   localparam int In = 3 + 3 + 9 + 32 + 4 + 1 + 2 * PixelBits + 2 * (F + 2) + 3;
-  localparam int Out = 1 + 32 + 1 + 1 + 1 + 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3 + 2 + $bits(optics_config_t);
+  localparam int Out = 1 + 32 + 1 + 1 + 1 + 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3 + 2
+      + $bits(optics_config_t);
 
   logic rst_n;
   logic [In-1:0] in;
@@ -48,7 +49,8 @@ module probe_block #(
   lipp_optics_block #(.Build(Build)) i_block (
     .clk_i, .rst_ni(rst_n), .s_apb_psel(psel), .s_apb_penable(penable), .s_apb_pwrite(pwrite),
     .s_apb_pprot(pprot), .s_apb_paddr(paddr), .s_apb_pwdata(pwdata), .s_apb_pstrb(pstrb),
-    .s_apb_pready(pready), .s_apb_prdata(prdata), .s_apb_pslverr(pslverr), .ray_valid_i(valid), .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v),
+    .s_apb_pready(pready), .s_apb_prdata(prdata), .s_apb_pslverr(pslverr), .ray_valid_i(valid),
+    .ray_ready_o(ready), .ray_u_i(u), .ray_v_i(v),
     .ray_a_i(a), .ray_b_i(b), .ray_first_i(first), .ray_last_i(last), .exit_valid_o(exit_valid),
     .exit_ready_i(exit_ready), .exit_i_o(i), .exit_j_o(j), .exit_x_o(x), .exit_y_o(y),
     .exit_z_o(z), .exit_dx_o(dx), .exit_dy_o(dy), .exit_dz_o(dz), .exit_status_o(status),

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The top for place-and-route of the whole `lipp_board`; the store of its frames is a memory beside the
-/// FPGA, so its ports end in the registers of `probe`, as the board's other ports do.
+/// The top for place-and-route of the whole `lipp_board`; the store of its frames is a memory
+/// beside the FPGA, so its ports end in the registers of `probe`, as the board's other ports do.
 module probe_board #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -15,7 +15,8 @@ module probe_wishbone #(
   import lipp_optics_pkg::*;
 
   localparam int In = 3 + 7 + 32 + 4 + 1 + 2 * PixelBits + 2 * (F + 2) + 3;
-  localparam int Out = 32 + 2 + 2 + 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3 + 2 + $bits(optics_config_t);
+  localparam int Out = 32 + 2 + 2 + 2 * IndexBits + 3 * (F + 4) + 3 * (F + 2) + 3 + 2
+      + $bits(optics_config_t);
 
   logic rst_n;
   logic [In-1:0] in;

@@ -7,10 +7,10 @@
 ///                      |
 ///               lipp_ulx3s_memory -> sdram_*
 ///
-/// LEDs: 0 packets arrive, 1 a frame or scene is shown, 2 an error, or the clock was lost, 3 the PLL
-/// is locked, 6:4 the number of the test pattern, 7 blinks with the system clock. Buttons: 1 resets,
-/// 2 takes the next test pattern. Ports have the names of the board's plan, where ftdi_txd is what the
-/// FTDI sends.
+/// LEDs: 0 packets arrive, 1 a frame or scene is shown, 2 an error, or the clock was lost, 3 the
+/// PLL is locked, 6:4 the number of the test pattern, 7 blinks with the system clock. Buttons: 1
+/// resets, 2 takes the next test pattern. Ports have the names of the board's plan, where ftdi_txd
+/// is what the FTDI sends.
 module lipp_ulx3s #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -8,9 +8,9 @@
 /// Each output is VCO by its divider; the one of BackDiv is fed back. A pixel takes a system clock.
 /// `tools.pll` finds the dividers.
 ///
-/// lost_o rises when the PLL was locked for 256 clocks and no longer is, two or three clocks of clk_i
-/// later, and stays high until the FPGA is configured again. It needs clk_i: of an oscillator that
-/// stops nothing is told.
+/// lost_o rises when the PLL was locked for 256 clocks and no longer is, two or three clocks of
+/// clk_i later, and stays high until the FPGA is configured again. It needs clk_i: of an oscillator
+/// that stops nothing is told.
 module lipp_ulx3s_clocks #(
   parameter int InputDiv = 1,
   parameter int BackDiv = 20,
@@ -43,14 +43,14 @@ module lipp_ulx3s_clocks #(
 
   // No reset forgets it: it begins with the FPGA's configuration.
   (* async_reg = "true", keep = "true" *) logic [1:0] locked_q;
-  logic seen_q, lost_q;
+  logic was_locked_q, lost_q;
   logic [7:0] steady_q;  // clocks locked, as a PLL may bounce before it has locked
-  initial {locked_q, seen_q, lost_q, steady_q} = '0;
+  initial {locked_q, was_locked_q, lost_q, steady_q} = '0;
   always_ff @(posedge clk_i) begin
     locked_q <= {locked_q[0], locked_o};
     steady_q <= locked_q[1] ? steady_q + 1'b1 : '0;
-    seen_q <= seen_q || steady_q == '1;
-    lost_q <= lost_q || (seen_q && !locked_q[1]);
+    was_locked_q <= was_locked_q || steady_q == '1;
+    lost_q <= lost_q || (was_locked_q && !locked_q[1]);
   end
   assign lost_o = lost_q;
 

@@ -5,9 +5,9 @@
 /// PadClocks = 2. The chip's clock is clk_i inverted: commands and data reach it in the middle of
 /// their clock.
 ///
-/// What the chip sends is captured four clocks after the command left the pads. Let T be a period and
-/// d the delay from clk_i to the pads and back: of the output register, the traces, and the input
-/// pad. The chip's clock is late by T / 2. With a CAS latency of 3 its word is there from
+/// What the chip sends is captured four clocks after the command left the pads. Let T be a period
+/// and d the delay from clk_i to the pads and back: of the output register, the traces, and the
+/// input pad. The chip's clock is late by T / 2. With a CAS latency of 3 its word is there from
 /// 2.5 T + d + tAC to 3.5 T + d + tOH, so with tAC = 5.4 ns and tOH = 2.7 ns of grade -75, d may be
 /// T / 2 - 2.7 ns to 1.5 T - 5.4 ns: 1.3 to 6.6 ns at 125 MHz, 2.3 to 9.6 ns at 100 MHz.
 module lipp_ulx3s_memory (

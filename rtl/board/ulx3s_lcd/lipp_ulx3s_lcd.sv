@@ -3,8 +3,8 @@
 
 /// The ULX3S with a parallel RGB LCD at its header J2; all else is as in `lipp_ulx3s`.
 ///
-/// The LCD's signals change with the rising edge of the pixel's clock, and lcd_clk rises half a clock
-/// later.
+/// The LCD's signals change with the rising edge of the pixel's clock, and lcd_clk rises half a
+/// clock later.
 module lipp_ulx3s_lcd #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -79,7 +79,8 @@ module lipp_ulx3s_lcd #(
   logic [26:0] video, pads;
   logic [3:0][1:0] unused_pair;
   lipp_video_board #(
-    .Dvi(1'b0), .ClockHz(ClockHz), .MemoryHz(MemoryHz), .Width(Width), .Height(Height), .HFront(HFront),
+    .Dvi(1'b0), .ClockHz(ClockHz), .MemoryHz(MemoryHz), .Width(Width), .Height(Height),
+    .HFront(HFront),
     .HSync(HSync), .HBack(HBack), .VFront(VFront), .VSync(VSync), .VBack(VBack),
     .HPositive(HPositive), .VPositive(VPositive), .Build(Build), .Scene(Scene), .Timing(Timing)
   ) i_video_board (

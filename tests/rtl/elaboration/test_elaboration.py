@@ -251,7 +251,7 @@ REFUSED = [
         for scene in NO_SCENES[:: 1 if module == "texel_slot" else 4]
     ),
     *(
-        ("scene", scene, "scene: Scene must have 1 to 8 layers, slots for them, 32 to 1024 columns")
+        ("scene", scene, "scene: Scene must have 1 to 8 layers, and sizes as in lipp_scene_pkg::legal")
         for scene in NO_SCENES[:2]
     ),
     ("texel_memory", {"Depth": 1}, "texel_memory: Depth must be 2 or more"),
@@ -341,18 +341,18 @@ REFUSED = [
     ("optics_block", built(F=24, Model=0), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
     ("optics_block", built(F=0), "raster: F must be 14 to 23"),
     ("ray_stream", built(F=13), "ray_pipeline: Build.fraction_bits must be 14 to 23"),
-    ("ray_stream", built(Model=1, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
-    ("ray_pipeline", built(Model=0, Viewer=1), "ray_pipeline: Build.viewer must be 0 but for ModelExact"),
+    ("ray_stream", built(Model=1, Viewer=1), "ray_pipeline: Build.viewer must be 0 except for ModelExact"),
+    ("ray_pipeline", built(Model=0, Viewer=1), "ray_pipeline: Build.viewer must be 0 except for ModelExact"),
     ("ray_pipeline", built(Model=3), "ray_pipeline: Build.model must be ModelPinhole, ModelParaxial or ModelExact"),
     (
         "ray_pipeline",
         built(Model=0, Aims=1),
-        "ray_pipeline: Build.aims must be 0 for ModelPinhole, whose ray is the chief ray",
+        "ray_pipeline: Build.aims must be 0 for ModelPinhole, the chief ray",
     ),
     (
         "ray_pipeline",
         built(F=14, Walk=1),
-        "ray_pipeline: Build.walk must be 0, or up to 4 where exact rays can leave their cell",
+        "ray_pipeline: Build.walk must be 0, or up to 4 if exact rays leave the cell",
     ),
     ("ray_pipeline", built(F=14, Walk=5, Aims=1), "ray_pipeline: Build.walk must be 0, or up to 4 where exact rays"),
     *(("ray_pipeline", built(F=f, Model=0), "ray_pipeline: Build.fraction_bits must be 14 to 23") for f in (13, 24)),
@@ -368,7 +368,7 @@ REFUSED = [
     (
         "board",
         {"VSync": 1, "VBack": 0, "Width": 8, "Height": 8, "HBack": 0, **drawn(1, 1, 5, 32)},
-        "board: the scene needs a longer blanking before the first pixel",
+        "board: the scene needs",
     ),
     *each("draw_frame", "Width and Height must be 1 to", Width=(0, 16384), Height=(0, 16384)),
     ("pixel_feed", {"Pixels": 0}, "pixel_feed: Pixels must be 1 or more"),
