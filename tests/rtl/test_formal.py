@@ -56,7 +56,8 @@ DESIGN_FAULTS = {
         "a cycle is done twice": ("!m_apb_psel && !s_wb_ack && !s_wb_err", "!m_apb_psel", "begins|one_clock"),
     },
     ("dispatcher bmc", "ray_access.sv"): {
-        "the bus is asked once and no more": ("if (on_bus) bus_pending_q <= !heard;", "if (on_bus) bus_pending_q <= 1'b1;",
+        "the bus is asked once and no more": (
+            "if (on_bus) bus_pending_q <= !heard;", "if (on_bus) bus_pending_q <= 1'b1;",
             "answered|todo|bus|asked"),
         "an abort waits for rays for ever": ("heard && !(occupied || running || busy)", "heard && occupied",
             "few_looks|polls"),
@@ -101,7 +102,8 @@ DESIGN_FAULTS = {
         "memory answers a clock early": ("read_data_o <= word_q", "read_data_o <= words[read_at_i]", "as_written"),
     },
     ("flow_control bmc_full", "flow_control.sv"): {
-        "no credit: rays enter while there is no room": ("reserved_q < (AddressBits + 1)'(Room - 2) && !hold_i", "!hold_i",
+        "no credit: rays enter while there is no room": (
+            "reserved_q < (AddressBits + 1)'(Room - 2) && !hold_i", "!hold_i",
             "room|promise|open"),
         "one place too many given away": ("(AddressBits + 1)'(Room - 2)", "(AddressBits + 1)'(Room - 1)",
             "room|promise|open"),
@@ -149,7 +151,8 @@ DESIGN_FAULTS = {
     },
     ("sdram_arbiter bmc", "sdram_arbiter.sv"): {
         "show waits as long as write has transactions": ("!(show_served_q && write_valid_i)", "!write_valid_i", "show"),
-        "write waits as long as show has transactions": ("show_valid_i && !(show_served_q && write_valid_i)", "show_valid_i",
+        "write waits as long as show has transactions": (
+            "show_valid_i && !(show_served_q && write_valid_i)", "show_valid_i",
             "write"),
         "a transaction is taken from two clients": ("ready_i && !show_o && !write_o", "ready_i && !show_o",
             "one|in_order"),
