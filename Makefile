@@ -67,13 +67,13 @@ GPU_TESTS := fast_engine recorded renderer pixel_filter golden_pictures converge
 test-gpu: $(READY) ## the fast engine and the renderer on an NVIDIA GPU (minutes)
 	LIPPMANN_TEST_DEVICE=cuda $(BIN)/pytest -n $(JOBS) --dist loadfile -m "not full" $(GPU_TESTS:%=tests/host/test_%.py)
 
-test-record: $(READY) ## the results of the last make test-full, into docs/reports
+test-record: $(READY) ## the results of the last make test-full, into docs/generated/reports
 	$(BIN)/python -m tools.test_record build/test-full.xml
 
-coverage: $(READY) ## lines that the tests of make test execute, into docs/reports (twenty minutes)
+coverage: $(READY) ## lines that the tests of make test execute, into docs/generated/reports (twenty minutes)
 	$(BIN)/python -m tools.code_coverage --jobs $(JOBS)
 
-toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/reports (an hour, and tens of GB in build)
+toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/generated/reports (an hour, and tens of GB in build)
 	$(BIN)/python -m tools.code_coverage --jobs $(JOBS) --toggles
 
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
@@ -96,9 +96,9 @@ lint-house:
 lint-rtl:
 	$(BIN)/python -m tools.lint
 
-bench: $(READY) ## measure the figures of docs/measured.md (a quarter of an hour, on a quiet machine)
+bench: $(READY) ## measure the figures of docs/generated/measured.md (a quarter of an hour, on a quiet machine)
 	@for name in trace render stages live rtl view animate observe; do \
-	  $(BIN)/python -m tools.bench $$name --report docs > /dev/null || exit; done
+	  $(BIN)/python -m tools.bench $$name --report docs/generated > /dev/null || exit; done
 
 docs-tables: $(READY) ## make the tables of keys, coverage points and promises, and the JSON Schemas again
 	$(BIN)/python -m tools.generate_tables
@@ -117,40 +117,40 @@ given = $(if $(filter command line,$(origin $(1))),$(if $(strip $($(1))),--$(2) 
 bitstream: $(READY) ## the file for an FPGA board (BOARD=ulx3s DISPLAY=scenes/displays/vga-square.toml SEEDS=1,2 PATIENCE=240 LAYERS=4 BILINEAR=)
 	$(BIN)/python -m tools.bitstream $(call given,BOARD,board) $(call given,DISPLAY,display) $(call given,SEEDS,seeds) $(call given,PATIENCE,patience) $(call given,LAYERS,layers) $(if $(filter-out 0 no false,$(BILINEAR)),--bilinear)
 
-report-bitstream: $(READY) ## clocks and cells of the ULX3S's bitstreams, into docs/reports (hours; kept in build/bitstream)
-	$(BIN)/python -m tools.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --seeds 1,2,4 --report docs/reports
+report-bitstream: $(READY) ## clocks and cells of the ULX3S's bitstreams, into docs/generated/reports (hours; kept in build/bitstream)
+	$(BIN)/python -m tools.bitstream --display scenes/displays/vga-square.toml --display scenes/displays/hd-square.toml --seeds 1,2,3 --seeds 1,2,4 --report docs/generated/reports
 
-report: $(READY) ## measure speed against error of everything, into docs/reports (a quarter of an hour)
-	$(BIN)/python -m tools.full_report -o docs/reports
+report: $(READY) ## measure speed against error of everything, into docs/generated/reports (a quarter of an hour)
+	$(BIN)/python -m tools.full_report -o docs/generated/reports
 
-report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/reports
-	$(BIN)/python -m tools.bench fixed --report docs/reports > /dev/null
+report-fixed: $(READY) ## the fixed-point pipeline's error and its budget, into docs/generated/reports
+	$(BIN)/python -m tools.bench fixed --report docs/generated/reports > /dev/null
 
-report-link: $(READY) ## the link's efficiency and whole frames on the virtual board, into docs/reports
-	$(BIN)/python -m tools.bench link --report docs/reports > /dev/null
+report-link: $(READY) ## the link's efficiency and whole frames on the virtual board, into docs/generated/reports
+	$(BIN)/python -m tools.bench link --report docs/generated/reports > /dev/null
 
-report-depth: $(READY) ## depths and views of the founding paper's set-ups, into docs/reports
-	$(BIN)/python -m tools.bench depth --report docs/reports > /dev/null
+report-depth: $(READY) ## depths and views of the founding paper's set-ups, into docs/generated/reports
+	$(BIN)/python -m tools.bench depth --report docs/generated/reports > /dev/null
 
-report-layers: $(READY) ## drawn layers and the streamed frame against the full render, into docs/reports
-	$(BIN)/python -m tools.bench layers --report docs/reports > /dev/null
+report-layers: $(READY) ## drawn layers and the streamed frame against the full render, into docs/generated/reports
+	$(BIN)/python -m tools.bench layers --report docs/generated/reports > /dev/null
 
-report-shading: $(READY) ## time against error of light that rays share, into docs/reports
-	$(BIN)/python -m tools.bench shading --report docs/reports > /dev/null
+report-shading: $(READY) ## time against error of light that rays share, into docs/generated/reports
+	$(BIN)/python -m tools.bench shading --report docs/generated/reports > /dev/null
 
-report-content: $(READY) ## the gallery of other tools' content, and its views against the scene, into docs/reports
-	$(BIN)/python -m tools.bench content --report docs/reports > /dev/null
+report-content: $(READY) ## the gallery of other tools' content, and its views against the scene, into docs/generated/reports
+	$(BIN)/python -m tools.bench content --report docs/generated/reports > /dev/null
 
-report-calibration: $(READY) ## random displays calibrated by simulated photographs, into docs/reports
+report-calibration: $(READY) ## random displays calibrated by simulated photographs, into docs/generated/reports
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tools.bench calibration --displays 50 --solids 6 --bowed 3 --large \
-	  --jobs $(JOBS) --seed 10 --report docs/reports > /dev/null
+	  --jobs $(JOBS) --seed 10 --report docs/generated/reports > /dev/null
 
-peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/reports
-	$(BIN)/python -m tools.bench peers --report docs/reports > /dev/null
-	$(BIN)/python -m tools.bench seed --report docs/reports > /dev/null
+peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/generated/reports
+	$(BIN)/python -m tools.bench peers --report docs/generated/reports > /dev/null
+	$(BIN)/python -m tools.bench seed --report docs/generated/reports > /dev/null
 
-report-hard: $(READY) ## every engine and the formulas on the hard cases, into docs/reports
-	$(BIN)/python -m tools.bench hard --report docs/reports > /dev/null
+report-hard: $(READY) ## every engine and the formulas on the hard cases, into docs/generated/reports
+	$(BIN)/python -m tools.bench hard --report docs/generated/reports > /dev/null
 
 mutation: $(READY) ## put faults into the RTL and report how many are caught (two hours)
 	$(BIN)/python -m tools.mutation

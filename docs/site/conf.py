@@ -49,8 +49,8 @@ PARTS = {
     "How to": "docs/how-to/",
     "Reference": "docs/reference/",
     "Python API": "docs/site/api",
-    "Background": ("docs/models", "docs/measured"),
-    "Reports": "docs/reports/",
+    "Background": ("docs/models", "docs/generated/measured"),
+    "Reports": "docs/generated/reports/",
     "The project": ("scenes/README", "CONTRIBUTING", "SECURITY", "CHANGELOG"),
 }
 

@@ -1,4 +1,4 @@
-"""Speed against error of everything, into docs/reports: `python -m tools.full_report`, `make report`.
+"""Speed against error of everything, into docs/generated/reports: `python -m tools.full_report`, `make report`.
 
 The sections of `lippmann report` on the shipped displays, and those of the RTL's builds, the renderer, and the error
 budget by step.

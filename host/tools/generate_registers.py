@@ -26,7 +26,7 @@ from tools.program import program
 SOURCE = Path("rtl/registers.rdl")
 RTL = Path("rtl/registers")
 DATA = Path("host/lippmann/fixed/generated")
-PAGES = Path("docs/reference")
+PAGES = Path("docs/generated")
 _BY = f"Generated from {SOURCE} by `make registers`; do not edit."
 _SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
 

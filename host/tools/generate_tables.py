@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from lippmann.simulation.toolchain import repository
 
 from tools.program import program
 
-SCHEMAS = Path("docs/reference/schemas")
+SCHEMAS = Path("docs/generated/schemas")
 LISTED = re.compile(r"(<!-- (points|promises) -->\n).*?(<!-- end of \2 -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
 FILE = Path("docs/promises.toml")
@@ -136,7 +137,7 @@ def promises_table(top: Path) -> str:
     rows = ["| promise | kept by | held by |\n|---|---|---|\n"]
     for number, promise in enumerate(promises):
         _check(top, promise, f"{FILE}: promise[{number}]")
-        held = [*map(_test_link, promise.tests), *(f"[{point}](coverage.md)" for point in promise.points)]
+        held = [*map(_test_link, promise.tests), *(f"[{point}](../reference/coverage.md)" for point in promise.points)]
         said = f"{promise.words} ([{Path(promise.page).stem}]({_from_page(promise.page)}))"
         rows.append(f"| {said} | {', '.join(map(_link, promise.kept_by))} | {', '.join(held)} |\n")
     return "".join(rows)
@@ -161,7 +162,7 @@ def _check(top: Path, promise: Promise, where: str) -> None:
 
 
 def _from_page(file: str) -> str:
-    return str(Path(file).relative_to("docs/reference")) if file.startswith("docs/reference/") else f"../../{file}"
+    return os.path.relpath(file, "docs/generated")
 
 
 def _link(file: str) -> str:

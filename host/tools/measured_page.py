@@ -1,4 +1,4 @@
-"""The page docs/measured.md, of the rows that `python -m tools.bench NAME --report docs` keeps."""
+"""The page docs/generated/measured.md, of the rows that `python -m tools.bench NAME --report docs/generated` keeps."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lippmann.simulation.toolchain import repository
 from tools.report_plots import make_page
 
 #: Where `make synth` keeps the figures of place-and-route.
-SYNTHESIS = "docs/reports/synthesis.csv"
-#: Measurements of `docs/measured.md`.
+SYNTHESIS = "docs/generated/reports/synthesis.csv"
+#: Measurements of `docs/generated/measured.md`.
 MEASURED = (
     *("trace", "render", "render-avx512", "stages", "stages-avx512", "stages-cuda", "live", "live-cuda"),
     *("rtl", "view", "animate", "observe"),

@@ -11,7 +11,7 @@ from lippmann.cli import run
 from lippmann.cli.frame import JSON, make_command, option
 
 #: The option of programs that write a page.
-REPORT: Any = option("Folder of the page.", "docs/reports")
+REPORT: Any = option("Folder of the page.", "docs/generated/reports")
 
 
 def program(main: Callable[..., Any]) -> click.Command:

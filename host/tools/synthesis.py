@@ -1,7 +1,7 @@
 """Places and routes the named configurations with yosys and nextpnr for an ECP5-85, and writes a table of the results.
 
 A configuration is placed as the engine `ray_stream`; some also as the block with registers, and as the whole board at
-two sizes of panel. `python -m tools.synthesis` (`make synth`) writes docs/reports/synthesis.md, and
+two sizes of panel. `python -m tools.synthesis` (`make synth`) writes docs/generated/reports/synthesis.md, and
 synthesis-drawing.md of designs that draw a scene. Results are kept under build/synth/ by a hash of their inputs: a
 design is placed and routed again only when its sources have changed.
 """
@@ -232,7 +232,7 @@ def main(
     """
     check_output(Path(report) / "synthesis.md", (".md",))
     asked = [DESIGNS[name] for name in names or DESIGNS if DESIGNS[name].scene is None]
-    kept = Path(report).resolve() == repository() / "docs/reports"
+    kept = Path(report).resolve() == repository() / "docs/generated/reports"
     if kept and 0 < len(asked) < sum(design.scene is None for design in DESIGNS.values()):
         raise InputError(f"{report}: its page has all designs, and would have {len(asked)}; give --report FOLDER")
     scenes = repository() / "scenes"
@@ -261,4 +261,4 @@ def main(
     if rows or whole:
         page(origin, rows, whole).write(Path(report))
     if rows and kept:
-        measured_page(repository() / "docs").write(repository() / "docs")  # it shows these rows
+        measured_page(repository() / "docs/generated").write(repository() / "docs/generated")  # it shows these rows

@@ -29,7 +29,7 @@
 ///
 /// ByteLink = 1 replaces the UART's wires by a byte stream, for a USB FIFO or a fast simulation:
 /// in_ready_o is low until the clock after the registers have left reset, so that no byte is lost
-/// before. docs/reference/protocol.md describes the protocol, docs/reference/board-registers.md the
+/// before. docs/reference/protocol.md describes the protocol, docs/generated/board-registers.md the
 /// registers.
 module lipp_board #(
   parameter bit ByteLink = 1'b0,

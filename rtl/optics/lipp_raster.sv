@@ -38,8 +38,7 @@ module lipp_raster #(
 
   output logic                                         ray_valid_o,
   input  logic                                         ray_ready_i,
-  // pixels to the right of the centre
-  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,
+  output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_o,  // pixels, right of the centre
   output logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_o,  // upwards; 4 fraction bits
   output logic signed [F+1:0]                          ray_a_o,  // wide, pitches: aperture point
   output logic signed [F+1:0]                          ray_b_o,  // wide, rows

@@ -23,8 +23,7 @@ module lipp_ray_stream #(
 
   input  logic                                         ray_valid_i,
   output logic                                         ray_ready_o,
-  // pixels to the right of the centre
-  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,
+  input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_u_i,  // pixels, right of the centre
   input  logic signed [lipp_optics_pkg::PixelBits-1:0] ray_v_i,  // upwards; 4 fraction bits
   input  logic signed [F+1:0]                          ray_a_i,  // wide, pitches: aperture point
   input  logic signed [F+1:0]                          ray_b_i,  // wide, rows

@@ -50,8 +50,7 @@ module lipp_draw_frame #(
   input  logic                                         want_i,
   output logic [23:0]                                  rgb_o,
   output logic                                         underflow_o,
-  // pulse: the frame's last pixel has come
-  output logic                                         drawn_o
+  output logic                                         drawn_o  // pulse: last pixel has come
 );
   import lipp_optics_pkg::PanelBits, lipp_optics_pkg::PixelBits;
 

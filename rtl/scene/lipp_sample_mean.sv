@@ -3,7 +3,7 @@
 
 /// The mean of a pixel's 2^SamplesBits samples, which follow each other:
 ///
-///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for each of red, green, blue
+///   light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
 ///
 /// Samples may have clocks between them. The first sample of a frame begins a pixel, whatever came
 /// before. last_of_pixel_o: light_o is a pixel; first_o and last_o: one of its samples is the

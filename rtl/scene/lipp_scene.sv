@@ -27,8 +27,7 @@ module lipp_scene #(
 
   input  lipp_scene_pkg::scene_config_t                config_i,  // the next copy
   input  logic                                         take_i,  // make a copy
-  // until it is made; closes the input
-  output logic                                         busy_o,
+  output logic                                         busy_o,  // a copy is pending; input closed
   output logic                                         idle_o,  // no ray is inside
 
   input  logic                                         write_i,  // a byte of a slot
@@ -52,8 +51,7 @@ module lipp_scene #(
 
   output logic                                         pixel_valid_o,
   input  logic                                         pixel_ready_i,
-  // {r, g, b}, bytes of the panel
-  output logic [23:0]                                  pixel_rgb_o,
+  output logic [23:0]                                  pixel_rgb_o,  // {r, g, b}, bytes
   output logic                                         pixel_first_o,
   output logic                                         pixel_last_o
 );

@@ -17,7 +17,7 @@ from tools.link_speed import link_page
 from tools.stage_errors import fixed_page
 
 SCENES = str(repository() / "scenes")
-REPORTS = repository() / "docs/reports"
+REPORTS = repository() / "docs/generated/reports"
 ROW = {"display": "vga-square", "frames": 24, "width_px": 640, "height_px": 480, "pixels_differ": 0, "ratio": 0.75}
 ROW |= {"one_seconds": 20.0, "one_cpu_seconds": 30.0}
 ROW |= {"workers": 2, "workers_seconds": 15.0, "workers_cpu_seconds": 31.0}
@@ -185,7 +185,7 @@ def test_figures_of_devices_stand_beside_each_other(monkeypatch, name, device, w
 
 
 def test_measured_figures_are_those_of_the_kept_rows():
-    docs = repository() / "docs"
+    docs = repository() / "docs/generated"
     assert {path.stem for path in (docs / "measured").iterdir()} <= set(measured_page.MEASURED)
     assert (docs / "measured.md").read_text() == measured_page.measured_page(docs).text() + "\n"
 

@@ -100,7 +100,7 @@ def test_the_page_of_toggles():
 
 
 def test_each_file_whose_bits_stand_still_has_a_reason():
-    _, rows = read_csv(repository() / "docs/reports/toggles.csv")
+    _, rows = read_csv(repository() / "docs/generated/reports/toggles.csv")
     assert len(rows) > 90
     still = [row["file"] for row in rows if row["still"]]
     why = reasons(repository(), toggles=True)

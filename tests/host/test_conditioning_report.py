@@ -6,7 +6,7 @@ from lippmann.conformance.hard_cases import CASES
 from lippmann.simulation.toolchain import repository
 from tools.hard_case_errors import measure_formulas
 
-REPORTS = repository() / "docs/reports"
+REPORTS = repository() / "docs/generated/reports"
 
 
 def rows_of(name):

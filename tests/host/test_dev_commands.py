@@ -15,7 +15,7 @@ from tools import flow, mutation
 
 COMMANDS = ("bitstream", "code_coverage", "crossings", "formal", "generate_registers", "host_mutation", "lint")
 COMMANDS += ("mutation", "netlist", "synthesis", "test_record")
-REPORTS = repository() / "docs/reports"
+REPORTS = repository() / "docs/generated/reports"
 VGA = repository() / "scenes/displays/vga-square.toml"
 
 

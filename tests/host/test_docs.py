@@ -438,7 +438,7 @@ def test_pictures_are_small():
 
 def test_promises_that_are_not_kept_are_told():
     """Each configuration and display of the error report that is above its promise, with its worst figure."""
-    with (TOP / "docs/reports/fixed-point-error.csv").open() as stream:
+    with (TOP / "docs/generated/reports/fixed-point-error.csv").open() as stream:
         every = list(csv.DictReader(line for line in stream if line[0] != "#"))
     rows = [row for row in every if row["kept"] == "False"]
     assert every

@@ -77,7 +77,7 @@ points = ["tie"]
 def test_a_promise_whose_words_file_test_or_point_is_gone_is_refused(old, new, said, tmp_path):
     for name, text in {
         "docs/page.md": "Here nothing\nis lost.\n",
-        "docs/reference/promises.md": "<!-- promises -->\n<!-- end of promises -->\n",
+        "docs/generated/promises.md": "<!-- promises -->\n<!-- end of promises -->\n",
         "docs/promises.toml": PROMISE.replace(old, new),
         "rtl/kept.sv": "",
         "tests/test_page.py": "def test_nothing_is_lost():\n",
@@ -86,7 +86,7 @@ def test_a_promise_whose_words_file_test_or_point_is_gone_is_refused(old, new, s
         (tmp_path / name).write_text(text)
     if said is None:
         assert (
-            "| nothing is lost ([page](../../docs/page.md)) |" in generate(tmp_path)[Path("docs/reference/promises.md")]
+            "| nothing is lost ([page](../page.md)) |" in generate(tmp_path)[Path("docs/generated/promises.md")]
         )
     else:
         with pytest.raises(InputError, match=rf"docs/promises.toml: promise\[0\].*{said}"):
@@ -112,7 +112,7 @@ def test_a_file_of_another_kind_is_named(kind, tmp_path):
 @pytest.mark.parametrize("kind", FILES)
 def test_inspect_prints_the_schema(capsys, kind):
     assert run(["inspect", "--schema", kind]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads((TOP / f"docs/reference/schemas/{kind}.json").read_text())
+    assert json.loads(capsys.readouterr().out) == json.loads((TOP / f"docs/generated/schemas/{kind}.json").read_text())
 
 
 def test_inspect_needs_a_display_or_a_schema(capsys):

@@ -22,7 +22,7 @@ from scene_cases import focused_display, glowing_card, write_scene
 from tools import layers_likeness
 from tools.layers_likeness import layers_page
 
-REPORTS = repository() / "docs/reports"
+REPORTS = repository() / "docs/generated/reports"
 DISPLAY = focused_display("square", focal=4.0, width_px=160, height_px=120, pixel_pitch=0.2)
 SLOT = (64, 64)
 FAST = Settings(samples=4, integrator="direct")

@@ -204,7 +204,7 @@ def test_values_out_of_range_are_refused():
         write("optics_depth", value=1 << 31)
     with pytest.raises(InputError, match="no field"):
         write("raster_columns", second=1)
-    with pytest.raises(InputError, match=r"there is no register 'raster_colums'; docs/reference/registers\.md"):
+    with pytest.raises(InputError, match=r"there is no register 'raster_colums'; docs/generated/registers\.md"):
         write("raster_colums", first=1)
     with pytest.raises(InputError, match="do not fit"):
         table_writes([0] * 3, 62)

@@ -10,7 +10,7 @@ from lippmann.simulation.toolchain import repository
 from tools.full_report import TABLES, WHOLE, on_front
 from tools.named_builds import CONFIGURATIONS
 
-REPORTS = repository() / "docs/reports"
+REPORTS = repository() / "docs/generated/reports"
 
 
 @pytest.fixture(scope="module")

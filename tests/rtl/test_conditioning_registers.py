@@ -60,7 +60,7 @@ def extremes(random: np.random.Generator, registers: Configuration, build: Build
 
 
 def width(register: str, build: Build) -> int:
-    """Bits of a register, as docs/reference/registers.md lists them."""
+    """Bits of a register, as docs/generated/registers.md lists them."""
     near = build.near
     widths = {"index": near + 1, "depth_rest": build.fraction_bits + 9, "extent_i": 14, "extent_j": 13}
     far = ("index_square", "index_inverse_square", "depth", "exit_z", "cell_rise", "shear_x")

@@ -198,7 +198,7 @@ def test_the_rays_of_the_example_are_those_of_the_twin_and_near_golden():
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     direction = np.array(near) / 2.0 ** (f + 1)
     direction[:, :2] = direction[:, :2] @ axes.T
-    # 20.2 microradian is the largest error of this build on its displays (docs/reports/synthesis.csv).
+    # 20.2 microradian is the largest error of this build on its displays (docs/generated/reports/synthesis.csv).
     assert np.abs(direction - golden.direction).max() < 25e-6
 
 
@@ -282,7 +282,7 @@ def test_fusesoc_simulates_the_example(place):
 def test_fusesoc_synthesises_the_example_with_the_cells_of_ecp5(place):
     said, _ = fusesoc(place, "synth", BOARD)
     counts = {cell: int(count) for count, cell in re.findall(r"^\s*(\d+)\s+([A-Z]\w+)\s*$", said, re.M)}
-    # As placed alone: pinhole-compact in docs/reports/synthesis.csv, a build of F = 16 without aims.
+    # As placed alone: pinhole-compact in docs/generated/reports/synthesis.csv, a build of F = 16 without aims.
     assert counts["MULT18X18D"] == 16
     assert counts["DP16KD"] >= 8
     assert counts["TRELLIS_FF"] > 2000

@@ -91,7 +91,7 @@ def register_map(*pages):
     """By address the bits that can be read, that can be written, and that are set at reset, as documented."""
     found = {}
     for page, base in pages:
-        text = (ROOT / f"docs/reference/{page}.md").read_text()
+        text = (ROOT / f"docs/generated/{page}.md").read_text()
         row = r"^\| `0x(\w+)` \| `(\w+)` \| (\d+)(?::(\d+))? \| `\w+` \| ([\w, ]+) \| (?:`(\w+)`)?"
         for at, _, high, lowest, access, reset in re.findall(row, text, re.M):
             low = int(lowest or high)
@@ -148,7 +148,7 @@ class Judge(ModelBoard):
 
     @property
     def build(self):
-        """The word of the register: as in docs/reference/registers.md."""
+        """The word of the register: as in docs/generated/registers.md."""
         build = self.build_of_optics
         return (
             build.fraction_bits

@@ -66,6 +66,6 @@ def test_another_texture_is_loaded():
 
 
 def test_the_rates_are_on_the_page_of_measured_figures():
-    text = measured_page(repository() / "docs").text()
+    text = measured_page(repository() / "docs/generated").text()
     assert "| vga-square | drawing board | 1 |" in text
     assert "| paper-square | render --engine rtl | 1 |" in text

@@ -8,7 +8,7 @@
 ///                                           | lipp_optics_block |
 ///   s_axis -> lipp_axis_to_rays -> rays --> +-------------------+ -> lipp_axis_from_rays -> m_axis
 ///
-/// The subordinate has the 512 bytes of docs/reference/registers.md. The headers of the two stream
+/// The subordinate has the 512 bytes of docs/generated/registers.md. The headers of the two stream
 /// adapters define the bits of tdata. Rays of s_axis are traced after software wrote source = stream;
 /// with source = raster the block makes the rays itself, and s_axis waits.
 ///

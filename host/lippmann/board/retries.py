@@ -42,7 +42,7 @@ REFUSALS = {
     ReplyStatus.WRONG_LENGTH: ("the request has the wrong length", UPDATE),
     ReplyStatus.NO_SUCH_ADDRESS: (
         "the address is in no block of registers, or cannot be written",
-        "see docs/reference/board-registers.md, and scene-registers.md of a board that draws",
+        "see docs/generated/board-registers.md, and scene-registers.md of a board that draws",
     ),
     ReplyStatus.STALE_EPOCH: ("its buffers were swapped during the transfer", "stream the frame again"),
     ReplyStatus.BAD_TILE_DATA: ("it cannot decode a tile", UPDATE),

@@ -234,7 +234,7 @@ def write_command(
     if any(by_field) and not (all(by_field) and fields):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
     if "write" not in target.access:
-        raise input_error(register, "can only be read", "see docs/reference/board-registers.md")
+        raise input_error(register, "can only be read", "see docs/generated/board-registers.md")
     numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
     if fields and len(numbers) == 1:  # a memory has no fields
         if numbers[0] & ~sum(field.mask for field in fields.values()):
@@ -264,7 +264,7 @@ def _check_scene(board: Board, name: str, address: int, count: int) -> int:
     build = SceneBoard(board).build
     if address + 4 * count > LAYERS_BASE + 4 * LAYER_WORDS * build.layers:
         what = f"the board has {build.layers} layers, 0 to {build.layers - 1}"
-        raise input_error(name, what, "see docs/reference/scene-registers.md")
+        raise input_error(name, what, "see docs/generated/scene-registers.md")
     return build.slots_built
 
 
@@ -275,7 +275,7 @@ def _register(name: str) -> Register:
     try:
         return Register(int(name, 0))
     except ValueError:
-        remedy = did_you_mean(name, REGISTERS) or "see docs/reference/board-registers.md"
+        remedy = did_you_mean(name, REGISTERS) or "see docs/generated/board-registers.md"
         raise input_error(name, "no such register", remedy) from None
 
 

@@ -110,7 +110,7 @@ def write(name: str, **values: int) -> Write:
     Raises InputError for an unknown register or field, and for a value that its field cannot hold.
     """
     if name not in OPTICS_REGISTERS:
-        raise InputError(f"there is no register '{name}'; docs/reference/registers.md lists them")
+        raise InputError(f"there is no register '{name}'; docs/generated/registers.md lists them")
     register = OPTICS_REGISTERS[name]
     unknown = values.keys() - register.fields.keys()
     if unknown:

@@ -260,7 +260,7 @@ def sample_mean(light: Ints, samples_bits: int) -> Ints:
 
     One sample is its own mean; otherwise
 
-        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits        for each of red, green and blue
+        light_o = (sum of light_i + 2^(SamplesBits-1)) >> SamplesBits   for red, green and blue
     """
     if not samples_bits:
         return light

@@ -43,7 +43,7 @@ SHARED_PARTS = 2
 #: Light is shared where that changes the picture by less, and there are so many rays for each point that light is found
 #: for at most.
 SHARED_DB, RAYS_A_POINT = 45.0, 4
-#: One lamp's shadow rays take little more time than the trial (docs/measured/stages.csv, docs/reports/shading.csv).
+#: One lamp's shadow rays take little more time than the trial (docs/generated/measured/stages.csv, docs/generated/reports/shading.csv).
 LEAST_LAMPS = 2
 #: Parts of the image, each way, in each of which that is tried, rays of a colour in all of them, and samples of a pixel
 #: at most: of more, fewer places would be seen. Not 2^18 rays: a texture with as many values is another recording.

@@ -9,7 +9,7 @@ from cocotb.triggers import FallingEdge
 from streams import start_and_reset
 
 LAYERS, WORD = (int(cocotb.plusargs[name]) for name in ("Layers", "Word"))
-PAGE = Path(__file__).resolve().parents[3] / "docs/reference/scene-registers.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs/generated/scene-registers.md"
 STATUS, FRAMES, UNDERFLOWS, SOURCE, BUILD = 0x28, 0x2C, 0x30, 0x0C, 0x08
 CONFIG = 8 * 8 * 32 + 3 * 32 + 3 * 16
 
