@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from lippmann.errors import missing_library
+from lippmann.errors import MissingLibraryError, missing_library
 
 if TYPE_CHECKING:
     from lippmann.api import capture, draw, load_layers, load_scene, observe, render, sweep, view, widget
@@ -61,6 +61,19 @@ _HOMES = {
 }
 
 
+class _Missing:
+    """Stands for a public name whose library is missing; whatever is done with it raises the error."""
+
+    def __init__(self, error: MissingLibraryError) -> None:
+        self._error = error
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(name) if name.startswith("__") else self._error
+
+    def __call__(self, *_: object, **__: object) -> Any:
+        raise self._error
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name at its first use, so that the command line starts quickly."""
     for home, names in _HOMES.items():
@@ -68,7 +81,7 @@ def __getattr__(name: str) -> Any:
             try:
                 return getattr(import_module(home), name)
             except ImportError as error:
-                raise missing_library(error) from error
+                return _Missing(missing_library(error))
     raise AttributeError(f"module 'lippmann' has no attribute '{name}'")
 
 

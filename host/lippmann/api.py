@@ -20,7 +20,7 @@ import numpy as np
 
 from lippmann.base.files import write_file
 from lippmann.base.images import check_output
-from lippmann.base.progress import Progress
+from lippmann.base.progress import Progress, check_progress
 from lippmann.base.variant import own_variant
 from lippmann.capturing.capture import capture as capture_scene
 from lippmann.capturing.capture import placement_before
@@ -132,6 +132,7 @@ def render(
     MissingLibraryError
         When Mitsuba, Dask or a tool of the engine is missing.
     """
+    check_progress(progress)
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
     options = RenderOptions(model, tolerance, engine, fraction_bits, settings)
     executor, built = choose_executor(workers, scheduler, device), display_at(display)
@@ -245,6 +246,7 @@ def capture(
     InputError
         For a bad file or value, a scene that cannot be captured, or an image that exceeds the memory limit.
     """
+    check_progress(progress)
     built = setup if isinstance(setup, Setup) else load_setup(setup)
     if aperture is not None and not isinstance(built.pickup, Pickup):
         raise InputError("aperture is for a [pickup] only, because a camera has a pinhole; leave it out")
@@ -323,9 +325,11 @@ def observe(
     check_image(image)
     built = image.display if display is None else display_at(display)
     looking = Eye(eye, pupil_mm, focus_z_mm)
-    seen = window or whole_window(image.display, whole_number("width_px", width_px, 1, MAX_SIDE_PX))
+    if not (window is None or isinstance(window, Window)):
+        raise InputError(f"window {window!r} is not a rendering.sampling.Window; leave it out for the whole panel")
+    window = window or whole_window(image.display, whole_number("width_px", width_px, 1, MAX_SIDE_PX))
     with own_variant(device):
-        view = observe_window(image.radiance, built, looking, seen, samples, model, seed, crosstalk)
+        view = observe_window(image.radiance, built, looking, window, samples, model, seed, crosstalk)
     position = tuple(float(x) for x in looking.position_mm)
     return replace(view, metadata={"display": image.display.name, "eye_mm": str(position)})
 
@@ -472,6 +476,7 @@ def view_page(
 
     `later` are the further frames of a film, which the page plays.
     """
+    check_progress(progress)
     for frame in (image, *later):
         check_image(frame)
     rate: object = frames_per_second

@@ -307,10 +307,10 @@ def test_misaligned_is_another_display():
     assert moved.gap_mm == 0.75
     assert moved.array.pitch_mm == 1.001
     assert moved.identity != display.identity
-    with pytest.raises(InputError, match=r"gap_mm.*negative"):
-        display.misaligned(gap_mm=-0.6)
-    with pytest.raises(InputError, match="too small"):
-        display.misaligned(pitch_scale=4.0)
+    refused = {r"gap_mm.*negative": {"gap_mm": -0.6}, "too small": {"pitch_scale": 4.0}, r"\[x, y\]": {"offset_mm": 5}}
+    for said, errors in refused.items():
+        with pytest.raises(InputError, match=said):
+            display.misaligned(**errors)
     with pytest.raises(InputError, match=r"dispersion.*glass"):
         display.at_wavelength(500.0)
 
@@ -714,7 +714,7 @@ def test_the_half_diagonal_reaches_the_farthest_corner(display):
         ({"rotation_deg": math.inf}, "rotation_deg"),
         ({"gap_mm": math.inf}, "gap_mm"),
         ({"gap_mm": math.nan}, "gap_mm"),
-        ({"pitch_scale": math.nan}, "pitch_mm"),
+        ({"pitch_scale": math.nan}, "pitch_scale"),
         ({"pitch_scale": -1.0}, "pitch_mm"),
     ],
 )

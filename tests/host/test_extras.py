@@ -51,7 +51,7 @@ def test_a_missing_extra_is_named_with_the_command_that_installs_it(tmp_path, ex
 
 
 def test_a_missing_extra_is_named_in_python_too():
-    program = "import sys; sys.modules['cobs'] = None; import lippmann; lippmann.Board"
+    program = "import sys, lippmann; sys.modules['cobs'] = None; assert hasattr(lippmann, 'Board'); lippmann.Board.open"
     done = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True)
     assert "MissingLibraryError: cobs cannot be imported" in done.stderr
 

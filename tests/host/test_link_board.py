@@ -405,7 +405,7 @@ def test_nobody_listens():
         Board.open(f"socket://127.0.0.1:{free}")
 
 
-@pytest.mark.parametrize("url", ["socket://", "socket://127.0.0.1", "socket://127.0.0.1:x", "gopher://there", ""])
+@pytest.mark.parametrize("url", ["socket://", "socket://127.0.0.1", "socket://127.0.0.1:x", "gopher://there", "", 5])
 def test_urls_that_are_none(url):
     with pytest.raises(InputError) as error:
         open_port(url)

@@ -171,7 +171,7 @@ def test_reconstructed_pixel():
     assert reconstructed_pixel_mm(display, 0.0) == 1.0
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf, "x"])
 def test_a_tolerance_that_is_not_positive_is_refused(tolerance):
     with pytest.raises(InputError, match="tolerance"):
         choose_model(focused_display("square"), (-1.0, 1.0), tolerance=tolerance)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from typing import Protocol, TypeVar
 
+from lippmann.errors import InputError
+
 Item = TypeVar("Item")
 
 
@@ -16,6 +18,12 @@ class Progress(Protocol):
 
     def __call__(self, done: int, total: int, /) -> None:
         """Report that `done` of `total` steps are done."""
+
+
+def check_progress(progress: Progress | None) -> None:
+    """Refuse a callback that cannot be called."""
+    if not (progress is None or callable(progress)):
+        raise InputError(f"progress {progress!r} is not a function; give one that takes (steps done, steps in all)")
 
 
 def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[Item]:

@@ -53,8 +53,10 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
     Raises InputError for an invalid URL or baud rate; NoBoardError when the port does not exist, is busy, needs a
     permission, or refuses the connection; DeviceError when the port does not support the baud rate.
     """
-    if not url:
-        raise InputError("an empty port; give a device, or socket://HOST:PORT")
+    address: object = url
+    if not (isinstance(address, str) and address):
+        what = "an empty port" if address == "" else f"{address!r} is not a port"
+        raise InputError(f"{what}; give a device, or socket://HOST:PORT")
     if baud <= 0:
         raise InputError(f"the baud rate {baud} is not positive; give one such as {DEFAULT_BAUD}")
     try:

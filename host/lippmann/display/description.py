@@ -297,23 +297,36 @@ class Display(Checked):
 
         Raises InputError when the result cannot be built, for example when the gap becomes negative.
         """
+        errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
+        (x, y), (dx, dy), scale = array.offset_mm, errors.offset_mm, errors.pitch_scale
         moved = replace(
             array,
-            rotation_deg=array.rotation_deg + rotation_deg,
-            offset_mm=(array.offset_mm[0] + offset_mm[0], array.offset_mm[1] + offset_mm[1]),
-            pitch_mm=array.pitch_of(array.pitches_mm[0] * pitch_scale),
-            extent_mm=None if extent is None else tuple(side * pitch_scale for side in extent),
+            rotation_deg=array.rotation_deg + errors.rotation_deg,
+            offset_mm=(x + dx, y + dy),
+            pitch_mm=array.pitch_of(array.pitches_mm[0] * scale),
+            extent_mm=None if extent is None else tuple(side * scale for side in extent),
         )
-        if pitch_scale > 1.0:
+        if scale > 1.0:
             # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
             check_radius(moved, f"{where}array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
-        if self.gap_mm + gap_mm < 0.0:
-            raise input_error(f"{where}gap_mm", f"{self.gap_mm + gap_mm:g} mm is negative", "make it 0 or more")
-        display = replace(self, array=moved, gap_mm=self.gap_mm + gap_mm)
+        built_gap_mm = self.gap_mm + errors.gap_mm
+        if built_gap_mm < 0.0:
+            raise input_error(f"{where}gap_mm", f"{built_gap_mm:g} mm is negative", "make it 0 or more")
+        display = replace(self, array=moved, gap_mm=built_gap_mm)
         _check(display, where)
         return display
+
+
+@dataclass(frozen=True)
+class Misalignment(Checked):
+    """The errors of a display as built (parameters of `Display.misaligned`)."""
+
+    rotation_deg: float
+    offset_mm: Pair
+    gap_mm: float
+    pitch_scale: float
 
 
 def load_display(path: str | Path) -> Display:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -63,8 +64,8 @@ def choose_model(
     `depth_range_mm` is (far, near) z of the scene; `aperture` ("chief" or "full") the rays that the renderer sends.
     Raises InputError for a tolerance that is not positive and finite.
     """
-    if not 0.0 < tolerance < math.inf:
-        raise InputError(f"tolerance {tolerance:g} is not positive and finite; give pixels, such as {TOLERANCE}")
+    if not (isinstance(tolerance, Real) and 0.0 < tolerance < math.inf):
+        raise InputError(f"tolerance {tolerance!r} is not positive and finite; give pixels, such as {TOLERANCE}")
     pixels, points = probe(display, aperture)
     truth = trace_optics(display, pixels, points, "exact")
     errors: dict[Model, float] = {}

@@ -24,7 +24,7 @@ import numpy as np
 from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress import Progress, RowProgress
-from lippmann.errors import InputError, LippmannWarning, NoSpaceError, input_error
+from lippmann.errors import InputError, LippmannWarning, NoSpaceError, input_error, path_of
 from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
@@ -275,7 +275,8 @@ def render_picture(
     """
     if kept == "":
         raise InputError("kept is empty; give the path of a folder for the bands")
-    sink: MemorySink | KeptBands = MemorySink(plan) if kept is None else KeptBands(Path(kept), plan)
+    folder = None if kept is None else path_of(kept, "a folder for kept bands")
+    sink: MemorySink | KeptBands = MemorySink(plan) if folder is None else KeptBands(folder, plan)
     return sink.image(render_into(sink, executor, progress))
 
 
