@@ -8,10 +8,11 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Annotated
 import click
 from lippmann.base import toml
 from lippmann.base.toml import Schema, bounds_text, documented, key, rivals, tables
+from lippmann.cli import COMMANDS, cli
 from lippmann.cli.inspect import FILES, schema_of
 from lippmann.conformance.coverage_points import BEYOND_WORDS, POINTS
 from lippmann.errors import did_you_mean, input_error
@@ -28,6 +30,7 @@ from lippmann.simulation.toolchain import repository
 from tools.program import program
 
 SCHEMAS = Path("docs/generated/schemas")
+COMMAND_PAGES = Path("docs/generated/commands")
 LISTED = re.compile(r"(<!-- (points|promises) -->\n).*?(<!-- end of \2 -->)", re.S)
 MARKED = re.compile(r"(<!-- keys: (\w+) ?([\w.]*) -->\n).*?(<!-- end of keys -->)", re.S)
 FILE = Path("docs/promises.toml")
@@ -36,6 +39,7 @@ FILE = Path("docs/promises.toml")
 def generate(top: Path) -> dict[Path, str]:
     """Return the text of every schema, and of every page with its tables filled in, by path in the checkout."""
     made = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
+    made |= {COMMAND_PAGES / f"{name}.md": command_page(name) for name in COMMANDS}
     lists: dict[str, Callable[[], str]] = {"points": _points, "promises": partial(promises_table, top)}
     for page in sorted(top.glob("docs/**/*.md")):
         text, tables_filled = MARKED.subn(_filled, page.read_text())
@@ -43,6 +47,33 @@ def generate(top: Path) -> dict[Path, str]:
         if tables_filled or lists_filled:
             made[page.relative_to(top)] = text
     return made
+
+
+def command_page(name: str) -> str:
+    """Return the page of a command: its help and options, and those of its sub-commands."""
+    top = click.Context(cli, info_name="lippmann")
+    command = cli.get_command(top, name)
+    assert command is not None
+    context = click.Context(command, info_name=name, parent=top)
+    note = "<!-- Generated from the command's help by `make docs-tables`; do not edit. -->"
+    more = f"[Results, JSON and file formats](../../reference/command-line.md#{name})"
+    parts = [f"# {context.command_path}", note, *_help(command, context), more]
+    for below in command.commands.values() if isinstance(command, click.Group) else ():
+        inner = click.Context(below, info_name=below.name, parent=context)
+        parts += [f"## {inner.command_path}", *_help(below, inner)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _help(command: click.Command, context: click.Context) -> Iterator[str]:
+    """Yield the paragraphs of a command's help, with its example as code, and the table of its options."""
+    for paragraph in inspect.cleandoc(command.help or "").split("\n\n"):
+        text = " ".join(paragraph.split())
+        example = text.removeprefix("Example: ")
+        yield text if example == text else f"```sh\n{example}\n```"
+    records = [record for option in command.params if (record := option.get_help_record(context)) and record[1]]
+    rows = [[cell.replace("|", "\\|") for cell in record] for record in records]
+    if rows:
+        yield "\n".join(["| option | meaning |", "|---|---|", *(f"| `{words}` | {text} |" for words, text in rows)])
 
 
 def _points() -> str:
