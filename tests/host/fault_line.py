@@ -210,6 +210,7 @@ class Proxy:
         self.done = self._manglers[0].done, self._manglers[1].done
         self._ended = threading.Event()
         self._unplugged = threading.Event()
+        self._down_bytes: int | None = None
         if pty:
             master, slave = os.openpty()
             os.set_blocking(master, False)
@@ -237,6 +238,10 @@ class Proxy:
     def unplug(self) -> None:
         """Close the host's connection; it may connect again."""
         self._unplugged.set()
+
+    def unplug_after(self, count: int) -> None:
+        """Close the connection when `count` more bytes have gone to the board over TCP, which takes all of them."""
+        self._down_bytes = count
 
     def close(self) -> None:
         """End the proxy."""
@@ -273,6 +278,7 @@ class Proxy:
         except DeviceError:
             return
         self._unplugged.clear()
+        self._down_bytes = None
         gone = threading.Event()
         try:
             board = port.fileno()
@@ -308,7 +314,16 @@ class Proxy:
                 data, rest_s = self._manglers[direction](data, self.up if direction else self.down)
                 if rest_s:
                     gone.wait(rest_s)
-                self._write(target, data, gone)
+                if direction or self._down_bytes is None:
+                    self._write(target, data, gone)
+                    continue
+                self._write(target, data[: self._down_bytes], gone)
+                self._down_bytes = max(self._down_bytes - len(data), 0)
+                if not self._down_bytes:
+                    # The board reads to the end, then closes; a port closed here could lose what it has not read.
+                    with socket.socket(fileno=os.dup(target)) as board:
+                        board.shutdown(socket.SHUT_WR)
+                    return
         gone.set()
 
     def _write(self, target: int, data: bytes, gone: threading.Event) -> None:
