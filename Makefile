@@ -67,13 +67,13 @@ GPU_TESTS := fast_engine recorded renderer pixel_filter golden_pictures converge
 test-gpu: $(READY) ## the fast engine and the renderer on an NVIDIA GPU (minutes)
 	LIPPMANN_TEST_DEVICE=cuda $(BIN)/pytest -n $(JOBS) --dist loadfile -m "not full" $(GPU_TESTS:%=tests/host/test_%.py)
 
-test-record: $(READY) ## the results of the last make test-full, into docs/generated/reports
+test-record: $(READY) ## the results of the last make test-full, into build/reports
 	$(BIN)/python -m tools.test_record build/test-full.xml
 
-coverage: $(READY) ## lines that the tests of make test execute, into docs/generated/reports (twenty minutes)
+coverage: $(READY) ## lines that the tests of make test execute, into build/reports (twenty minutes)
 	$(BIN)/python -m tools.code_coverage --jobs $(JOBS)
 
-toggles: $(READY) ## bits of the RTL that its quick benches toggle, into docs/generated/reports (an hour, and tens of GB in build)
+toggles: $(READY) ## bits of the RTL that its quick benches toggle, into build/reports (an hour, and tens of GB in build)
 	$(BIN)/python -m tools.code_coverage --jobs $(JOBS) --toggles
 
 formal: $(READY) ## every formal proof of the RTL, its covers and its broken designs
@@ -147,7 +147,7 @@ report-calibration: $(READY) ## random displays calibrated by simulated photogra
 
 peers: $(READY) ## compare with POV-Ray, and repeat the founding paper's benchmark, into docs/generated/reports
 	$(BIN)/python -m tools.bench peers --report docs/generated/reports > /dev/null
-	$(BIN)/python -m tools.bench seed --report docs/generated/reports > /dev/null
+	$(BIN)/python -m tools.bench seed --report build/reports > /dev/null
 
 report-hard: $(READY) ## every engine and the formulas on the hard cases, into docs/generated/reports
 	$(BIN)/python -m tools.bench hard --report docs/generated/reports > /dev/null

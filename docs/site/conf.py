@@ -49,8 +49,11 @@ PARTS = {
     "How to": "docs/how-to/",
     "Reference": "docs/reference/",
     "Python API": "docs/site/api",
+    "Commands": "docs/generated/commands/",
+    "Registers": tuple(f"docs/generated/{name}" for name in ("registers", "board-registers", "scene-registers")),
     "Background": ("docs/models", "docs/generated/measured"),
     "Reports": "docs/generated/reports/",
+    "For developers": ("docs/developers/", "docs/generated/promises"),
     "The project": ("scenes/README", "CONTRIBUTING", "SECURITY", "CHANGELOG"),
 }
 

@@ -31,7 +31,7 @@ from lippmann.errors import InputError, LippmannError, input_error
 from lippmann.simulation.compilation import COVERAGE, TOGGLES
 from lippmann.simulation.toolchain import build_folder, repository
 
-from tools.program import REPORT, program
+from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
@@ -235,7 +235,7 @@ def main(
     jobs: int = option("Processes of the tests.", 2, click.IntRange(1)),
     toggles: bool = option("Count the toggles of the RTL's bits instead: an hour, and tens of GB.", False),
     keep: bool = option("Read what the last run counted; run no test.", False),
-    report: str = REPORT,
+    report: str = MAINTAINERS_REPORT,
 ) -> None:
     """Measure which lines the quick tests execute, or which bits they toggle, and write the page.
 

@@ -10,8 +10,9 @@ import click
 from lippmann.cli import run
 from lippmann.cli.frame import JSON, make_command, option
 
-#: The option of programs that write a page.
+#: The option of programs that write a page: for readers of the documentation, or for maintainers.
 REPORT: Any = option("Folder of the page.", "docs/generated/reports")
+MAINTAINERS_REPORT: Any = option("Folder of the page.", "build/reports")
 
 
 def program(main: Callable[..., Any]) -> click.Command:

@@ -27,7 +27,7 @@ from lippmann.conformance.pages import Page
 from lippmann.errors import LippmannError
 from lippmann.simulation.toolchain import repository
 
-from tools.program import REPORT
+from tools.program import MAINTAINERS_REPORT
 from tools.report_plots import draw_bar_charts, make_page
 
 #: Folders and files of the checkout that tests read.
@@ -197,7 +197,7 @@ class Trial:
 
     seed: int = option("Seed of the faults.", 1, click.IntRange(0))
     jobs: int = option("Processes for the tests.", 1, click.IntRange(1))
-    report: str = REPORT
+    report: str = MAINTAINERS_REPORT
 
 
 def report_faults(

@@ -13,7 +13,7 @@ from lippmann.cli.frame import argument
 from lippmann.conformance.pages import Page
 from lippmann.errors import InputError
 
-from tools.program import REPORT, program
+from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 #: So many test files have a bar.
@@ -52,7 +52,7 @@ def _has(case: ElementTree.Element, kinds: Iterable[str]) -> bool:
 
 
 @program
-def main(results: Path = argument(), report: str = REPORT) -> None:
+def main(results: Path = argument(), report: str = MAINTAINERS_REPORT) -> None:
     """Write the page of a run of the tests, from pytest's JUnit XML.
 
     Example: python -m tools.test_record build/test-full.xml --report out

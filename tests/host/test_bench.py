@@ -190,9 +190,7 @@ def test_measured_figures_are_those_of_the_kept_rows():
     assert (docs / "measured.md").read_text() == measured_page.measured_page(docs).text() + "\n"
 
 
-@pytest.mark.parametrize(
-    "name", ["report", "fixed-point-error", "depth", "seed", "hard-cases", "peers", "link", "layers"]
-)
+@pytest.mark.parametrize("name", ["report", "fixed-point-error", "depth", "hard-cases", "peers", "link", "layers"])
 def test_a_report_opens_with_a_plot_and_at_most_five_lines(name):
     text = (REPORTS / f"{name}.md").read_text()
     blocks = [block for block in text.split("\n\n") if block.strip()]

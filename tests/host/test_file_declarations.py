@@ -85,9 +85,7 @@ def test_a_promise_whose_words_file_test_or_point_is_gone_is_refused(old, new, s
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     if said is None:
-        assert (
-            "| nothing is lost ([page](../page.md)) |" in generate(tmp_path)[Path("docs/generated/promises.md")]
-        )
+        assert "| nothing is lost ([page](../page.md)) |" in generate(tmp_path)[Path("docs/generated/promises.md")]
     else:
         with pytest.raises(InputError, match=rf"docs/promises.toml: promise\[0\].*{said}"):
             generate(tmp_path)

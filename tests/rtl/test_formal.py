@@ -248,7 +248,7 @@ def test_every_task_is_run() -> None:
 
 
 def test_the_documented_command_runs_anywhere_and_leaves_nothing(tmp_path: Path) -> None:
-    page = (TOP / "docs/reference/formal.md").read_text()
+    page = (TOP / "docs/developers/formal.md").read_text()
     (command,) = re.findall(r"^```sh\n(python -m .*)\n```$", page, re.MULTILINE)
 
     def untracked() -> str:
