@@ -227,15 +227,6 @@ def parameters(command):
     return [*command.params, *(p for one in below for p in parameters(one))]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_option_is_documented(command):
-    text = (TOP / "docs/reference/command-line.md").read_text()
-    found = parameters(cli.get_command(click.Context(cli), command))
-    options = [o for p in found for o in p.opts if o.startswith("--")]
-    for option in options:
-        assert re.search(rf"`[^`\n]*{option}\b", text), f"{command} {option} is not in command-line.md"
-
-
 def json_keys(value):
     """Return all keys of nested JSON objects."""
     if isinstance(value, dict):
