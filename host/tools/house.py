@@ -2,13 +2,14 @@
 
 It counts lines, files, long functions, `Any` and refused names, and compares them with the bounds of house.toml. It
 looks at the rooms: which there are, which files they share by name, and how long the longest chain of imports between
-them is. Import layers are import-linter's (pyproject.toml).
+them is. It looks for long lines and refused names in the RTL. Import layers are import-linter's (pyproject.toml).
 """
 
 from __future__ import annotations
 
 import ast
 import io
+import re
 import sys
 import tokenize
 import tomllib
@@ -146,6 +147,19 @@ def longest_chain(imports: Mapping[str, set[str]], names: frozenset[str]) -> lis
     return longest([chain(room) for room in sorted(imports)])
 
 
+def check_rtl(top: Path, columns: int, refused: frozenset[str]) -> Iterator[str]:
+    """Yield a line for each line of hand-written RTL that is too long, or that has a refused name."""
+    for path in sorted(path for folder in ("rtl", "sim") for path in (top / folder).rglob("*.sv")):
+        if path.parent.name == "registers":  # generated
+            continue
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            place = f"{path.relative_to(top)}:{number}"
+            if len(line) > columns:
+                yield f"{place}: {len(line)} columns, at most {columns}"
+            names = re.findall(r"\b([a-z]+)(?:_[qdio]\d?)?\b", re.sub(r'//.*|"[^"]*"|\w+:', "", line))
+            yield from (f"{place}: rename {name} to what it holds" for name in sorted(refused.intersection(names)))
+
+
 def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
     """Return what is wrong with the house below a checkout's top folder, a line each."""
     style, refused = bounds["style"], frozenset(bounds["names"]["refused"])
@@ -154,6 +168,7 @@ def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
     faults = [line for name in sizes for line in compare_sizes(name, sizes[name], bounds[name])]
     faults += check_style(sizes["package"], style)
     faults += check_rooms(folders["package"], bounds["rooms"])
+    faults += check_rtl(top, bounds["rtl"]["columns"], frozenset(bounds["rtl"]["refused"]))
     chain = longest_chain(room_imports(folders["package"]), frozenset(bounds["rooms"]["names"]))
     if len(chain) > bounds["rooms"]["chain"]:
         faults.append(

@@ -35,7 +35,7 @@ module lipp_frame_check #(
   end
 
   logic take, come, come_q, last_q;
-  logic [PlaceBits:0] left_q;
+  logic [PlaceBits:0] remaining_q;
   logic [23:0] rgb_q;
   logic [31:0] crc_q;
   assign take = start_i && !busy_o;
@@ -53,7 +53,7 @@ module lipp_frame_check #(
       else if (last_q) busy_o <= 1'b0;
       read_valid_o <= take || (read_valid_o && !read_ready_i);
       come_q <= come;
-      last_q <= come && left_q == (PlaceBits + 1)'(1);
+      last_q <= come && remaining_q == (PlaceBits + 1)'(1);
       done_o <= last_q;
     end
   end
@@ -62,10 +62,10 @@ module lipp_frame_check #(
     rgb_q <= read_rgb_i;
     if (take) begin
       read_buffer_o <= buffer_i;
-      left_q <= read_count_o;
+      remaining_q <= read_count_o;
       crc_q <= lipp_link_pkg::CrcStart;
     end else begin
-      if (come) left_q <= left_q - 1'b1;
+      if (come) remaining_q <= remaining_q - 1'b1;
       if (come_q) crc_q <= lipp_link_pkg::crc32_pixel(crc_q, rgb_q);
     end
   end

@@ -227,7 +227,7 @@ module dispatcher_properties #(
   wire table_idle = table_left == '0 && !i_dut.table_start && !i_dut.table_valid;
   wire tile_busy = tile_start || tile_open_q || tile_end_q;
   localparam logic [7:0] Last = Layers > 0 ? RequestBlocks : RequestReset;
-  wire known = kind inside {[RequestHello:Last]};
+  wire legal_kind = kind inside {[RequestHello:Last]};
   wire lists = kind inside {RequestTiles, RequestBlocks};
   wire on_optics = i_dut.on_optics || i_dut.draws;  // a WRITE that the rays may not allow
   // The parts that a request of this kind uses while it is executed.
@@ -328,7 +328,7 @@ module dispatcher_properties #(
       in_reader: assert (state == Receive || reader == ReaderDone);
       in_length: assert (!(state == Execute || (state inside {Reply, Words} && ok
           && (kind inside {RequestRead, RequestTrace} || lists)))
-          || (i_dut.i_reader.length_ok && known));
+          || (i_dut.i_reader.length_ok && legal_kind));
       in_reply_ready: assert (!i_dut.reply_ready || (!sends && reply_left == '0));
       in_word_ready: assert (!i_dut.word_ready || (!sends && reply_left != '0));
       in_source: assert (state == Receive || (i_dut.from_rays_q == (kind == RequestTrace)
@@ -366,12 +366,12 @@ module dispatcher_properties #(
       in_reg_start: assert (!i_dut.register_start
           || (regs == RegIdle && !i_dut.register_done && state == Execute));
       in_reader_words: assert (reader != 3'd4 || kind inside {RequestWrite, RequestTrace}
-          || (known && kind == RequestBlock));
+          || (legal_kind && kind == RequestBlock));
       in_reader_rest: assert (reader != 3'd6 || i_dut.i_reader.status_q != StatusOk);
       in_reader_arguments: assert (reader != 3'd3 || kind inside {[RequestHello:RequestTiles]}
-          || (known && kind inside {RequestBlock, RequestBlocks}));
+          || (legal_kind && kind inside {RequestBlock, RequestBlocks}));
       in_reader_kind: assert (reader != ReaderDone || i_dut.i_reader.status_q != StatusOk
-          || known);
+          || legal_kind);
       in_reader_fine: assert (!(reader inside {[3'd1:3'd5]}) || i_dut.i_reader.status_q
           == StatusOk);
       in_tile_start: assert (!tile_start || state == Receive);
@@ -408,7 +408,7 @@ module dispatcher_properties #(
               : table_idle));
       in_words: assert (state != Words || (ok
           && (kind inside {RequestRead, RequestTrace} || lists)));
-      in_kind: assert (!(state inside {Reply, Words}) || !ok || known);
+      in_kind: assert (!(state inside {Reply, Words}) || !ok || legal_kind);
       in_list_few: assert (!ray_list || ray_left <= 9'd256);
       in_ray_status: assert (rays == RayIdle || i_dut.ray_status == StatusOk);
       in_reg_status: assert (regs == RegIdle || reg_write || i_dut.register_status == StatusOk);

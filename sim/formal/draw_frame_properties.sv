@@ -43,7 +43,7 @@ module draw_frame_properties #(
   );
 
   // ---- the frame that is being drawn, and the frame of the video ----
-  logic [7:0] sent_q;    // its rays that went to the optics
+  logic [7:0] ray_count_q;    // its rays that went to the optics
   logic [7:0] passed_q;  // places that the video has passed since its frame's beginning
   logic missed_q, last_q, source_q;
   logic [1:0] sets_q, drawn_sets_q;  // sets of registers taken, and the one of the frame
@@ -53,11 +53,11 @@ module draw_frame_properties #(
   wire hit = i_dut.i_feed.hit_o;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      {sent_q, come_q, passed_q} <= {8'(Rays), 8'(Pixels), 8'd0};
+      {ray_count_q, come_q, passed_q} <= {8'(Rays), 8'(Pixels), 8'd0};
       {missed_q, last_q, source_q, sets_q, drawn_sets_q} <= '0;
     end else begin
       source_q <= source_i;
-      sent_q <= begins ? 8'd0 : sent_q + 8'(sends);
+      ray_count_q <= begins ? 8'd0 : ray_count_q + 8'(sends);
       come_q <= begins ? 8'd0 : come_q + 8'(comes);
       passed_q <= begin_i ? 8'd0 : passed_q + 8'(want_i);
       missed_q <= want_i && shown && !hit;
@@ -67,14 +67,14 @@ module draw_frame_properties #(
     end
   end
   always_comb begin
-    assume (!pixel_valid_i || come_q < 8'(sent_q >> SamplesBits));  // of rays that went in
+    assume (!pixel_valid_i || come_q < 8'(ray_count_q >> SamplesBits));  // of rays that went in
     assume (!want_i || passed_q < 8'(Pixels));
     assume (!want_i || !begin_i);
   end
 
   // ---- what is proved ----
-  wire [7:0] pixel = 8'(sent_q >> SamplesBits);  // of the ray that is offered
-  wire [1:0] sample = 2'(sent_q) & 2'((1 << SamplesBits) - 1);
+  wire [7:0] pixel = 8'(ray_count_q >> SamplesBits);  // of the ray that is offered
+  wire [1:0] sample = 2'(ray_count_q) & 2'((1 << SamplesBits) - 1);
   wire signed [17:0] column = 18'(pixel % 8'(Width)), row = 18'(pixel / 8'(Width));
   wire signed [17:0] quarter_u = SamplesBits == 0 ? 18'sd0 : sample[0] ? 18'sd4 : -18'sd4;
   wire signed [17:0] quarter_v = SamplesBits == 0 ? 18'sd0
@@ -83,15 +83,15 @@ module draw_frame_properties #(
     if (rst_ni) begin
       rays_in_place: assert (!ray_valid || (ray_u == 8 * (2 * column + 1 - Width) + quarter_u
           && ray_v == 8 * (Height - 2 * row - 1) + quarter_v));
-      rays_marked: assert (!ray_valid || (ray_first == (sent_q == '0) && ray_last
-          == (sent_q == 8'(Rays - 1))));
-      rays_once: assert (!ray_valid || sent_q < 8'(Rays));
+      rays_marked: assert (!ray_valid || (ray_first == (ray_count_q == '0) && ray_last
+          == (ray_count_q == 8'(Rays - 1))));
+      rays_once: assert (!ray_valid || ray_count_q < 8'(Rays));
       pixel_in_place: assert (!hit || (comes && come_q == passed_q && rgb == {16'habcd, passed_q}));
       pixel_or_black: assert (hit || rgb == '0);
       in_time_or_counted: assert (underflow == missed_q);
       ended: assert (drawn == last_q);
-      whole: assert (!begins || (sent_q == 8'(Rays) && come_q == 8'(Pixels)));
-      taken_between: assert (!take || (begin_i && !hold_i && sent_q == 8'(Rays) && come_q
+      whole: assert (!begins || (ray_count_q == 8'(Rays) && come_q == 8'(Pixels)));
+      taken_between: assert (!take || (begin_i && !hold_i && ray_count_q == 8'(Rays) && come_q
           == 8'(Pixels)));
       taken_soon: assert (!begin_i || hold_i || come_q != 8'(Pixels) || take);
       one_set: assert (come_q == 8'(Pixels) || sets_q == drawn_sets_q);
@@ -108,15 +108,15 @@ module draw_frame_properties #(
     if (rst_ni) begin
       in_owed: assert (pending == 8'(Pixels) - come_q && come_q <= 8'(Pixels));
       in_complete: assert (i_dut.complete == (pending == '0));
-      in_sent: assert (sent_q <= 8'(Rays) && come_q <= 8'(sent_q >> SamplesBits));
+      in_sent: assert (ray_count_q <= 8'(Rays) && come_q <= 8'(ray_count_q >> SamplesBits));
       in_passed: assert (passed_q <= 8'(Pixels));
       in_late: assert (!i_dut.i_feed.draws_q || come_q + late == passed_q);
       in_late_none: assert (i_dut.i_feed.draws_q || late == '0);
       in_place: assert (i_dut.column_q < 14'(Width) && i_dut.row_q < 14'(Height)
           && i_dut.sample_q <= 2'((1 << SamplesBits) - 1));
       in_first: assert (i_dut.walk_q || placed == '0);
-      in_walk: assert (!i_dut.walk_q || placed == sent_q + 8'(ray_valid));
-      in_walked: assert (i_dut.walk_q || sent_q + 8'(ray_valid) == 8'(Rays));
+      in_walk: assert (!i_dut.walk_q || placed == ray_count_q + 8'(ray_valid));
+      in_walked: assert (i_dut.walk_q || ray_count_q + 8'(ray_valid) == 8'(Rays));
       in_shown: assert (!i_dut.i_feed.draws_q || shown);
       in_missing: assert (come_q == 8'(Pixels) || shown);
       in_sets: assert (!i_dut.i_feed.draws_q || come_q == 8'(Pixels) || sets_q == drawn_sets_q);

@@ -126,8 +126,8 @@ module flow_control_properties #(
     wire [Index-1:0] before = watch - leaves_q;  // rays that leave before the watched one
     wire [Latency-1:0] follows;  // a stage's count follows from that of the stage behind it
     for (genvar s = 0; s < Latency; s = s + 1) begin : gen_stage
-      wire [Index-1:0] here = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
-      assign follows[s] = here == before_q[s*Index +: Index] + marks[s];
+      wire [Index-1:0] entry = s == 0 ? accepted_q : before_q[(s == 0 ? 0 : s-1)*Index +: Index];
+      assign follows[s] = entry == before_q[s*Index +: Index] + marks[s];
     end
     always @(posedge clk_i) begin
       if (rst_ni) begin

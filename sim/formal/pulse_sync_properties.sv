@@ -19,33 +19,33 @@ module pulse_sync_properties (
   always @($global_clock) started_q <= 1;
   always @* assume(rst_ni == started_q);
 
-  reg [1:0] sent_q, got_q;  // pulses accepted, and clocks with a pulse
+  reg [1:0] accepted_q, received_q;  // pulses accepted, and clocks with a pulse
   always @(posedge from_clk_i or negedge rst_ni) begin
-    if (!rst_ni) sent_q <= 0;
-    else sent_q <= sent_q + (pulse_i && !busy);
+    if (!rst_ni) accepted_q <= 0;
+    else accepted_q <= accepted_q + (pulse_i && !busy);
   end
   always @(posedge to_clk_i or negedge rst_ni) begin
-    if (!rst_ni) got_q <= 0;
-    else got_q <= got_q + pulse;
+    if (!rst_ni) received_q <= 0;
+    else received_q <= received_q + pulse;
   end
-  wire [1:0] late = sent_q - got_q;
+  wire [1:0] late = accepted_q - received_q;
 
   // The level on its way there and back: it changes in one place at most.
   (* hierconn *) wire \i_sync.level_q ;
   (* hierconn *) wire \i_sync.there_q ;
   (* hierconn *) wire [1:0] \i_sync.i_there.stage_q ;
   (* hierconn *) wire [1:0] \i_sync.i_back.stage_q ;
-  wire [5:0] way = {
+  wire [5:0] levels = {
     \i_sync.i_back.stage_q [1], \i_sync.i_back.stage_q [0], \i_sync.there_q ,
     \i_sync.i_there.stage_q [1], \i_sync.i_there.stage_q [0], \i_sync.level_q
   };
-  wire [4:0] changes = way[5:1] ^ way[4:0];
+  wire [4:0] changes = levels[5:1] ^ levels[4:0];
   always @* begin
     if (rst_ni) begin
       one_for_one: assert(late <= 1 && (busy || late == 0));
       inside_way: assert((changes & (changes - 5'd1)) == 0);
       inside_late: assert((late == 1) == (\i_sync.level_q != \i_sync.there_q ));
-      cover_again: cover(sent_q == 2 && got_q == 2 && !busy);
+      cover_again: cover(accepted_q == 2 && received_q == 2 && !busy);
       cover_refused: cover(pulse_i && busy && late == 0);
     end
   end

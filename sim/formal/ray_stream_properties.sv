@@ -69,11 +69,11 @@ module ray_stream_properties #(
   end
 
   // ---- a configuration that is applied and then not changed ----
-  (* anyconst *) reg [Width-1:0] wanted;
+  (* anyconst *) reg [Width-1:0] watched_config;
   reg steady_q;  // applied in an earlier clock (or by reset), unchanged since
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) steady_q <= 1;
-    else steady_q <= config_i == wanted && (steady_q || apply_i);
+    else steady_q <= config_i == watched_config && (steady_q || apply_i);
   end
 
   always @(posedge clk_i) begin
@@ -83,8 +83,8 @@ module ray_stream_properties #(
       one_configuration: assert(!watching_q || (!empty && used == entered_with_q));
       held_busy: assert(hold_q == busy);
       closed: assert(!busy || !accept);
-      taken_over: assert(!steady_q || !accept || used == wanted);
-      inside_steady: assert(!steady_q || busy || used == wanted);
+      taken_over: assert(!steady_q || !accept || used == watched_config);
+      inside_steady: assert(!steady_q || busy || used == watched_config);
     end
   end
 

@@ -3,14 +3,14 @@
 /// time.
 ///
 /// Each client's transactions are numbered; the rest of their contents is arbitrary. So what comes
-/// out shows whether one was lost, doubled, or taken for another client's.
+/// out shows whether one was lost, doubled, or accepted for another client's.
 module sdram_arbiter_properties
   import lipp_sdram_pkg::*;
 (
   input logic       clk_i,
   input logic       rst_ni,
   input logic [2:0] valid_i,  // show, write, read
-  input logic [2:0][$bits(transaction_t)-13:0] rest_i,
+  input logic [2:0][$bits(transaction_t)-13:0] payload_i,
   input logic       ready_i
 );
 
@@ -19,16 +19,16 @@ module sdram_arbiter_properties
   always_comb if (!started_q) assume(!rst_ni);
 
   // ---- clients: the number is in the highest bits, then the client's own ----
-  logic [2:0] taken, valid_q;
+  logic [2:0] accepted, valid_q;
   logic [2:0][9:0] number_q;
   logic [2:0] ready;
   transaction_t [2:0] offered;
   transaction_t out;
   logic valid, is_write, is_show;
   always_comb begin
-    for (int k = 0; k < 3; k++) offered[k] = transaction_t'({number_q[k], 2'(k), rest_i[k]});
+    for (int k = 0; k < 3; k++) offered[k] = transaction_t'({number_q[k], 2'(k), payload_i[k]});
   end
-  assign taken = valid_i & ready;
+  assign accepted = valid_i & ready;
   lipp_sdram_arbiter i_dut (
     .clk_i, .rst_ni, .show_valid_i(valid_i[0]), .show_ready_o(ready[0]), .show_i(offered[0]),
     .write_valid_i(valid_i[1]), .write_ready_o(ready[1]), .write_i(offered[1]),
@@ -38,8 +38,8 @@ module sdram_arbiter_properties
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) {valid_q, number_q} <= '0;
     else begin
-      valid_q <= valid_i & ~taken;
-      for (int k = 0; k < 3; k++) number_q[k] <= number_q[k] + 10'(taken[k]);
+      valid_q <= valid_i & ~accepted;
+      for (int k = 0; k < 3; k++) number_q[k] <= number_q[k] + 10'(accepted[k]);
     end
   end
   always_comb if (rst_ni) assume((valid_i & valid_q) == valid_q);
@@ -55,8 +55,8 @@ module sdram_arbiter_properties
       {show_waited_q, write_waited_q} <= '0;
     end else if (valid && ready_i) begin
       got_q[client] <= got_q[client] + 1'b1;
-      show_waited_q <= valid_i[0] && !taken[0] ? show_waited_q + 1'b1 : '0;
-      write_waited_q <= valid_i[1] && !taken[1] ? write_waited_q + 1'b1 : '0;
+      show_waited_q <= valid_i[0] && !accepted[0] ? show_waited_q + 1'b1 : '0;
+      write_waited_q <= valid_i[1] && !accepted[1] ? write_waited_q + 1'b1 : '0;
     end
   end
 
@@ -64,11 +64,11 @@ module sdram_arbiter_properties
     if (rst_ni && started_q) begin
       whose: assert(!valid || out == offered[client]);
       in_order: assert(got_q == number_q);
-      one: assert(taken == (valid && ready_i ? 3'(1 << client) : 3'd0));
+      one: assert(accepted == (valid && ready_i ? 3'(1 << client) : 3'd0));
       goes_on: assert(valid == (valid_i != '0));
       show_first: assert(show_waited_q <= 1);
       write_second: assert(write_waited_q <= 1);
-      read_third: assert(!(ready_i && valid_i == 3'b100) || taken[2]);
+      read_third: assert(!(ready_i && valid_i == 3'b100) || accepted[2]);
       inside_show: assert(show_waited_q == 0 || !i_dut.show_served_q);
       inside_write: assert(write_waited_q == 0 || i_dut.show_served_q);
     end

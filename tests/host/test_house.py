@@ -50,6 +50,8 @@ LONG = "def draw():\n" + "    pass\n" * 60
         ("host/lippmann/base/inner/deep.py", SOUND, "base/inner: the rooms are base, display"),
         ("host/lippmann/display/things.py", SOUND, "things.py stands in the rooms base and display"),
         ("tests/test_many.py", "\n" * 60_000, "tests: 60001 lines"),
+        ("rtl/scene.sv", "logic told_q;  // a name", "rtl/scene.sv:1: rename told"),
+        ("sim/wide.sv", f"// {'x' * 98}", "sim/wide.sv:1: 101 columns, at most 100"),
     ],
 )
 def test_each_fault_is_told(house, file, text, fault):

@@ -17,23 +17,23 @@ module apb_memory (
 );
   logic [31:0] words[128];
   logic [31:0] noise_q;
-  logic [4:0] left_q;
+  logic [4:0] remaining_q;
   wire wrong = paddr[8:6] == 3'd5;
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       noise_q <= 32'h1908_1908;
-      left_q <= '0;
+      remaining_q <= '0;
     end else begin
       noise_q <= noise_q << 1 ^ (noise_q[31] ? 32'h0040_0007 : 32'h0);
       if (psel && !penable) begin
-        left_q <= clocks_i != '0 ? clocks_i - 1'b1 :
+        remaining_q <= clocks_i != '0 ? clocks_i - 1'b1 :
             noise_q[7:3] == '0 ? 5'(noise_q[11:8]) + 5'd3 : 5'(noise_q[9:8]);
-      end else if (left_q != '0) begin
-        left_q <= left_q - 1'b1;
+      end else if (remaining_q != '0) begin
+        remaining_q <= remaining_q - 1'b1;
       end
     end
   end
-  assign pready = psel && penable ? left_q == '0 : noise_q[20];
+  assign pready = psel && penable ? remaining_q == '0 : noise_q[20];
   assign pslverr = psel && penable && pready ? wrong : noise_q[21];
   assign prdata = psel && penable && pready && !pwrite && !wrong ? words[paddr[8:2]] : ~noise_q;
   always_ff @(posedge clk_i) if (psel && penable && pready) begin
