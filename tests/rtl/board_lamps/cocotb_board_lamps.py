@@ -6,7 +6,7 @@ import cocotb
 from cocotb.triggers import FallingEdge
 from two_clocks import start
 
-HOLD, STILL = 1 << int(cocotb.plusargs["HoldBits"]), 1 << int(cocotb.plusargs["StillBits"])
+HOLD, STILL = 1 << int(cocotb.plusargs["HoldBits"]), 1 << int(cocotb.plusargs["IdleBits"])
 
 
 async def begin(dut):

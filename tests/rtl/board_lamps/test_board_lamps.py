@@ -4,4 +4,4 @@ from runner import run_cocotb
 
 
 def test_board_lamps():
-    run_cocotb("board_lamps", {"HoldBits": 5, "StillBits": 4})
+    run_cocotb("board_lamps", {"HoldBits": 5, "IdleBits": 4})
