@@ -354,7 +354,7 @@ REFUSED = [
         built(F=14, Walk=1),
         "ray_pipeline: Build.walk must be 0, or up to 4 if exact rays leave the cell",
     ),
-    ("ray_pipeline", built(F=14, Walk=5, Aims=1), "ray_pipeline: Build.walk must be 0, or up to 4 where exact rays"),
+    ("ray_pipeline", built(F=14, Walk=5, Aims=1), "ray_pipeline: Build.walk must be 0, or up to 4 if exact rays"),
     *(("ray_pipeline", built(F=f, Model=0), "ray_pipeline: Build.fraction_bits must be 14 to 23") for f in (13, 24)),
     ("board", built(F=14, Model=1, Aims=1), "board: Build.aims must be 0: a board traces chief rays"),
     ("board", {"Width": 16384, **LIGHT}, "board: Width and Height must be 1 to 16383"),
