@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Decodes COBS frames, each ended by 0x00: one beat for each byte of a packet, then an end beat
-/// without data.
+/// Decodes COBS frames, each ended by 0x00. Outputs one beat for each byte of a packet, then an end
+/// beat without data.
 ///
-/// Each input byte gives at most one beat, a clock later: a code byte gives the zero before its
-/// group, 0x00 gives the end. Empty frames give nothing.
+/// Each input byte gives at most one beat, one clock later: a code byte gives the zero before its
+/// group, 0x00 gives the end beat. Empty frames give nothing.
 module lipp_cobs_decoder (
   input  logic       clk_i,
   input  logic       rst_ni,

@@ -3,9 +3,10 @@
 
 /// Encodes a packet as a COBS frame, with the 0x00 at its end.
 ///
-/// A group's code is its length, so a group is sent only after all of it was received. Of two
-/// banks, one is filled while the other is sent: one byte a clock if groups have the same length,
-/// at worst one in two clocks. The first byte is sent 3 clocks after the group's last was received.
+/// A group's code is its length, so a group is sent only after all its bytes were received. There
+/// are two banks: one is filled while the other is sent. The rate is one byte per clock if groups
+/// have equal lengths, and one byte per two clocks in the worst case. The first byte of a group is
+/// sent 3 clocks after its last byte was received.
 module lipp_cobs_encoder (
   input  logic       clk_i,
   input  logic       rst_ni,

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Stores packets, and passes on those without an error, without their CRC.
+/// Stores packets and passes on those without an error, without their CRC.
 ///
-/// Bytes are written as they arrive and can be read once their packet has ended without an error;
-/// otherwise the write address returns to the packet's start. The last five bytes are held outside
-/// of the memory: the four of the CRC are never stored, and the one before them is marked as the
-/// last when the packet ends.
+/// Bytes are written when they arrive. They can be read once their packet has ended without an
+/// error; after an error the write address returns to the start of the packet. The last five bytes
+/// are kept outside the memory: the four bytes of the CRC are never stored, and the byte before
+/// them is marked as the last one when the packet ends.
 ///
-/// A dropped packet has one cause, the first of: long, cobs, short, crc. While the memory is full
-/// the input waits, except that the rest of a packet already too long is discarded. The first byte
-/// is at the output 4 clocks after the packet's end was received, then one follows each clock.
+/// A packet is dropped for one cause, the first of: long, cobs, short, crc. While the memory is
+/// full the input waits; only the rest of a packet that is already too long is discarded. The first
+/// byte is at the output 4 clocks after the end of the packet was received; then one byte follows
+/// per clock.
 module lipp_packet_fifo #(
   parameter int AddressBits = 13
 ) (

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A client of block RAM that reads: a request in, its pixels out, one each clock.
+/// Read client of a block RAM: takes a request and outputs its pixels, one per clock.
 ///
-/// The next request is taken after the last pixel of the one before. The memory's pixel rgb_i(t) is
-/// that at at_o(t - 2). The first pixel is valid 7 clocks after its request was taken.
+/// The next request is accepted after the last pixel of the current one. rgb_i in clock t is the
+/// pixel at the address at_o of clock t - 2. The first pixel is valid 7 clocks after its request
+/// was accepted.
 module lipp_block_read_port #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Two buffers of pixels in block RAM, for three clients: show and read, which read, and write. For
-/// small panels, and for simulation; each client has a pixel each clock.
+/// Two pixel buffers in block RAM for three clients: show and read, which read, and write. For
+/// small panels and for simulation; each client transfers one pixel per clock.
 ///
-/// A request is taken with valid and ready: a buffer, the index of its first pixel, and a number of
-/// pixels, 1 or more. The pixels follow as a stream, row by row: R in 23:16, G in 15:8, B in 7:0. A
-/// client's next request is taken after the last pixel of the one before, or after write_done_o, a
-/// pulse: all requests that are taken with it or after it see the pixels written. The contents
-/// after power-up are undefined, and reset keeps them; it forgets all requests.
+/// A request has a valid/ready handshake. It names a buffer, the index of its first pixel, and a
+/// number of pixels, 1 or more. The pixels follow as a stream, row by row: R in 23:16, G in 15:8, B
+/// in 7:0. The next request of a client is accepted after the last pixel of its current one; for
+/// the write client, after write_done_o. write_done_o is a pulse: requests accepted in that clock
+/// or later see the written pixels. After power-up the contents are undefined. Reset keeps the
+/// contents and cancels all requests.
 ///
-/// `lipp_sdram_store` has the same clients, and the whole contract.
+/// `lipp_sdram_store` has the same clients and the same contract.
 module lipp_block_store #(
   parameter int Width = 640,
   parameter int Height = 480,

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Two buffers of pixels: one port writes, two read, each with a latency of two.
+/// Memory of two pixel buffers with one write port and two read ports, each with a latency of two.
+/// The memory of `lipp_block_store`.
 ///
-/// A plain memory, that of `lipp_block_store`. The address is the buffer and the pixel's index.
-/// a_rgb_o(t) is the pixel at a_at_i(t - 2), as written before t - 2; likewise b. The content after
-/// power-up is undefined.
+/// An address is {buffer, index of the pixel}. a_rgb_o in clock t is the pixel at the address
+/// a_at_i of clock t - 2, as it was before that clock; port b likewise. After power-up the contents
+/// are undefined.
 module lipp_frame_store #(
   parameter int Width = 640,
   parameter int Height = 480,

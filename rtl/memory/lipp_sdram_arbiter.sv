@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Chooses whose transaction is next: show before write before read.
+/// Chooses the next transaction of the SDRAM: show before write before read.
 ///
-/// After a transaction of show, a write that waits goes first. So show waits for one transaction of
-/// another client at most, and write for one of show, behind the one that is being done. Read has
-/// what the others leave. The choice is made in the clock in which ready_i is high; until then it
-/// may change.
+/// After a transaction of show, a waiting write goes first. So show waits for at most one
+/// transaction of another client, and write for at most one of show, after the current transaction.
+/// Read gets what the others leave. The choice is made in the clock in which ready_i is high;
+/// before that it may change.
 module lipp_sdram_arbiter
   import lipp_sdram_pkg::*;
 (

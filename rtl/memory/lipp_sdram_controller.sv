@@ -1,25 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Reads and writes words of one row of an SDR SDRAM, refreshes it, and initialises it.
+/// Reads and writes words of one row of an SDR SDRAM, refreshes the SDRAM, and initialises it.
 ///
-/// A transaction is taken with valid_i and ready_o. Its row is opened, a column is read or written
-/// in each clock, and the row is closed:
+/// A transaction has a valid/ready handshake (valid_i, ready_o). Its row is opened, one column is
+/// read or written per clock, and the row is closed:
 ///
 ///   ACTIVE, tRCD, count x (READ or WRITE), tWR after a write, PRECHARGE, tRP
 ///
-/// so that n words take max(tRCD + n, tRAS) + tRP clocks to read, and max(tRCD + n + tWR - 1, tRAS)
-/// + tRP to write. Times in ns are rounded up to clocks. The next transaction is taken two clocks
-/// before its ACTIVE command may be: who chooses among several decides as late as possible.
+/// So n words take max(tRCD + n, tRAS) + tRP clocks to read, and max(tRCD + n + tWR - 1, tRAS) +
+/// tRP to write. Times in ns are rounded up to clocks. A transaction is accepted two clocks before
+/// its ACTIVE command, so that the choice among several clients is made as late as possible.
 ///
-/// Words to write must be there: write_take_o takes write_word_i, once for each word. Words read
-/// cannot wait either: read_valid_o, with the tag_i of their transaction, in their order. PadClocks
-/// are the registers between the ports here and the chip's pins, both ways together; dq_i is
-/// captured cas_clocks + PadClocks + 1 clocks after READ is at the ports.
+/// Words to write must be ready: write_take_o takes write_word_i, once for each word. Words that
+/// were read cannot wait: read_valid_o gives them in the order of their transactions, with the
+/// tag_i of their transaction. PadClocks is the number of registers between these ports and the
+/// chip's pins, both directions together. dq_i is captured cas_clocks + PadClocks + 1 clocks after
+/// READ is at the ports.
 ///
-/// After reset: power_up_us without a command, PRECHARGE ALL, AUTO REFRESH eight times, LOAD MODE
-/// REGISTER: what the makers of such chips ask for at most.
-/// From then on AUTO REFRESH goes before the next transaction when it is due.
+/// After reset: power_up_us without a command, PRECHARGE ALL, eight AUTO REFRESH, LOAD MODE
+/// REGISTER. This is the longest sequence that makers of such chips ask for. Later, an AUTO REFRESH
+/// that is due goes before the next transaction.
 module lipp_sdram_controller
   import lipp_sdram_pkg::*;
 #(

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A client of the SDRAM that reads: requests in, pixels out; transactions out and words in at the
-/// memory's side.
+/// Read client of the SDRAM: takes requests and outputs pixels; on the memory's side it offers
+/// transactions and takes words.
 ///
-/// A transaction is offered when all of its words have a place among the 2^AddressBits pairs of
-/// pixels: words that come from the memory never wait. A pair crosses to the client's clock in one
-/// word. The next request is taken after the last pixel of the one before.
+/// A transaction is offered only when all its words have room in the buffer of 2^AddressBits pairs
+/// of pixels, so words from the memory never wait. A pair of pixels crosses to the client's clock
+/// in one word. The next request is accepted after the last pixel of the current one.
 ///
-/// From the words' arrival to the pixels: 2 clocks of the memory, then that of `lipp_async_fifo`,
-/// and one more: the FIFO's memory is slow, so its pixels leave from registers.
+/// Latency from the words to the pixels: 2 clocks of the memory, then the latency of
+/// `lipp_async_fifo`, then one clock of the client: pixels leave from registers because the FIFO's
+/// memory is slow.
 module lipp_sdram_read_port
   import lipp_sdram_pkg::*;
 #(

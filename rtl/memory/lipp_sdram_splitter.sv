@@ -3,15 +3,17 @@
 
 /// Splits a request for pixels into transactions of the SDRAM.
 ///
-/// Two pixels are three words: pixels 2k and 2k + 1 of a buffer are words 3k to 3k + 2 from the
-/// buffer's first row on. Rows are numbered through all banks: the bank is the number modulo 4. A
-/// transaction has Block words at most and stays in its row. It is offered when its words are in
-/// the budget: that begins with Budget words, grows by three with each pair_i, and pays for each
-/// transaction. So a client that reads spends the room of its buffer, and one that writes the words
-/// that it has.
+/// Two pixels are three words: pixels 2k and 2k + 1 of a buffer are the words 3k to 3k + 2 after
+/// the start of the buffer's first row. Rows are numbered through all banks: the bank is the row
+/// number modulo 4. A transaction has at most Block words, all in one row.
 ///
-/// A transaction is offered 3 clocks after the request, or the transaction before it, was taken, or
-/// 1 clock after the budget has its words.
+/// A transaction is offered when the budget holds its words. The budget starts with Budget words,
+/// grows by three words with each pair_i, and shrinks by the words of each transaction. For a
+/// client that reads, the budget is the free room in its buffer; for one that writes, the words
+/// that are ready.
+///
+/// A transaction is offered 3 clocks after the request or the previous transaction was accepted, or
+/// 1 clock after the budget has its words, whichever is later.
 module lipp_sdram_splitter
   import lipp_sdram_pkg::*;
 #(

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Two buffers of pixels in an SDR SDRAM, for three clients: show and read, which read, and write.
+/// Two pixel buffers in an SDR SDRAM for three clients: show and read, which read, and write.
 ///
-/// A request is taken with valid and ready: a buffer, the index of its first pixel, and a number of
-/// pixels, both even. The pixels follow as a stream, row by row: R in 23:16, G in 15:8, B in 7:0. A
-/// client's next request is taken after the last pixel of the one before, or after write_done_o, a
-/// pulse: all requests that are taken after it see the pixels written. A request before the
-/// memory is initialised waits.
+/// A request has a valid/ready handshake. It names a buffer, the index of its first pixel, and a
+/// number of pixels, both even. The pixels follow as a stream, row by row: R in 23:16, G in 15:8, B
+/// in 7:0. The next request of a client is accepted after the last pixel of its current one; for
+/// the write client, after write_done_o, a pulse: requests accepted after it see the written
+/// pixels. A request waits until the memory is initialised.
 ///
-/// Two pixels are three words: {R, G} and {B, R'}, {G', B'}. Buffers begin at rows of their own. A
-/// pixel that is read while it is written may have one word from before and one from after.
+/// Two pixels are three words: {R, G}, {B, R'}, {G', B'}. Each buffer begins at a row of its own. A
+/// pixel that is read while it is written may have one old and one new word.
 ///
-/// Show goes first: it waits for one transaction of another client and a refresh, at most
-/// (`lipp_sdram_arbiter`). Transactions of write have WriteBlock words or fewer, those of read
-/// ReadBlock. Show reads ahead as far as its line buffer has room: 2^ShowBits pairs of pixels.
+/// Show has priority: it waits for at most one transaction of another client and one refresh
+/// (`lipp_sdram_arbiter`). Transactions of write have at most WriteBlock words, those of read at
+/// most ReadBlock. Show reads ahead as far as its line buffer has room: 2^ShowBits pairs of pixels.
 ///
-/// mem_clk_i is unrelated to clk_i, of MemoryHz. rst_ni is asynchronous for the memory's side; it
-/// forgets all requests and pixels on the way, and begins the memory's initialisation again, whose
-/// contents may be lost. The pins are described at `lipp_sdram_controller`.
+/// mem_clk_i has the frequency MemoryHz and is unrelated to clk_i. On the memory's side rst_ni is
+/// an asynchronous reset: it cancels all requests and pixels in transit and initialises the memory
+/// again; the memory's contents may be lost. `lipp_sdram_controller` describes the pins.
 module lipp_sdram_store
   import lipp_sdram_pkg::*;
 #(

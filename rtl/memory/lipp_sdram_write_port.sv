@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// A client of the SDRAM that writes: requests and pixels in; transactions and words out at the
-/// memory's side.
+/// Write client of the SDRAM: takes requests and pixels; on the memory's side it offers
+/// transactions and outputs words.
 ///
-/// A transaction is offered when all of its words are on their way to the memory's clock, ahead of
-/// it: words to be written are there when they are taken. done_o is a pulse after the memory took
-/// the request's last transaction: all that are requested from then on come after it. Then the next
-/// request is taken.
+/// All words of a transaction cross to the memory's clock before the transaction is offered, so
+/// they are ready when the memory takes them. done_o is a pulse after the memory accepted the last
+/// transaction of the request; everything requested later is executed after it. Then the next
+/// request is accepted.
 module lipp_sdram_write_port
   import lipp_sdram_pkg::*;
 #(

@@ -1,26 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Has the panel drawn: sends its pixels' rays to the optics, gives the drawn pixels to the video.
+/// Draws the panel: sends the rays of all pixels to the optics and gives the drawn pixels to the
+/// video.
 ///
-/// begin_i is the start of a frame of the video, in its vertical sync. If no pixel of the frame
-/// before is missing, the scene takes its registers then (take_o), unless a write to them is being
-/// executed (hold_i): that frame is drawn from the registers of the one before. shown_o, whether
-/// the panel shows the scene, is source_i as taken with the registers. A frame of Width * Height
-/// pixels begins with begin_i if shown_o is high in the next clock. So a set of registers draws
-/// whole frames only.
+/// begin_i is a pulse at the start of a video frame, during vertical sync. In that clock the scene
+/// takes its registers (take_o) if all pixels of the previous frame have arrived and no register
+/// write is running (hold_i low). While hold_i is high the previous registers stay in use. shown_o
+/// says whether the panel shows the scene: source_i, as taken together with the registers. A frame
+/// of Width * Height pixels is drawn if shown_o is high in the clock after begin_i. So every frame
+/// is drawn with one set of registers.
 ///
-/// Rays of pixel (c, r), counted from the panel's top left, as lipp_raster's:
-///   u = 8 (2 c + 1 - Width) + du,  v = 8 (Height - 2 r - 1) + dv, in this order of (du, dv):
+/// The rays of the pixel in column c and row r, counted from the panel's top left, are those of
+/// lipp_raster:
+///
+///   u = 8 (2 c + 1 - Width) + du,  v = 8 (Height - 2 r - 1) + dv
+///
+/// with these (du, dv), in this order:
+///
 ///   SamplesBits 0: (0, 0)
 ///               1: (-4, 4), (4, -4)
 ///               2: (-4, 4), (4, 4), (-4, -4), (4, -4)
-/// first and last mark the frame's.
 ///
-/// Drawn pixels come in the rays' order, and reach the video by `lipp_pixel_feed`: each is shown at
-/// its own place, or is late, counted and dropped. If pixels are still missing at begin_i, the
-/// frame that would begin is black: all its pixels are underflows. owns_o: the drawing uses the
-/// optics. It is high in the clock after source_i or shown_o was high, or pixels were missing.
+/// ray_first_o and ray_last_o mark the first and the last ray of the frame.
+///
+/// Drawn pixels arrive in the order of the rays. `lipp_pixel_feed` shows each pixel at its own
+/// place; a late pixel is counted and dropped. If pixels are still missing at begin_i, the next
+/// frame is black and all its pixels count as underflows. owns_o is high while the drawing uses the
+/// optics: one clock after source_i or shown_o is high, or while pixels are missing.
 module lipp_draw_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -95,7 +102,7 @@ module lipp_draw_frame #(
       ray_last_o <= end_of_frame;
     end
   end
-  // A frame begins where the one before ended: at the first ray.
+  // The ray after the last ray of a frame is the first ray of the next one.
   always_ff @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       {column_q, row_q, sample_q, walk_q, ray_valid_o} <= '0;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
+/// Computes the CRC-32 of a whole buffer of the frame store: rows top to bottom, bytes R, G, B.
 ///
-/// start_i starts the check; it is ignored while busy_o is high. The module asks the store's client
-/// read, which it owns while busy_o is high, for all pixels, and takes each as it comes. done_o is
-/// a pulse two clocks after the last one; crc_o is then valid until the next start.
+/// start_i starts the check; it is ignored while busy_o is high. Meanwhile the module owns the
+/// store's read client: it requests all pixels and takes each one when it arrives. done_o is a
+/// pulse two clocks after the last pixel. crc_o is then valid until the next start.
 module lipp_frame_check #(
   parameter int Width = 640,
   parameter int Height = 480,

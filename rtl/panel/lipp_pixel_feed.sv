@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Pixels of a stream to the video: each is shown at its own place in the frame, or not at all.
+/// Passes a stream of pixels to the video: shows each pixel at its own place in the frame, or drops
+/// it.
 ///
-/// begin_i is the start of a frame of the video. With draws_i, which needs complete_o, the stream
-/// brings the frame's pixels from then on, in order. want_i takes the frame's next pixel; rgb_o is
-/// that pixel in the same clock, and hit_o high. If it has not come, rgb_o is black, and the pixel
-/// is dropped when it comes. Pixels that are missing at begin_i are dropped too, and a frame
-/// without draws_i takes none.
+/// begin_i is a pulse at the start of a video frame. If draws_i is high in that clock, the stream
+/// brings the frame's pixels from then on, in order; draws_i may be high only while complete_o is
+/// high. A frame without draws_i takes no pixels. want_i takes the next pixel of the frame: in the
+/// same clock rgb_o is that pixel and hit_o is high. If the pixel has not arrived yet, rgb_o is
+/// black, and the pixel is dropped when it arrives. Pixels that are still missing at the next
+/// begin_i are dropped too.
 ///
-/// underflow_o is high a clock after a pixel that was late, while shown_i says that the frame is on
-/// the panel. complete_o: no pixel is missing. last_o is a pulse a clock after the frame's last
-/// pixel came.
+/// underflow_o is high one clock after a pixel was missing while shown_i was high (the frame is on
+/// the panel). complete_o is high while no pixel is missing. last_o is a pulse one clock after the
+/// last pixel of the frame arrived.
 module lipp_pixel_feed #(
   parameter int Pixels = 640 * 480
 ) (
@@ -39,10 +41,10 @@ module lipp_pixel_feed #(
   end
 
   localparam int CountBits = $clog2(Pixels + 1);
-  // the frame of the video has pixels: none was missing as it began
+  // the current frame takes pixels: no pixel was missing when it began
   logic draws_q;
-  logic [CountBits-1:0] pending_q;  // pixels that have not come
-  logic [CountBits-1:0] late_q;  // of these, the ones that the video has passed
+  logic [CountBits-1:0] pending_q;  // pixels of the frame that have not arrived
+  logic [CountBits-1:0] late_q;  // missing pixels whose place has passed
   logic drop, come, miss, ends;
   assign drop = !draws_q || late_q != '0;
   assign hit_o = want_i && pixel_valid_i && !drop;

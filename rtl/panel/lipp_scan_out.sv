@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// Video output: the pixels of a frame, or a test pattern, without end. A pixel lasts
-/// ClocksPerPixel clocks, pixel_o marks the first of them.
+/// Video output: shows frames or a test pattern, without end. A pixel lasts ClocksPerPixel clocks;
+/// pixel_o marks the first of them.
 ///
-/// A line is sync, back porch, pixels, front porch; a frame has the same parts, in lines. Vertical
-/// sync begins and ends with horizontal sync. Each is high during sync if its polarity is positive,
-/// low if it is negative. rgb_o is black outside of the pixels. Only at the beginning of vertical
-/// sync, the buffers are swapped if swap_i is high (swapped_o is a pulse then, and front_o
-/// changes), and brightness_i, pattern_i and optics_i are copied: every frame is shown whole. Reset
-/// starts a frame of buffer 0. filled_o is low until the first swap: no buffer holds a frame
-/// before.
+/// A line consists of sync, back porch, pixels and front porch; a frame consists of the same parts,
+/// counted in lines. Vertical sync begins and ends together with horizontal sync. A sync signal is
+/// high during sync if its polarity is positive, else low. rgb_o is black outside the pixels. At
+/// the start of vertical sync, and only there, the buffers are swapped if swap_i is high (swapped_o
+/// is then a pulse and front_o changes), and brightness_i, pattern_i and optics_i are copied. So
+/// every frame is shown whole. Reset starts a frame of buffer 0. filled_o is low until the first
+/// swap, because no buffer holds a frame before it.
 ///
-/// frame_end_o is a pulse at the beginning of vertical sync, when no pixel of the frame before is
-/// on its way, and a clock before swapped_o. Then want_o is a pulse for each pixel of the frame, a
-/// pattern's too, and pixel_i that pixel, in the same clock. The first pulse comes (VSync + VBack)
-/// lines and HSync + HBack pixels, in clocks, after frame_end_o.
+/// frame_end_o is a pulse at the start of vertical sync, one clock before swapped_o; no pixel of
+/// the previous frame is then in the pipeline. After it, want_o is a pulse for each pixel of the
+/// frame (also while a pattern is shown), and pixel_i must be that pixel in the same clock. The
+/// first pulse of want_o comes VSync + VBack lines and HSync + HBack pixels after frame_end_o.
 ///
 /// Each of r, g, b is output as floor(p (brightness + 1) / 256). Pixel and sync signals are
-/// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel shown_crc_o
-/// is the CRC-32 of the frame's output bytes (rows top to bottom, R, G, B), and frames_o has been
+/// aligned; frame_start_o comes with the first pixel. Two clocks after the last pixel, shown_crc_o
+/// is the CRC-32 of the frame's output bytes (rows top to bottom, R, G, B) and frames_o has been
 /// incremented.
 module lipp_scan_out #(
   parameter int Width = 640,

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The frame in the store to the video: asks for the front buffer once a frame, and gives its
-/// pixels.
+/// Sends the frame in the store to the video: requests the front buffer once per frame and passes
+/// its pixels on.
 ///
-/// begin_i is the start of a frame of the video. From the next clock on front_i is its buffer and
-/// shown_i whether that buffer is on the panel; swapped_i is a pulse in that clock if it is another
-/// buffer than before, of CRC-32 crc_i, which is valid from the clock after swapped_i on. The store
-/// is asked a clock after that. Pixels reach the video by `lipp_pixel_feed`: each is shown at its
-/// own place, or is late, counted by underflow_o and dropped.
+/// begin_i is a pulse at the start of a video frame. From the next clock on, front_i is the buffer
+/// of that frame and shown_i says whether it is on the panel. swapped_i is a pulse in that clock if
+/// the buffer changed; crc_i, the CRC-32 of the new buffer, is valid from the clock after
+/// swapped_i. The request to the store follows one clock later. `lipp_pixel_feed` shows each pixel
+/// at its own place; a late pixel is counted by underflow_o and dropped.
 ///
-/// The CRC of each frame that was shown whole is compared with crc_i. If it differs, the memory has
-/// lost the frame: lost_o is high, and the panel black, until the next swap.
+/// When a frame was shown without underflow, its CRC-32 is compared with crc_i. If they differ, the
+/// memory has lost the frame: lost_o goes high and the panel stays black until the next swap.
 module lipp_show_frame #(
   parameter int Width = 640,
   parameter int Height = 480,
@@ -63,7 +63,7 @@ module lipp_show_frame #(
   );
 
   // ---- the CRC of what is shown ----
-  logic hit_q, in_time_q, last_q;  // no pixel of the frame was late
+  logic hit_q, in_time_q, last_q;  // in_time_q: no pixel of the frame was late
   logic [23:0] rgb_q;
   logic [31:0] crc_q;
   always_ff @(posedge clk_i or negedge rst_ni) begin
@@ -71,7 +71,7 @@ module lipp_show_frame #(
       {hit_q, in_time_q, last_q, lost_o} <= '0;
     end else begin
       hit_q <= hit;
-      last_q <= last && !begins;  // a frame whose last pixel is so late has had its underflow
+      last_q <= last && !begins;  // if the last pixel is that late, underflow was counted
       in_time_q <= begins || (in_time_q && !underflow_o);
       if (begin_q && swapped_i) lost_o <= 1'b0;
       else if (last_q && in_time_q) lost_o <= ~crc_q != crc_i;

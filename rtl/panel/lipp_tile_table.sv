@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 `default_nettype none
 
-/// The CRC-32 of each tile of both buffers; 0 for a tile that is not valid.
+/// Holds the CRC-32 of each tile of both buffers; 0 marks a tile that is not valid.
 ///
-/// Reset clears the table, one entry a clock. busy_o is high meanwhile: nothing may be written, and
-/// reads are undefined. read_crc_o(t) is the entry requested at t - 2, as written before t - 2.
+/// Reset clears the table, one entry per clock. busy_o is high meanwhile: writes are not allowed
+/// and reads are undefined. read_crc_o in clock t is the entry requested in clock t - 2, as it was
+/// before that clock.
 module lipp_tile_table #(
   parameter int Width = 640,
   parameter int Height = 480,

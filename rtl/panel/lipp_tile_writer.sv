@@ -3,24 +3,26 @@
 
 /// Decodes one tile from a packet and writes it into a buffer of the frame store.
 ///
-/// start_i copies the parameters; it is ignored while a tile is being written. The packet's data
-/// follow as a stream with its last byte marked, unless empty_i is high: no data. A pixel is
-/// written each clock, or as fast as the bytes arrive and the store takes pixels:
+/// start_i copies the parameters; it is ignored while a tile is being written. The bytes of the
+/// packet follow as a stream whose last byte is marked; with empty_i high there are no bytes. One
+/// pixel is written per clock, or fewer if the bytes arrive or the store takes pixels more slowly:
 ///
 ///   CodingRaw    R, G, B of each pixel
-///   CodingSolid  R, G, B of all
+///   CodingSolid  R, G, B of all pixels
 ///   CodingQoi    operations of QOI without its header and end marker, except QOI_OP_RGBA: every
 ///                pixel's alpha is 255; the previous pixel and the index start as black
 ///   CodingCopy   no data: the pixels at the same position of the other buffer
 ///
-/// done_o is a pulse after the last byte and the last write. If ok_o is high with it, the data had
-/// exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by row.
-/// Otherwise the data were invalid, or the panel has no such tile or coding; the rest of the packet
-/// was discarded, and the tile may be partly written. Nothing outside of the tile is ever written.
+/// done_o is a pulse after the last byte and the last write. If ok_o is high in that clock, the
+/// data had exactly the tile's number of pixels, and crc_o is the CRC-32 of their bytes, row by
+/// row. If ok_o is low, the data were invalid, or the panel has no such tile or coding; the rest of
+/// the packet was discarded, and the tile may be partly written. Nothing outside the tile is ever
+/// written.
 ///
-/// Each row of the tile is a request to the store's client write; copied rows are requests to its
-/// client read before. A row that bad data cut short is filled up with any pixels. A request is
-/// made when the row's first pixel is there, and after the row before is written.
+/// Each row of the tile is one request to the store's write client. A copied row is first requested
+/// from the store's read client. If bad data end within a row, the row is filled up with arbitrary
+/// pixels. The request for a row is made when its first pixel is known and the previous row is
+/// written.
 ///
 /// Clocks from start_i to done_o with a store that is always ready, for h rows of w pixels and b
 /// bytes up to the first pixel, where n = ceil(log2(rows of tiles)), at least 1:
