@@ -52,7 +52,6 @@ module lipp_slot_loader #(
   endfunction
 
   // ---- bytes: byte_q is requested, its word comes two clocks later, then it is written ----
-  // written ----
   logic [9:0] byte_q;
   logic asking_q, asking_q2, data_valid_q;
   logic [9:0] asked_at_q, at_q;
