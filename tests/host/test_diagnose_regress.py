@@ -383,12 +383,12 @@ def test_two_faults_are_looked_for_in_eight_rays(monkeypatch, wrong, looked_for)
 def test_tie_rule():
     display = display_of("square", "panel", pixel_pitch=0.0625)
     (rays,) = hard_sets(display, "cell-ties", SEED, 36)
-    assert isinstance(rays, PanelRays)
     aims = np.zeros_like(rays.pixels)
     assert judged(rays.display, faulty_tracer.trace(rays.display, rays.pixels, aims)).right
     verdict = judged(rays.display, faulty_tracer.trace(rays.display, rays.pixels, aims, "tie rule"))
-    assert verdict.stage == "lenslet"
-    assert "tie rule" in verdict.fault
+    assert (verdict.stage, "tie rule" in verdict.fault) == ("lenslet", True)
+    swapped = faulty_tracer.trace(rays.display, rays.pixels[:, ::-1], aims, "tie rule") | {"pixel": rays.pixels}
+    assert "column and row swapped; and cells closed on their" in judged(rays.display, swapped).fault
 
 
 @pytest.mark.parametrize(("axis", "side"), [(0, "left"), (1, "lower")])

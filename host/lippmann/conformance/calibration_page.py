@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base.tones import psnr_db
 from lippmann.calibration.check import rings
@@ -16,19 +15,19 @@ from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye, observe, whole_window
+from lippmann.optics.rays import Floats
 
-#: Columns of the field of residuals (`calibration.result.Calibration.field`).
+#: Columns of `calibration.result.Calibration.field`.
 FIELD = ("position", "i", "j", "x_mm", "y_mm", "right_px", "down_px", "kept")
 POSITION, _, _, X, Y, RIGHT, DOWN, KEPT = range(len(FIELD))
-#: Most arrows in a plot of a position.
+#: Maximum number of arrows for a position.
 MOST_ARROWS = 600
-#: Samples of a view's pixel.
+#: Samples per pixel of a view.
 SAMPLES = 64
-Floats = npt.NDArray[np.float64]
 
 
 def draw_residuals(field: Floats, cameras: Rows) -> Plot:
-    """Draw the residuals of the panel points over the array, one picture for each position."""
+    """Draw the residuals over the array, one picture per position."""
     picture, axes = make_axes(1, max(1, len(cameras)))
     rng = np.random.default_rng(1)
     for axis, k in zip(axes[0], range(len(cameras)), strict=False):
@@ -36,23 +35,15 @@ def draw_residuals(field: Floats, cameras: Rows) -> Plot:
         rows = rows[np.sort(rng.permutation(len(rows))[:MOST_ARROWS])]
         typical = max(1e-3, float(np.median(np.hypot(rows[:, RIGHT], rows[:, DOWN]))) if len(rows) else 1.0)
         span = max(1e-6, float(np.ptp(rows[:, X])) if len(rows) else 1.0)
-        axis.quiver(
-            rows[:, X],
-            rows[:, Y],
-            rows[:, RIGHT],
-            -rows[:, DOWN],
-            color=COLOURS[0],
-            angles="xy",
-            scale_units="xy",
-            scale=40.0 * typical / span,
-            width=0.003,
-        )
+        scale = {"angles": "xy", "scale_units": "xy", "scale": 40.0 * typical / span}
+        arrows = (rows[:, X], rows[:, Y], rows[:, RIGHT], -rows[:, DOWN])
+        axis.quiver(*arrows, color=COLOURS[0], width=0.003, **scale)
         axis.set(title=f"{cameras[k]['name']}: median {typical:.3f} px", xlabel="x, mm", ylabel="y, mm", aspect="equal")
     return Plot("calibration-residuals", finish_picture(picture))
 
 
 def draw_histogram(field: Floats) -> Plot:
-    """Draw how the residuals of the panel points are distributed."""
+    """Draw the distribution of the residuals."""
     picture, axes = make_axes(1, 2)
     used = field[field[:, KEPT] > 0]
     for axis, column, label in zip(axes[0], (RIGHT, DOWN), ("residual to the right", "residual down"), strict=True):
@@ -62,9 +53,9 @@ def draw_histogram(field: Floats) -> Plot:
 
 
 def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
-    """Draw what an eye sees of the rings: made for the nominal file, for the calibrated one, and on a perfect display.
+    """Draw rings as an eye sees them, for the nominal file and the calibrated one on the calibrated display.
 
-    The first two are seen through the calibrated array; their titles give the decibels against the last.
+    A third picture, of a display as the nominal file, is the reference of their PSNR.
     """
     window = whole_window(display, min(640, display.panel.width_px))
     picture, axes = make_axes(1, 3, (4.0, 3.2))
@@ -81,18 +72,18 @@ def draw_views(nominal: Display, display: Display, eye: Eye) -> Plot:
 
 
 def digits(number: float, half: float) -> str:
-    """Return a number with the digits that its uncertainty has, two of which it tells; 0 has no sign."""
+    """Round a number to two digits of its uncertainty; 0 has no sign."""
     places = max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 6
     return f"{round(number, places) + 0.0:.{places}f}"
 
 
 def calibration_page(
-    origin: Mapping[str, str], found: Calibration, eye_mm: tuple[float, float, float] | None = None
+    origin: Mapping[str, str], calibration: Calibration, eye_mm: tuple[float, float, float] | None = None
 ) -> Page:
-    """Return the page of a calibration; the eye is the first camera's place, unless it is given."""
-    summary = found.summary()
+    """Return the page of a calibration, by default for an eye at the first camera."""
+    summary, nominal, display = calibration.summary(), calibration.nominal, calibration.display
     place = tuple(summary["cameras"][0]["place_mm"]) if eye_mm is None else eye_mm
-    views_plot = draw_views(found.nominal, found.display, Eye((place[0], place[1], place[2])))
+    views_plot = draw_views(nominal, display, Eye((place[0], place[1], place[2])))
     rows = []
     for one in summary["parameters"]:
         half = one["uncertainty"]
@@ -103,8 +94,8 @@ def calibration_page(
     for one in summary["cameras"]:
         sides = zip(one["place_mm"], one["uncertainty_mm"], strict=True)
         cameras.append({**one, "place": ", ".join(f"{digits(x, half)} +- {digits(half, half)}" for x, half in sides)})
-    table = [dict(zip(FIELD, map(float, row), strict=True)) for row in found.field]
-    described = {"summary": summary, "display": found.display, "nominal": found.nominal, "eye": place}
-    plots = [views_plot, draw_residuals(found.field, summary["cameras"]), draw_histogram(found.field)]
-    context = {**described, "rows": rows, "cameras": cameras}
-    return Page("calibration", origin, plots, {"calibration-residuals": table}, context)
+    field = calibration.field
+    plots = [views_plot, draw_residuals(field, summary["cameras"]), draw_histogram(field)]
+    tables = {"calibration-residuals": [dict(zip(FIELD, map(float, row), strict=True)) for row in field]}
+    context = {"summary": summary, "display": display, "eye": place, "rows": rows, "cameras": cameras}
+    return Page("calibration", origin, plots, tables, context)

@@ -1,8 +1,4 @@
-"""Foreign rays beside golden's: how far each value may be off, and which are.
-
-A ray may be off by its bound plus the effect of rounding its inputs to float32, however ill-conditioned it is. Where
-such a rounding changes lenslet or status, the ray is on an edge.
-"""
+"""Compares foreign rays with golden's. On an edge, a rounding of an input to float32 changes lenslet or status."""
 
 from __future__ import annotations
 
@@ -30,18 +26,18 @@ Step = Literal["panel_mm", "start_mm", "near_mm", "centre_mm", "local_mm", "orig
 
 #: Arrays of integers.
 INTEGERS = ("home", "lenslet", "status")
-#: Ways in which rays are displaced, to find edges; to see all sides of an edge, and by which shares.
+#: Directions of the displacements that find edges; directions and shares of those that reach all sides of an edge.
 AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 AROUND = np.concatenate([AXES, AXES @ [[1.0, 1.0], [-1.0, 1.0]]])
 SHARES = (1.0, 0.5, 0.25, 0.0625)
-#: Rays on an edge that are looked at together: some ten kilobytes each.
+#: Rays on an edge that are displaced together: some ten kilobytes each.
 AT_ONCE = 4096
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class StepBound:
-    """The bound of a step of the ray."""
+    """The bound of a step."""
 
     array: Annotated[Step, key("the step's array, as in a file of rays")]
     point_nm: Nm
@@ -60,7 +56,7 @@ class CaseBound:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """The keys of a file of bounds; what a step or a case does not say is as for all rays."""
+    """The keys of a file of bounds. A bound that a step or case leaves out is that of all rays."""
 
     direction_urad: Urad = 2.0
     point_nm: Nm = 50.0
@@ -68,7 +64,7 @@ class Bounds:
     case: Annotated[tuple[CaseBound, ...], key("")] = ()
 
     def limits(self, inputs: PanelRays, rays: Arrays) -> Arrays:
-        """Return how far each array of rays may be off, (N,), radians and mm; `rays` are golden's."""
+        """Return the bounds of each array, (N,), radians and mm; `rays` are golden's."""
         steps = {one.array: one.point_nm for one in self.step}
         met = points_met(inputs, rays) if self.case else {}
         limits: Arrays = {}
@@ -84,7 +80,7 @@ class Bounds:
 
 
 def load_bounds(path: Path) -> Bounds:
-    """Read a file of bounds; raise InputError, with file, key and remedy, for what is wrong in it."""
+    """Read a file of bounds; raise InputError for what is wrong in it."""
     bounds = toml.read(Bounds, toml.load(path, "bounds"), str(path))
     for name, bounded in (("step", [one.array for one in bounds.step]), ("case", [one.point for one in bounds.case])):
         for number, one in enumerate(bounded):
@@ -101,10 +97,7 @@ def load_bounds(path: Path) -> Bounds:
 
 @dataclass(frozen=True)
 class FieldSummary:
-    """One array of the file: the step that computes it, rays compared and wrong, the largest difference and its unit.
-
-    `limits` are the smallest and the largest difference allowed.
-    """
+    """One array of the file; `worst` is its largest difference, `limits` are the smallest and largest allowed."""
 
     field: str
     stage: str
@@ -117,10 +110,10 @@ class FieldSummary:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Foreign rays beside golden's: N rays and their inputs.
+    """N foreign rays and golden's.
 
-    `limits` (N,) say how far a ray may be off in each array; `edge` (N,) marks rays whose status or lenslet changes
-    within them, `excused` (N,) those of them that are golden's on some side; of `alone` (N,) the status is compared.
+    `limits` (N,) are the differences allowed in each array. `edge` (N,) marks rays on an edge, `excused` those of them
+    that equal golden's on some side. Of rays in `alone` only the status is compared.
     """
 
     inputs: PanelRays
@@ -147,7 +140,7 @@ class Comparison:
         return [name for name, wrong in self.wrong_by.items() if wrong.any()]
 
     def far(self, name: str, values: Floats, other: Arrays) -> Floats:
-        """Return how far values of an array are from another's, as `distance`; 0 where they are not given."""
+        """Return the `distance` of values of an array from `other`; 0 where the file lacks them."""
         return np.where(self.alone & (name != "status"), 0.0, distance(name, values, other[name]))
 
     def wrong_in(self, name: str, values: Floats) -> Bools:
@@ -161,22 +154,20 @@ class Comparison:
         fields, golden, limits = (
             {name: array[rays] for name, array in arrays.items()} for arrays in (self.fields, self.golden, self.limits)
         )
-        inputs, masks = self.inputs.select(rays), (self.edge[rays], self.excused[rays], self.alone[rays])
-        return Comparison(inputs, fields, golden, limits, *masks)
+        masks = [mask[rays] for mask in (self.edge, self.excused, self.alone)]
+        return Comparison(self.inputs.select(rays), fields, golden, limits, *masks)
 
     def later(self, lag: int) -> Comparison:
-        """Return the comparison of each ray with the values that stand `lag` rays after it."""
+        """Return the comparison of each ray with the values `lag` rays after it."""
         rays = np.arange(max(0, -lag), len(self.edge) - max(0, lag))
         fields = {name: values[rays + lag] for name, values in self.fields.items()}
         return replace(self.select(rays), fields=fields, alone=self.alone[rays + lag])
 
     def summary(self, name: str) -> FieldSummary:
         """Return the summary of one array."""
-        unit, scale = "nm", 1e6
+        unit, scale = ("microradian" if name == "direction" else "nm"), 1e6
         if name in INTEGERS:
             unit, scale = "rays", 1.0
-        elif name == "direction":
-            unit = "microradian"
         plain = ~self.edge
         far = self.far(name, self.fields[name], self.golden)[plain] * scale
         limit = self.limits[name][plain] * scale
@@ -189,10 +180,10 @@ class Comparison:
 def compare(
     foreign: ForeignRays, bounds: Bounds, moves_mm: tuple[Floats, Floats] | None = None, every: bool = True
 ) -> Comparison:
-    """Compare arrays with golden's, within bounds.
+    """Compare arrays with golden's.
 
-    Panel points and aims displaced either way by `moves_mm`, (N, 2) each, tell how much more each ray may be off; left
-    out, by the `roundings`. Not `every`: only rays beyond the bounds are displaced, because the others are right.
+    Each ray may be off by its bound plus the effect of moving panel point and aim by `moves_mm`, (N, 2) each; by
+    default the `roundings`. Without `every`, only rays beyond their bounds are moved: the others are right.
     """
     inputs = foreign.inputs
     rays, n = golden(inputs), len(inputs.pixels)
@@ -206,9 +197,8 @@ def compare(
     more, across = _effect_of_moves(compared.select(indices), panel_mm[indices], aim_mm[indices])
     for name, extra in more.items():
         limits[name][indices] += extra
-    edge = np.zeros(n, bool)
+    edge, excused = np.zeros((2, n), bool)
     edge[indices] = across
-    excused = np.zeros(n, bool)
     on_edge = np.flatnonzero(edge)
     for some in np.split(on_edge, range(AT_ONCE, len(on_edge), AT_ONCE)):
         excused[some] = _on_some_side(compared.select(some), panel_mm[some], aim_mm[some])
@@ -216,12 +206,11 @@ def compare(
 
 
 def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> tuple[Arrays, Bools]:
-    """Return how far displacements move each array's rays, and which change status or lenslet, (N,) each."""
+    """Return how far displacements move the rays of each array, and which rays change status or lenslet, (N,) each."""
     n = len(compared.edge)
     largest = {name: np.zeros(n) for name in ("direction", "local_mm", "origin_mm")}
     edge = np.zeros(n, bool)
-    for moved in _displaced(compared.inputs, panel_mm, aim_mm):
-        other = golden(moved)
+    for other in map(golden, _displaced(compared.inputs, panel_mm, aim_mm)):
         across = np.any([(other[name] != compared.golden[name]).any(axis=1) for name in INTEGERS], axis=0)
         edge |= across
         for name, far in largest.items():
@@ -232,7 +221,7 @@ def _effect_of_moves(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> 
 
 
 def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats = AXES) -> Iterator[PanelRays]:
-    """Yield rays whose panel points, and then aims, are displaced by some (N, 2) mm, in some ways (M, 2)."""
+    """Yield rays with panel points, then aims, displaced by (N, 2) mm in each of the directions `ways` (M, 2)."""
     aimed = replace(inputs, aperture=inputs.aims)
     for step in ways:
         yield replace(aimed, pixels=inputs.pixels + step * panel_mm / inputs.display.panel.pitches_mm)
@@ -240,10 +229,9 @@ def _displaced(inputs: PanelRays, panel_mm: Floats, aim_mm: Floats, ways: Floats
 
 
 def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Bools:
-    """Return which of rays that are all on an edge are golden's on some side of it, (N,).
+    """Tell which rays on an edge equal golden's on some side of it, (N,).
 
-    A ray must have status and lenslet of some of golden's displaced by `SHARES` of the roundings, and values within
-    their range, or beyond it by no more than its width and the limits.
+    Their values may leave the range of the displaced rays by the width of the range plus the limits.
     """
     sides = [compared.golden]
     for share in SHARES:
@@ -264,10 +252,7 @@ def _on_some_side(compared: Comparison, panel_mm: Floats, aim_mm: Floats) -> Boo
 
 
 def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
-    """Return how far roundings to float32 move panel points and aims, (N, 2) each, mm.
-
-    One rounding of the given coordinate, and at least four roundings half a pitch from the lenslet's centre.
-    """
+    """Return how far rounding to float32 moves points and aims, (N, 2) mm; at least 4 roundings of half a pitch."""
     pitch, pixel = inputs.display.array.coarsest_mm, np.array(inputs.display.panel.pitches_mm)
 
     def rounding(values: Floats) -> Floats:
@@ -278,7 +263,7 @@ def roundings(inputs: PanelRays) -> tuple[Floats, Floats]:
 
 
 def distance(name: str, values: Floats, expected: Floats) -> Floats:
-    """Return how far values are from the expected ones, (N,): a length, or 0 and 1 for integers; never NaN."""
+    """Return the distance of values from expected ones, (N,): a length; 0 or 1 for integers; never NaN."""
     if name in INTEGERS:
         return np.asarray((values != expected).any(axis=1), np.float64)
     far = np.linalg.norm(values - expected, axis=1)

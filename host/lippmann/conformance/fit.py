@@ -1,8 +1,8 @@
 """`fit`: the cheapest model, number of samples and build of the RTL within a tolerance, for a display's chief rays.
 
-All errors are in pixels of the reconstructed view (see `lippmann.optics.model_choice`); docs/models.md says which.
-Along each axis the light of a panel pixel spreads to w = |z| q / D at depth z, in reconstructed pixels w / max(p, w).
-The error of n samples is their `gap` in a rectangle of these sides, largest at the farthest depth.
+All errors are in pixels of the reconstructed view (docs/models.md). Along each axis the light of a panel pixel spreads
+to w = |z| q / D at depth z, which is w / max(p, w) reconstructed pixels. The error of n samples is their `gap` in a
+rectangle of these sides, largest at the farthest depth.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ from lippmann.optics.rays import Floats, Model, Rays
 from lippmann.optics.sample_points import R2_STEPS, pixel_steps
 from lippmann.optics.system import System
 
-#: Largest number of samples that a fit tries.
+#: Maximum number of samples.
 MOST_SAMPLES = 1024
-#: Numbers that it tries: each is one more than the one before, or up to 5 % more; 1024^(1/142) is 1.05.
+#: Candidates: each is one more than the one before, or up to 5 % more; 1024^(1/142) is 1.05.
 TRIED_SAMPLES = sorted({round(MOST_SAMPLES ** (k / 142)) for k in range(143)})
-#: Extent of a build's probe, as a part of the cell: beyond, rounding may choose the neighbour.
+#: Extent of a build's probe relative to the cell: beyond, rounding may choose the neighbour.
 INSIDE = 0.97
-#: A build that passes the probe is tested on so many rays all over the panel too, and on as many in corners of cells.
-#: Roundings of untested rays may be larger by the margin, as a part of the rounding.
+#: Rays that test a build that passes the probe, all over the panel and again in corners of cells; the margin, relative
+#: to the rounding, is for larger roundings of other rays.
 SPREAD_RAYS, ROUNDING_MARGIN = 200_000, 0.05
-#: Least distance of those rays in corners from the cell's centre, as a part of INSIDE.
+#: Minimum distance of the rays in corners from the cell's centre, relative to INSIDE.
 CORNERS = 0.9
 
 
 @documented
 @dataclass(frozen=True)
 class Fit:
-    """The choice and its errors, in pixels of the reconstructed view."""
+    """The choices and their errors, in pixels of the reconstructed view."""
 
     choice: Annotated[Choice, key("lens model")]
     samples: Annotated[int | None, key("rays for each pixel; None when MOST_SAMPLES are too few")]
@@ -64,12 +64,9 @@ class Fit:
 
 
 def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float = TOLERANCE) -> Fit:
-    """Choose model, samples and build for a display's chief rays (parameters and errors as `choose_model`).
-
-    The tolerance holds for each of the three.
-    """
+    """Choose model, samples and build, each within the tolerance (parameters and errors as `choose_model`)."""
     choice = choose_model(display, depth_range_mm, "chief", tolerance)
-    # The spread of a panel pixel along each axis, in reconstructed pixels: at most 1.
+    # The spread of a panel pixel along each axis, in reconstructed pixels.
     farthest = max(map(abs, depth_range_mm)) / display.aperture_distance_mm
     x, y = (farthest * q / max(display.array.finest_mm, farthest * q) for q in display.panel.pitches_mm)
     samples = choose_samples((x, y), tolerance)
@@ -78,19 +75,16 @@ def fit(display: Display, depth_range_mm: tuple[float, float], tolerance: float 
 
 
 def choose_samples(spread_px: Pair, tolerance: float) -> int | None:
-    """Return the first of TRIED_SAMPLES whose gap in this spread is within a tolerance; None above the last.
-
-    All are tried: one sample more may leave a larger gap, because all move.
-    """
+    """Return the first of TRIED_SAMPLES whose gap is within a tolerance, or None."""
+    # No bisection: with one sample more, all move, and the gap may grow.
     return next((samples for samples in TRIED_SAMPLES if gap(samples, spread_px) <= tolerance), None)
 
 
 @cache
 def gap(samples: int, sides: Pair) -> float:
-    """Return the largest distance from a place in a rectangle to the renderer's nearest sample.
+    """Return the largest distance in a rectangle to the nearest of the renderer's samples, mirrored or transposed.
 
-    A pixel's samples may be mirrored, and their axes exchanged. The farthest place is a corner of their Voronoi cells,
-    clipped to the rectangle by reflecting the samples in its sides.
+    It is that of a corner of the Voronoi cells, which the samples reflected in the sides clip to the rectangle.
     """
     if samples == 1:
         return 0.5 * math.hypot(*sides)
@@ -113,13 +107,12 @@ def gap(samples: int, sides: Pair) -> float:
 
 
 def choose_build(display: Display, depth_range_mm: tuple[float, float], tolerance: float) -> tuple[Build | None, float]:
-    """Return the cheapest build of the RTL within a tolerance, and its error.
+    """Return the cheapest build of the RTL within a tolerance, by model, then by word length, and its error.
 
-    Cheaper models come first, and shorter words within each. When all builds exceed the tolerance: None and the least
-    error.
+    When all builds exceed the tolerance: None and the smallest error.
     """
     try:
-        # Pixels rounded to words first, so that rounding moves no pixel over a border.
+        # Rounding pixels to words first moves none over a border.
         probes = {
             name: away_from_borders(display, pixels_of_words(display, *words_of_pixels(display, pixels)))
             for name, pixels in (("few", probe(display, "chief", INSIDE)[0]), ("many", _spread(display)))
@@ -153,7 +146,7 @@ def choose_build(display: Display, depth_range_mm: tuple[float, float], toleranc
 
 
 def _spread(display: Display) -> Floats:
-    """Return pixel coordinates (N, 2) all over the panel, and in the corners of the cells there."""
+    """Return pixel coordinates (N, 2) all over the panel, and in the corners of their cells."""
     numbers = np.arange(SPREAD_RAYS)
     everywhere = np.outer(numbers, R2_STEPS) % 1.0 * panel_size(display)
     corners = INSIDE * corners_mm(display.array)
@@ -163,7 +156,7 @@ def _spread(display: Display) -> Floats:
 
 
 def away_from_borders(display: Display, pixels: Floats) -> Floats:
-    """Return those of the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
+    """Return the pixel coordinates (N, 2) that lie in their cell shrunk by INSIDE."""
     lattice = System.of(display).lattice
     axes = np.array(lattice.axes)
     across = np.abs(in_cells_mm(display, pixels) @ axes.T).max(axis=1)

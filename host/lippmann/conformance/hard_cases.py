@@ -1,7 +1,6 @@
-"""Hard cases: named sets of rays that are numerically difficult, generated for any display from a seed.
+"""Hard cases: named sets of numerically difficult rays, generated from a seed for a display.
 
-The sets have displays of their own: the given one, or one with a single property at an extreme. The docstring of each
-function says what its case tests.
+A set has the display itself, or one with a single property at an extreme.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ from lippmann.optics.rays import Floats, Status
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import FARTHEST_LENSLETS
 
-#: Distances of rays around an onset, in units of the last place of the aim.
+#: Distances of rays from an onset, in units of the last place of the aim.
 ULPS = (-64, -16, -4, -2, -1, 0, 1, 2, 4, 16, 64)
-#: A case with more displays than these has fewer rays of each.
+#: A case of more displays has fewer rays of each.
 MANY_DISPLAYS = 10
 
 
@@ -49,18 +48,18 @@ Generator = Callable[[Display, np.random.Generator, int], Sets]
 Displays = Callable[[Display], Mapping[str, Display]]
 
 
-#: All cases by name, in the order of this file; the docstring of each says what it tests.
+#: All cases by name; the docstring of each says what it tests.
 CASES: dict[str, Generator] = {}
 
 
 def _case(make: Generator) -> Generator:
-    """Add a case with the name of a generator."""
+    """Add the case of a generator, under its name."""
     CASES[make.__name__.replace("_", "-")] = make
     return make
 
 
 def _of_displays(displays: Displays) -> Generator:
-    """Add a case with a set for each display: rays from anywhere to anywhere in their cells."""
+    """Add a case of random rays, a set for each display."""
 
     @wraps(displays)
     def make(display: Display, random: np.random.Generator, count: int) -> Sets:
@@ -74,10 +73,7 @@ def _of_displays(displays: Displays) -> Generator:
 
 
 def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 24) -> Sets:
-    """Yield the sets of a case, or of "all", for a display and the displays made from it; about `count` rays in each.
-
-    Raises InputError for an unknown name.
-    """
+    """Yield the sets of a case, or of "all", of about `count` rays each; raise InputError for an unknown case."""
     if name != "all" and name not in CASES:
         raise InputError(f"unknown case '{name}'; choose from all, {', '.join(CASES)}")
     for number, (each, case) in enumerate(CASES.items()):
@@ -86,10 +82,7 @@ def hard_sets(display: Display, name: str = "all", seed: int = 0, count: int = 2
 
 
 def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> Display:
-    """Return a display with other numbers of its array; a named glass becomes a plain index.
-
-    The substrate becomes at least as thick as the dome's sag, and the eye stays outside the lenslets' focal zone.
-    """
+    """Return a display with other numbers of its array, a plain index, and valid thickness and viewing distance."""
     thickness_mm = array.pop("thickness_mm", display.array.thickness_mm)
     domes = replace(display.array, **{"glass": None, **array})
     domes = replace(domes, thickness_mm=max(thickness_mm, domes.sag_mm))
@@ -99,7 +92,7 @@ def changed(display: Display, *, gap_mm: float | None = None, **array: Any) -> D
 
 
 def without_eye(display: Display) -> Display:
-    """Return a display whose elemental images lie right behind their lenslets."""
+    """Return a display with its elemental images right behind their lenslets."""
     return replace(display, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
 
 
@@ -110,12 +103,12 @@ def steep(display: Display, share: float = 1.02) -> Display:
 
 
 def _nudged(points: Floats, random: np.random.Generator) -> Floats:
-    """Return points (N, 2) with each coordinate moved by up to 2 units of its last place."""
+    """Move each coordinate of points by up to 2 units of its last place."""
     return np.asarray(points + random.integers(-2, 3, points.shape) * np.spacing(points))
 
 
 def _near_onset(name: str, display: Display, pixels: Floats, aims: Floats) -> PanelRays:
-    """Return rays to aims (N, 2) and to those `ULPS` beside them."""
+    """Return rays to aims (N, 2), and to those at `ULPS` from them."""
     near = aims[:, None, :] + np.array(ULPS)[None, :, None] * np.spacing(np.abs(aims))[:, None, :]
     return PanelRays(name, display, np.repeat(pixels, len(ULPS), axis=0), near.reshape(-1, 2))
 
@@ -148,7 +141,7 @@ def cell_corners(display: Display, random: np.random.Generator, count: int) -> S
 def _on_border(
     case: str, display: Display, random: np.random.Generator, points: Floats, lenslet: tuple[int, int]
 ) -> Sets:
-    """Yield pixels at the first half of points of a cell, and aims at the second half."""
+    """Yield pixels at half of the points of a cell, and aims at the others."""
     count = len(points) // 2
     pixels, _ = pixels_at(display, points[:count], lenslet)
     yield PanelRays(f"{case}/pixels", display, _nudged(pixels, random), None)
@@ -162,8 +155,7 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
     del random
     square = replace(display.panel, width_px=400, height_px=320, pixel_pitch_mm=0.0625)
     plain = changed(display, shear=0.0, extent_mm=None, rotation_deg=0.0, offset_mm=(0.0, 0.0))
-    tied = changed(plain, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5)
-    tied = replace(without_eye(tied), panel=square)
+    tied = replace(without_eye(changed(plain, pitch_mm=1.0, radius_mm=1.5, gap_mm=0.5)), panel=square)
     steps = np.arange(-math.isqrt(count), math.isqrt(count) + 1) / 2.0
     x, y = (axis.ravel() for axis in np.meshgrid(steps, steps if display.array.grid == "square" else steps / 16.0))
     yield PanelRays("cell-ties", tied, np.stack([200.0 + 16.0 * x, 160.0 - 16.0 * y], axis=1), None)
@@ -173,7 +165,7 @@ def cell_ties(display: Display, random: np.random.Generator, count: int) -> Sets
 def grazing_launch(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays that leave the panel at ever flatter angles, down to parallel within rounding or to the array's end."""
     pixels = random_pixels(display, random, count)
-    # Half of the engines' limit: inputs that are moved by a rounding or by a tolerance stay within it.
+    # Half of the engines' limit, so that inputs moved by a rounding or a tolerance stay within it.
     farthest = 0.5 * FARTHEST_LENSLETS * display.array.finest_mm / display.aperture_distance_mm
     far = display.aperture_distance_mm * random_sizes(random, 1.0, min(1e8, farthest), count)
     yield PanelRays("grazing-launch", display, pixels, far * random_directions(random, count))
@@ -182,9 +174,9 @@ def grazing_launch(display: Display, random: np.random.Generator, count: int) ->
 def _flips(
     display: Display, random: np.random.Generator, count: int, status: Status, reach: float = 1.5, centres: bool = False
 ) -> tuple[Floats, Floats, Floats]:
-    """Return pixels, the last aims before rays get a status, and aims well before; (M, 2) each, M <= count.
+    """Return at most `count` pixels, the last aims before rays get a status, and aims well before; (M, 2) each.
 
-    With `centres` they are whole pixels, which every word holds exactly.
+    With `centres` the pixels are centres, which every word holds exactly.
     """
 
     def has(aims: Floats) -> Bools:
@@ -215,13 +207,10 @@ def grazing_exit(display: Display, random: np.random.Generator, count: int) -> S
     Those of the second set, from whole pixels, are as near to it as words can tell.
     """
     dense = changed(steep(display), index=1.9)
-    for name, nearest, farthest, centres in (
-        ("grazing-exit", 1e-15, 0.1, False),
-        ("grazing-exit/words", 3e-8, 3e-6, True),
-    ):
+    for name, nearest, farthest, centres in (("", 1e-15, 0.1, False), ("/words", 3e-8, 3e-6, True)):
         pixels, last, inner = _flips(dense, random, count, Status.INTERNAL_REFLECTION, centres=centres)
         share = random_sizes(random, nearest, farthest, len(pixels))
-        yield PanelRays(name, dense, pixels, last + share * (inner - last))
+        yield PanelRays(f"grazing-exit{name}", dense, pixels, last + share * (inner - last))
 
 
 @_case
@@ -230,30 +219,25 @@ def far_cells(display: Display, random: np.random.Generator, count: int) -> Sets
 
     None do where the domes face the viewer: rays reach farther cells there only from farther aims.
     """
-    pitch = display.array.finest_mm
     far = changed(steep(display), gap_mm=1.5 * display.array.coarsest_mm)
     many = 400 * count
-    aims = pitch * random.uniform(1.1, 1.4, (many, 1)) * random_directions(random, many)
+    aims = display.array.finest_mm * random.uniform(1.1, 1.4, (many, 1)) * random_directions(random, many)
     rays = PanelRays("far-cells", far, random_pixels(far, random, many), aims)
     traced = rays.trace()
     far_off = cell_steps(far, traced.lenslet - rays.steps()["home"]) >= 2
-    crossed = far_off & (traced.status == int(Status.CROSSTALK))
-    if crossed.any():
-        yield rays.select(np.flatnonzero(crossed)[:count])
+    crossed = np.flatnonzero(far_off & (traced.status == int(Status.CROSSTALK)))
+    if len(crossed):
+        yield rays.select(crossed[:count])
 
 
 @_case
 def fates(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays on both sides of the onset of crosstalk, of blocking by a dome, and of a missed array."""
     array = display.array
-    rho = array.half_diagonal_mm
-    thin = changed(display, radius_mm=1.02 * rho, index=1.25, thickness_mm=0.0, gap_mm=0.0)
+    thin = changed(display, radius_mm=1.02 * array.half_diagonal_mm, index=1.25, thickness_mm=0.0, gap_mm=0.0)
     canyon = changed(display, radius_mm=400.0 * array.coarsest_mm, thickness_mm=0.0, gap_mm=0.0)
-    for status, extreme, reach in (
-        (Status.CROSSTALK, steep(display), 1.5),
-        (Status.BLOCKED, thin, 6.0),
-        (Status.MISSED, canyon, 200.0),
-    ):
+    kinds = ((Status.CROSSTALK, steep(display), 1.5), (Status.BLOCKED, thin, 6.0), (Status.MISSED, canyon, 200.0))
+    for status, extreme, reach in kinds:
         pixels, aims, _ = _flips(extreme, random, max(2, count // 8), status, reach)
         if len(aims):
             yield _near_onset(f"fates/{status.name.lower()}", extreme, pixels, aims)
@@ -285,12 +269,12 @@ def tangent(display: Display, random: np.random.Generator, count: int) -> Sets:
     """Rays in air that touch a dome: the discriminant is within a few roundings of zero, on both sides, and beyond."""
     hilly = without_eye(steep(display, 1.001))
     R = hilly.array.radius_mm
-    # Points some roundings off a dome that bulges to +z, and tangent directions, lens-local.
+    # Points near a dome that bulges to +z, and tangent directions, lens-local.
     foot = random_aims(hilly, random, 40 * count)
     slope = np.hypot(*foot.T) / R
     foot = foot[slope > 0.75][: 2 * count]
     normal = np.column_stack([foot / R, np.sqrt(1.0 - (foot**2).sum(axis=1) / R**2)])
-    # Downhill, and turned from it to either side.
+    # Downhill, and rotated to either side of it.
     down = unit_vectors(np.column_stack([foot, np.zeros(len(foot))]))
     down = unit_vectors(down - (down * normal).sum(axis=1)[:, None] * normal)
     turn = random.uniform(-0.6, 0.6, (len(foot), 1))
@@ -355,27 +339,19 @@ def gaps(display: Display) -> dict[str, Display]:
     array = display.array
     focus = array.focal_length_mm - (array.thickness_mm / array.index if array.plano_side == "panel" else 0.0)
     focus = focus if focus > 0.0 else array.focal_length_mm
-    distances = {
-        "0": 0.0,
-        "smallest": 5e-324,
-        "1e-12-mm": 1e-12,
-        "f-less-1e-6": focus * (1.0 - 1e-6),
-        "f-less-1-ulp": math.nextafter(focus, 0.0),
-        "f": focus,
-    }
+    distances = {"0": 0.0, "smallest": 5e-324, "1e-12-mm": 1e-12, "f-less-1e-6": focus * (1.0 - 1e-6)}
+    distances |= {"f-less-1-ulp": math.nextafter(focus, 0.0), "f": focus}
     return {name: changed(display, gap_mm=gap) for name, gap in distances.items()}
 
 
 @_of_displays
 def rotations(display: Display) -> dict[str, Display]:
     """Arrays rotated by 30, 45 and 90 degrees, and by a rounding, 10^-9 or 10^-4 degrees more or less."""
-    turns = {}
+    turns: dict[str, float] = {}
     for angle in (30.0, 45.0, 90.0):
-        turns[f"{angle:g}"] = angle
-        turns[f"{angle:g}+1ulp"] = math.nextafter(angle, 360.0)
-        turns[f"{angle:g}-1ulp"] = math.nextafter(angle, 0.0)
-        turns[f"{angle:g}+1e-9"] = angle + 1e-9
-        turns[f"{angle:g}-1e-4"] = angle - 1e-4
+        up, down = math.nextafter(angle, 360.0), math.nextafter(angle, 0.0)
+        near = {"": angle, "+1ulp": up, "-1ulp": down, "+1e-9": angle + 1e-9, "-1e-4": angle - 1e-4}
+        turns |= {f"{angle:g}{name}": turn for name, turn in near.items()}
     return {name: changed(display, rotation_deg=turn) for name, turn in turns.items()}
 
 
@@ -383,12 +359,8 @@ def rotations(display: Display) -> dict[str, Display]:
 def offsets(display: Display) -> dict[str, Display]:
     """Arrays off the panel's centre by half a lenslet, by a third, by a metre, by 10^-300 mm."""
     p, row = display.array.pitches_mm[0], display.array.row_pitch_mm
-    moves = {
-        "half": (0.5 * p, 0.5 * row),
-        "third": (p / 3.0, -row / 3.0),
-        "metre": (1e3, -1e3),
-        "1e-300": (1e-300, -1e-300),
-    }
+    moves = {"half": (0.5 * p, 0.5 * row), "third": (p / 3.0, -row / 3.0)}
+    moves |= {"metre": (1e3, -1e3), "1e-300": (1e-300, -1e-300)}
     # An array that ends would leave no lenslet before the panel.
     ends = dict.fromkeys(moves, display.array.extent_mm) | {"metre": None}
     return {name: changed(display, offset_mm=offset, extent_mm=ends[name]) for name, offset in moves.items()}
@@ -448,7 +420,7 @@ def register_limits(display: Display) -> dict[str, Display]:
         "depth-high": changed(display, radius_mm=1.5 * rho, thickness_mm=deepest * 1.5 * rho),
         "slope-high": changed(display, gap_mm=0.0, radius_mm=3.0 * p, thickness_mm=1.3 * rho * array.index),
     }
-    # Little more than 4 pixels a lenslet, and as many lenslets as an index of 12 bits can count.
+    # Just over 4 pixels per lenslet, and as many lenslets as a 12-bit index counts.
     widest = 4.001 if array.grid == "square" else 6.0
     panel = replace(display.panel, width_px=8000, height_px=8000, pixel_pitch_mm=p / widest)
     limits["x-from-u-high"] = replace(display, panel=panel)
@@ -482,13 +454,8 @@ def skewed(display: Display) -> dict[str, Display]:
 
     def skew(pitch_mm: tuple[float, float], shear: float, **other: Any) -> Display:
         domes = replace(array, pitch_mm=pitch_mm, shear=shear)
-        return changed(
-            display,
-            pitch_mm=pitch_mm,
-            shear=shear,
-            radius_mm=max(array.radius_mm, 1.01 * domes.half_diagonal_mm),
-            **other,
-        )
+        radius_mm = max(array.radius_mm, 1.01 * domes.half_diagonal_mm)
+        return changed(display, pitch_mm=pitch_mm, shear=shear, radius_mm=radius_mm, **other)
 
     edges = (0.4 * panel.width_mm, 2.0 * (round(0.2 * panel.height_mm / array.row_pitch_mm) * array.row_pitch_mm))
     return {

@@ -1,7 +1,4 @@
-"""Judges foreign rays: how many are wrong, at which step of the ray, and which fault explains them.
-
-Real numbers are compared with golden (`lippmann.conformance.comparison`), words with the twin, bit for bit.
-"""
+"""Judges foreign rays: how many are wrong, at which step of the ray, and which fault explains them."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ import numpy as np
 from lippmann.conformance.comparison import INTEGERS, Bounds, Comparison, FieldSummary, compare
 from lippmann.conformance.coverage_points import covered, tied, tied_sides
 from lippmann.conformance.fault_search import PAIR, fitted, pairs
-from lippmann.conformance.faults import FIELDS, NO_RAYS, STAGES, Variant, golden, turn_back, variants
+from lippmann.conformance.faults import FIELDS, NO_RAYS, STAGES, TIE_RULE, Variant, golden, turn_back, variants
 from lippmann.conformance.ray_sets import Bools, FixedCase, ForeignRays, unit_vectors, widths
 from lippmann.fixed.build import Build
 from lippmann.fixed.conversion import word_unit
@@ -29,24 +26,23 @@ from lippmann.optics.system import System
 SAMPLE, FIT_SAMPLE = 1500, 300
 #: Wrong rays that pairs of faults are tried on first.
 FEW = 90
-#: Share of the rays that a variant must give for it to be the fault.
+#: Minimum share of the rays that the diagnosed fault must match.
 EXPLAINED = 0.97
-#: The largest distance of a variant from the wrong arrays, as a share of golden's. In no array may it be farther than
-#: golden by more than SAME (mm, radians, share of integers).
+#: Maximum distance of a fault's wrong arrays, as a share of golden's. In no array may the fault be farther than golden
+#: by more than SAME (mm, radians, share of integers).
 NEARER, SAME = 0.5, 1e-9
-#: Units of the last place between golden and the words of a right design, for the widest aims.
+#: Maximum difference between golden and the words of a right design, in units of the last place of the widest aims.
 WORD_UNITS = 64.0
-#: The largest difference from the twin's words that another rounding explains.
+#: Maximum difference from the twin's words that another rounding explains.
 ROUNDING_WORDS = 8
-#: Delays of the outputs that are tried, in rays, and the fewest rays that show one, or two faults at once.
+#: Delays of the outputs that are tried, in rays, and the minimum number of rays that shows one, or two faults at once.
 LAGS, MANY = (1, -1, 2, -2, 3, -3), 8
-#: Sides of a cell of two owners, as `coverage_points.tied_sides`, and the fault that gives one to the other owner.
+#: Names of `coverage_points.tied_sides`.
 SIDES = ("left", "lower")
-TIE_RULE = "cells closed on their other side (tie rule)"
 
 
 class Finding(NamedTuple):
-    """The first wrong step (None: all is right), the fault that explains it, and the share of the rays."""
+    """The first wrong step, None if all is right; the fault that explains it; the share of the rays that it matches."""
 
     stage: str | None = None
     fault: str | None = None
@@ -55,10 +51,9 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """The judgement of foreign rays.
+    """The verdict on foreign rays: counts of them, the index of the first wrong one, and the `Finding`.
 
-    `rays` in the file; `on_edge` are beyond the bounds, but change status or lenslet within a rounding; `wrong` are
-    wrong in some array, `first_wrong` is the first one's number. Stage, fault and share as in `Finding`. `covered` are
+    Rays `on_edge` are beyond the bounds, but a rounding changes their status or lenslet. `covered` are the counts of
     the rays that meet each point of `coverage_points.POINTS`.
     """
 
@@ -79,7 +74,7 @@ class Verdict:
 
     @property
     def headline(self) -> str:
-        """The verdict on wrong rays in a line."""
+        """One line on the wrong rays."""
         count = f"{self.wrong} of {self.rays} rays wrong, the first is {self.first_wrong}"
         array = next((entry.field for entry in self.compared if entry.wrong and entry.stage == self.stage), None)
         step = f"stage: {self.stage}{f' ({array})' if array else ''}"
@@ -88,12 +83,11 @@ class Verdict:
     @property
     def searched(self) -> bool:
         """Whether a pair of faults was looked for, if that was allowed."""
-        single = self.fault is not None and PAIR not in self.fault
-        return self.wrong >= MANY and not single
+        return self.wrong >= MANY and (self.fault is None or PAIR in self.fault)
 
     @property
     def lines(self) -> list[str]:
-        """A line for each array that was compared."""
+        """One line on each array."""
         lines = []
         for entry in self.compared:
             least, largest = entry.limits
@@ -111,10 +105,9 @@ def judge(
     bounds: Bounds = Bounds(),  # noqa: B008 (frozen)
     two_faults: bool = True,
 ) -> Verdict:
-    """Judge foreign rays.
+    """Judge foreign rays: numbers by golden and `bounds`, words by the twin, bit for bit.
 
-    `bounds` are for numbers; words must be equal. With `two_faults` a pair of faults is looked for when no single one
-    explains the rays, which takes some ten seconds.
+    With `two_faults`, a pair of faults is looked for when no single one explains the rays. It takes some ten seconds.
     """
     if foreign.words is None:
         comparison = compare(foreign, bounds, every=False)
@@ -138,7 +131,7 @@ def _judge_numbers(
     if "lenslet" in foreign.fields:
         other = (foreign.fields["lenslet"] != compared.golden["lenslet"]).any(axis=1)
         sides = tied_sides(foreign.inputs)
-        # A corner is on two sides, and says nothing of one.
+        # A corner, on two sides, says nothing of one.
         alone = [side & (np.sum(sides, axis=0) == 1) for side in sides]
         turned = [side.sum() > 2 and other[side].all() for side in alone]
         if any(turned):
@@ -152,7 +145,7 @@ def _judge_numbers(
 
 
 def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
-    """Return stage, fault and share explained of rays that are wrong."""
+    """Diagnose wrong rays."""
     bad = compared.wrong_arrays
     first = min((FIELDS[name][0] for name in bad), key=STAGES.index)
     codes = None
@@ -183,13 +176,13 @@ def _diagnose(compared: Comparison, two_faults: bool) -> Finding:
 
 
 def _axes(compared: Comparison) -> tuple[Floats, Floats]:
-    """Return directions, foreign and golden's, along the array's axes."""
+    """Return foreign and golden directions in the array's axes."""
     frame = System.of(compared.inputs.display).frame
     return turn_back(frame, compared.fields["direction"]), turn_back(frame, compared.golden["direction"])
 
 
 def _one_late(compared: Comparison) -> Finding | None:
-    """Say which component of the direction alone came too late, or too early."""
+    """Find the component of the direction that alone came late or early."""
     if compared.wrong_arrays != ["direction"] or len(compared.edge) < 2 * MANY:
         return None
     directions, expected = _axes(compared)
@@ -210,7 +203,7 @@ def _delay(lag: int) -> str:
 
 
 def _stuck(compared: Comparison) -> Finding | None:
-    """Say which bit of the direction is stuck."""
+    """Find the bit of the direction that is stuck."""
     wrong = compared.wrong_by["direction"]
     if compared.wrong_arrays != ["direction"] or wrong.all() or wrong.sum() < MANY:
         return None
@@ -231,7 +224,7 @@ def _stuck(compared: Comparison) -> Finding | None:
 
 
 def _stale(compared: Comparison) -> Finding | None:
-    """Explain a stretch of wrong rays by a register that took effect late."""
+    """Explain consecutive wrong rays by a register that took effect late."""
     run = np.flatnonzero(compared.wrong)
     first, last = int(run[0]), int(run[-1])
     if len(run) < MANY or last + 1 - first >= len(compared.edge) or len(run) < 0.5 * (last + 1 - first):
@@ -243,11 +236,8 @@ def _stale(compared: Comparison) -> Finding | None:
 
 
 def _late(right: Callable[[int], Bools]) -> Finding | None:
-    """Say by how many rays outputs came too late, or too early.
-
-    `right(lag)` tells which rays have the right values `lag` rays after them. Where more have them in their own place,
-    as among rays that are nearly alike, none came late.
-    """
+    """Find by how many rays outputs came late or early; `right(lag)` tells which are right `lag` rays after theirs."""
+    # Where more rays are right in their own place, as among rays that are nearly alike, none came late.
     own = right(0).mean()
     for lag in LAGS:
         same = right(lag)
@@ -257,14 +247,14 @@ def _late(right: Callable[[int], Bools]) -> Finding | None:
 
 
 def _wrong_codes(status: Floats | Ints, expected: Floats | Ints, wrong: Bools) -> Finding:
-    """Name a wrong status code, or several; the arrays are (N, 1)."""
+    """Name the wrong status codes of arrays (N, 1)."""
     pairs, counts = np.unique(np.stack([expected[wrong, 0], status[wrong, 0]]), axis=1, return_counts=True)
     codes = ", ".join(f"{int(b)} for {int(a)} ({n} rays)" for (a, b), n in zip(pairs.T, counts, strict=True))
     return Finding("status", f"wrong status code: {codes}", 1.0)
 
 
 def _wrapped(compared: Comparison) -> bool:
-    """Tell whether every wrong direction is right but for one component that is off by 2."""
+    """Tell whether every wrong direction is right except for one component that is off by 2."""
     wrong, right = compared.wrong_by["direction"], compared.golden["direction"]
     apart = (compared.fields["direction"] - right)[wrong]
     turns = np.round(apart / 2.0)
@@ -280,9 +270,9 @@ def _wrapped(compared: Comparison) -> bool:
 
 
 def _best(compared: Comparison) -> Finding | None:
-    """Return the variant that comes nearest to the rays, if it gives nearly all of them."""
+    """Return the variant that comes nearest to the rays, if it matches nearly all of them."""
     random = np.random.default_rng(0)
-    # Of a ray on an edge a variant may give the other side.
+    # Of a ray on an edge a variant may have the other side.
     bad = np.flatnonzero(compared.wrong & ~compared.edge)
     bad = bad if len(bad) else np.flatnonzero(compared.wrong)
     if not len(bad):
@@ -299,25 +289,21 @@ def _best(compared: Comparison) -> Finding | None:
                 best, least = Finding(variant.stage, variant.name, share), far
         return best
 
-    best = nearest(variants(compared.inputs.display))
-    if best is None:
-        small_sample = compared.select(random.permutation(bad)[:FIT_SAMPLE])
-        best = nearest(fitted(small_sample.inputs, small_sample.fields))
-    return best
+    if best := nearest(variants(compared.inputs.display)):
+        return best
+    small_sample = compared.select(random.permutation(bad)[:FIT_SAMPLE])
+    return nearest(fitted(small_sample.inputs, small_sample.fields))
 
 
 def _two(compared: Comparison) -> Finding | None:
-    """Return stage, names and share of the first two faults that together give nearly all rays.
-
-    None for a few wrong rays, in which two fitted numbers could be read whatever their cause.
-    """
+    """Return the first pair of faults that matches nearly all rays."""
     for lag in (1, -1):
         best = _best(compared.later(lag))
         if best is not None:
             return best._replace(fault=f"{best.fault}{PAIR}outputs {_delay(lag)}")
     random = np.random.default_rng(0)
     bad, good = np.flatnonzero(compared.wrong & ~compared.edge), np.flatnonzero(~compared.wrong & ~compared.edge)
-    if len(bad) < MANY:
+    if len(bad) < MANY:  # two fitted numbers could explain fewer rays, whatever their cause
         return None
     some = np.concatenate([random.permutation(bad)[:FEW], random.permutation(good)[: FEW // 3]])
     small_sample = compared.select(np.sort(some))
@@ -331,7 +317,7 @@ def _two(compared: Comparison) -> Finding | None:
 
 
 def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, Floats]]:
-    """Return the arrays that a variant predicts, if any, with the distances (N,) from it and from golden."""
+    """Return the arrays that a variant predicts, with their distances (N,) from it and from golden."""
     try:
         rays = variant.predict(sample.inputs, sample.golden)
     except NO_RAYS:
@@ -341,12 +327,12 @@ def _distances(variant: Variant, sample: Comparison) -> list[tuple[str, Floats, 
 
 
 def _middle(name: str, distances: Floats) -> float:
-    """Return the usual distance of an array's rays; of integers the share that differs."""
+    """Return the median distance of an array, or the share of integers that differ."""
     return float(distances.mean() if name in INTEGERS else np.median(distances))
 
 
 def _apart(sample: Comparison, variant: Variant) -> float:
-    """Return how far a variant is from foreign rays: the mean logarithm of its distances in units of golden's."""
+    """Return the mean logarithm of a variant's distances from foreign rays, relative to golden's."""
     middles = [(_middle(name, far), _middle(name, own)) for name, far, own in _distances(variant, sample)]
     ratios = [far / own for far, own in middles if own > 0.0]
     logarithms = [math.log(max(ratio, 1e-6)) if math.isfinite(ratio) else 0.0 for ratio in ratios]
@@ -354,10 +340,10 @@ def _apart(sample: Comparison, variant: Variant) -> float:
 
 
 def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
-    """Return the share of rays that a variant gives, and its distance from the wrong ones in units of golden's.
+    """Return the share of rays that a variant matches, and its distance from the wrong ones relative to golden's.
 
-    The share is that of the wrong rays or of all, whichever is less; 0 when golden is nearer in some array, or about
-    as near in the wrong arrays.
+    The share is the smaller of those of the wrong rays and of all; 0 when golden is nearer in some array, or about as
+    near in the wrong arrays.
     """
     bad, ratios = sample.wrong, []
     right = np.ones(len(bad), bool)
@@ -366,7 +352,7 @@ def _match(variant: Variant, sample: Comparison) -> tuple[float, float]:
         wrong = sample.wrong_by[name]
         if wrong.any():
             golden_far = _middle(name, own[wrong])
-            if not golden_far:  # as of rays on an edge: no ratio tells how near the variant is
+            if not golden_far:  # as for rays on an edge: there is no ratio
                 return 0.0, np.inf
             ratios.append(_middle(name, far[wrong]) / golden_far)
         if _middle(name, far[bad]) > _middle(name, own[bad]) + SAME:
@@ -391,7 +377,7 @@ SIGNS = (*((name,) for name in REALS), ("x", "dx"), ("y", "dy"), ("x", "y", "dx"
 def _judge_words(
     foreign: ForeignRays, case: FixedCase, words: FixedRays, two_faults: bool
 ) -> tuple[Bools, Finding, tuple[FieldSummary, ...]]:
-    """Return which words are wrong, why, and the summary of each word."""
+    """Return which words are wrong, their diagnosis, and the summary of each word."""
     twin = case.trace()
     far = {name: np.abs(a - b) for name, a, b in zip(FixedRays._fields, words, twin, strict=True)}
     wrong: Bools = np.any([apart != 0 for apart in far.values()], axis=0)
@@ -410,7 +396,7 @@ def _judge_words(
 def _diagnose_words(
     foreign: ForeignRays, build: Build, words: FixedRays, twin: FixedRays, wrong: Bools, first: str, two_faults: bool
 ) -> Finding:
-    """Return stage, fault and share explained of words that differ from the twin's."""
+    """Diagnose words that differ from the twin's."""
     if first == "status":
         return _wrong_codes(words.status[:, None], twin.status[:, None], wrong)
     lenslets: Bools = (words.i != twin.i) | (words.j != twin.j)
@@ -432,7 +418,7 @@ def _diagnose_words(
 
 
 def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
-    """Return the fault that turns the twin's words into these, to the bit: a delay, a sign, a swap, a constant."""
+    """Find the delay, sign, swap or constant that gives these words of the twin's, bit for bit."""
 
     def equal(lag: int, right: FixedRays = twin) -> Bools:
         rays = np.arange(max(0, -lag), len(twin.status) - max(0, lag))
@@ -457,7 +443,7 @@ def _slip(words: FixedRays, twin: FixedRays) -> Finding | None:
 
 
 def _rounding(words: FixedRays, twin: FixedRays, build: Build) -> str | None:
-    """Name another rounding or overflow that explains the words; None when they differ by more."""
+    """Name the rounding or overflow that explains the words; None when they differ by more."""
     expected = np.stack([getattr(twin, name) for name in REALS])
     apart = np.stack([getattr(words, name) for name in REALS]) - expected
 

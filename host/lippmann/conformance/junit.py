@@ -14,10 +14,9 @@ from lippmann.errors import printable
 def write_junit(
     path: Path, verdicts: Sequence[tuple[str, Verdict]], ended: str | None, about: Mapping[str, str]
 ) -> None:
-    """Write JUnit XML, which continuous integration shows: a test case for each set of rays, by name.
+    """Write a test case for each set of rays, and an error for a stream that `ended` early.
 
-    `ended` says why there are no more, which is an error there. `about` are the suite's properties. Raises InputError
-    as `files.replacing` for a file that cannot be written.
+    `about` are the suite's properties. Raises InputError for a file that cannot be written.
     """
     wrong = [None if one.right else ("failure", one.stage or "", one.headline, one.lines) for _, one in verdicts]
     cases = [(name, problem) for (name, _), problem in zip(verdicts, wrong, strict=True)]

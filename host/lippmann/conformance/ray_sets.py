@@ -1,7 +1,4 @@
-"""Sets of rays, in numbers and in the RTL's words, and what draws them at random.
-
-The files for `$readmemh` (`lippmann vectors`) and a stream in words hold the same lines of hexadecimal digits.
-"""
+"""Sets of rays in numbers and in the RTL's words, and random inputs for them."""
 
 from __future__ import annotations
 
@@ -28,23 +25,23 @@ from lippmann.optics.rays import Engine, Floats, Model, Rays
 from lippmann.optics.system import PanelFrame, System
 
 Bools = npt.NDArray[np.bool_]
-#: Which of N rays: their indices, a mask (N,), or a slice.
+#: Indices, a mask (N,) or a slice of N rays.
 Selection = npt.NDArray[np.intp] | Bools | slice
 
-#: Words of an input and of an output ray, in the order of their bits, most significant first.
+#: Words of an input and of an output ray, most significant first.
 INPUTS = ("u", "v", "a", "b")
 OUTPUTS = FixedRays._fields
 #: The one unsigned word.
 STATUS_BITS = 3
 #: Bits of a line of `registers.mem`.
 REGISTER_BITS = 64
-#: Bisections that bring any two floats next to each other.
+#: Bisections that make any two floats adjacent.
 BISECTIONS = 64
 
 
 @dataclass(frozen=True)
 class PanelRays:
-    """Rays from the panel: `pixels` (N, 2), and `aperture` points (N, 2), mm, None for chief rays."""
+    """Rays from the panel: `pixels` (N, 2) and `aperture` points (N, 2) mm, None for chief rays."""
 
     name: str
     display: Display
@@ -54,24 +51,23 @@ class PanelRays:
 
     @property
     def aims(self) -> Floats:
-        """Aperture points (N, 2), mm; 0 for chief rays."""
+        """Aperture points (N, 2) mm, 0 for chief rays."""
         return np.zeros_like(self.pixels) if self.aperture is None else self.aperture
 
     def trace(self, engine: Engine = "golden", device: str = "llvm") -> Rays:
-        """Trace the rays with an engine."""
+        """Trace the rays."""
         return trace(self.display, self.pixels, self.aperture, self.model, engine, device)
 
     def select(self, rays: Selection) -> PanelRays:
-        """Return the rays of these indices, or of this mask."""
+        """Select rays."""
         aperture = None if self.aperture is None else self.aperture[rays]
         return replace(self, pixels=self.pixels[rays], aperture=aperture)
 
     def steps(self) -> dict[str, Floats]:
-        """Return golden's intermediate values, by which a design is compared step by step.
+        """Return golden's intermediate values, (N, 2) each.
 
-        `panel_mm` (N, 2) is the pixel's point, panel frame; `home` (N, 2) the lenslet that owns it,
-        whole numbers; `start_mm` (N, 2) the same point from that lenslet's centre, array's axes; `near_mm` (N, 2) the
-        point where the ray in air crosses the array's near plane (flat face or domes' vertices), from the same centre.
+        `panel_mm` is the pixel's point, panel frame; `home` the indices of the lenslet that owns it. `start_mm` is the
+        point, `near_mm` the crossing of the array's near plane, both from that lenslet's centre, array's axes.
         """
         panel = np.stack(PanelFrame.of(self.display).panel_from_pixel(*self.pixels.T), axis=1)
         home, start = located(self.display, self.pixels)
@@ -89,12 +85,12 @@ class WorldRays:
     direction: Floats
 
     def select(self, rays: Selection) -> WorldRays:
-        """Return the rays of these indices, or of this mask."""
+        """Select rays."""
         return replace(self, origin_mm=self.origin_mm[rays], direction=self.direction[rays])
 
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> Floats:
-    """Return points anywhere on the panel, (count, 2)."""
+    """Return pixel coordinates anywhere on the panel, (count, 2)."""
     return np.asarray(random.uniform(0.0, panel_size(display), (count, 2)))
 
 
@@ -109,22 +105,20 @@ def random_aims(display: Display, random: np.random.Generator, count: int, reach
 
 
 def random_directions(random: np.random.Generator, count: int) -> Floats:
-    """Return unit vectors (count, 2), by a root alone: the last bit of a sine depends on the machine."""
+    """Return unit vectors (count, 2), without a sine, whose last bit depends on the machine."""
     x, y = random.uniform(-1.0, 1.0, (2, count))
     return np.asarray(np.stack([x, y], axis=1) / np.sqrt(x * x + y * y)[:, None])
 
 
 def unit_vectors(vectors: Floats) -> Floats:
-    """Return vectors (N, 3) scaled to length 1; those of length 0 stay."""
+    """Normalise vectors (N, 3), except those of length 0."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
 
 
 def random_sizes(random: np.random.Generator, low: float, high: float, count: int) -> Floats:
-    """Return numbers of every magnitude from `low` to `high`, (count, 1), by their binary exponents.
-
-    Without a power, whose last bit depends on the machine.
-    """
+    """Return numbers of all magnitudes from `low` to `high`, (count, 1)."""
+    # By binary exponents: the last bit of a power depends on the machine.
     (_, first), (_, last) = math.frexp(low), math.frexp(high)
     sizes = np.ldexp(random.uniform(0.5, 1.0, (count, 1)), random.integers(first, last + 1, (count, 1)))
     return np.asarray(np.clip(sizes, low, high))
@@ -139,9 +133,9 @@ def edge_points(display: Display, random: np.random.Generator, count: int, verti
 
 
 def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0, 0)) -> tuple[Floats, Floats]:
-    """Return the pixel coordinates (N, 2) of points measured from a lenslet's centre along the array's axes.
+    """Return the pixel coordinates (N, 2) of points from a lenslet's centre, in the array's axes.
 
-    The second array (N, 2) is the centre of each point's own cell, from that lenslet's centre, mm: the origin of aims.
+    The second array (N, 2) is the centre of each point's own cell, from which its aims are measured, mm.
     """
     lattice = System.of(display).lattice
     i, j, _, _ = lattice.locate(NumpyBackend(), local_mm[:, 0], local_mm[:, 1])
@@ -149,21 +143,15 @@ def pixels_at(display: Display, local_mm: Floats, lenslet: tuple[int, int] = (0,
 
 
 def cell_steps(display: Display, between: Floats) -> Floats:
-    """Return how many steps from a cell to a neighbour lead from one lenslet to another, (N,).
-
-    `between` (N, 2) is the difference of their indices. On a square grid a step may be diagonal. Rows of hexagons lean:
-    (1, 1) is two steps, (1, -1) one.
-    """
+    """Return the number of steps between neighbours that lead over a difference of indices (N, 2), (N,)."""
+    # On a square grid a step may be diagonal. Rows of hexagons lean: (1, 1) is two steps, (1, -1) one.
     i, j = np.abs(between).T
     steps = np.maximum(i, j)
     return np.asarray(np.maximum(steps, np.abs(between.sum(axis=1))) if display.array.grid == "hex" else steps)
 
 
 def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Floats:
-    """Return the last aims (N, 2), to a rounding, without a property, on the way from aims `inner` to `outer`, (N, 2).
-
-    `has` tells which of N aims have the property: none of `inner`, all of `outer`.
-    """
+    """Return the last aims (N, 2) that `has` refuses from `inner` (all are refused) to `outer` (all are accepted)."""
     low, high = np.zeros(len(inner)), np.ones(len(inner))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
@@ -176,7 +164,7 @@ def onset(inner: Floats, outer: Floats, has: Callable[[Floats], Bools]) -> Float
 
 
 def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
-    """Return the bits, and those behind the binary point, of each word of `INPUTS` and `OUTPUTS`."""
+    """Return the bits and the fraction bits of each word of `INPUTS` and `OUTPUTS`."""
     near = fraction_bits + 2
     return {
         **dict.fromkeys("uv", (PIXEL_BITS, 4)),
@@ -189,17 +177,17 @@ def formats(fraction_bits: int) -> dict[str, tuple[int, int]]:
 
 
 def widths(words: Sequence[str], fraction_bits: int) -> tuple[int, ...]:
-    """Return the bits of each of some words."""
+    """Return the bits of words."""
     return tuple(formats(fraction_bits)[word][0] for word in words)
 
 
 def hex_digits(widths: Sequence[int]) -> int:
-    """Return how many hexadecimal digits a line of words has."""
+    """Return the hexadecimal digits of a line of words."""
     return (sum(widths) + 3) // 4
 
 
 def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
-    """Return a hexadecimal line for each ray: its words, the first in the most significant bits."""
+    """Return a hexadecimal line per ray, with the first word in the most significant bits."""
     rays: Any = 0
     for word, width in zip(words, widths, strict=True):
         rays = rays << width | word.astype(object) & ((1 << width) - 1)
@@ -207,7 +195,7 @@ def memory_lines(words: Sequence[Ints], widths: Sequence[int]) -> list[str]:
 
 
 def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[[int], str]) -> list[Ints]:
-    """Return the words of lines of hexadecimal digits, one a ray; `where` names a ray's line in errors.
+    """Return the words of lines as `memory_lines`; `where` names a ray's line in errors.
 
     Raises InputError when a line is not hexadecimal or too long.
     """
@@ -232,7 +220,7 @@ def words_of_lines(lines: Sequence[str], widths: Sequence[int], where: Callable[
 
 @dataclass(frozen=True)
 class FixedCase:
-    """A set in the words of a build: inputs and registers; `mask` tells which rays of the set they are."""
+    """Inputs and registers in the words of a build; `mask` tells which rays of the set they are."""
 
     build: Build
     words: Words
@@ -244,7 +232,7 @@ class FixedCase:
         return pipeline(*self.words, self.registers, self.build)
 
     def count_differences(self, pipeline: Pipeline) -> int:
-        """Return how many words of the rays another pipeline computes otherwise than the twin."""
+        """Count the words that differ between another pipeline and the twin."""
         return int(sum((a != b).sum() for a, b in zip(self.trace(pipeline), self.trace(), strict=True)))
 
     @property
@@ -254,7 +242,7 @@ class FixedCase:
 
     @property
     def register_lines(self) -> list[tuple[str, str]]:
-        """The registers, each as its line of `registers.mem` and its name."""
+        """The line of `registers.mem` and the name of each register."""
         mask, digits = (1 << REGISTER_BITS) - 1, REGISTER_BITS // 4
         return [(f"{word & mask:0{digits}x}", name) for name, word in asdict(self.registers).items()]
 
@@ -262,7 +250,7 @@ class FixedCase:
 def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None = None) -> tuple[FixedCase | None, str]:
     """Return a set in words, None when no ray fits, and the reason of the last refusal.
 
-    Aims beyond the word length are left out; if the registers refuse the rest, aims outside their own cell as well.
+    Aims beyond the word length are left out; if the registers refuse the others, so are aims outside their own cell.
     """
     display, array, aims = rays.display, rays.display.array, rays.aims
     build = Build.of(display, rays.model, fraction_bits, True, max_cell_steps)
@@ -284,10 +272,10 @@ def fixed_words(rays: PanelRays, fraction_bits: int, max_cell_steps: int | None 
 
 @dataclass(frozen=True)
 class ForeignRays:
-    """N rays to be judged: `inputs` holds their inputs, `fields` those arrays of `faults.FIELDS` that are known.
+    """N foreign rays: their inputs, and `fields`, some arrays of `faults.FIELDS`.
 
-    `words` are the inputs in the RTL's words and the words of the rays, where the rays are words. `alone` (N,) marks
-    rays of which the status alone is given; their other values are not judged.
+    Rays in words also have `words`: those of the inputs and of the rays. `alone` (N,) marks rays of which only the
+    status is known.
     """
 
     inputs: PanelRays
@@ -297,7 +285,7 @@ class ForeignRays:
 
 
 def foreign_from_words(columns: dict[str, Ints], display: Display, model: Model, fraction_bits: int) -> ForeignRays:
-    """Return rays whose inputs and outputs are words, a column of N for each."""
+    """Return foreign rays from columns (N,) of their words."""
     u, v, a, b = (columns[name] for name in INPUTS)
     outputs = FixedRays(*(columns[name] for name in OUTPUTS))
     pixels, aims = pixels_of_words(display, u, v), aims_of_words(display, a, b, fraction_bits)

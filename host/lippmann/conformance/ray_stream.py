@@ -1,8 +1,4 @@
-"""Hard rays as lines of text, for a program that stands between `lippmann vectors` and `lippmann regress`.
-
-A program copies each line that begins with #, and appends its answer to each other line. The notes carry all that the
-judge needs, so that it needs no file. docs/reference/stream.md describes the lines.
-"""
+"""Streams of rays as lines of text, to and from a foreign program; docs/reference/stream.md describes the lines."""
 
 from __future__ import annotations
 
@@ -38,18 +34,18 @@ from lippmann.fixed.words import FRACTIONS, Ints
 from lippmann.optics.rays import MODELS, Floats, Model, Status
 
 NAME, VERSION = "lippmann-stream", 1
-#: Kinds of notes that the hash of a set covers.
+#: Notes that the hash of a set covers.
 HASHED = ("numbers", "display", "value", "register")
-#: Maximum number of random rays in a set: all rays of a set are judged at once.
+#: Maximum number of random rays in a set, all of which are judged at once.
 MAX_RANDOM = 100_000
 
-#: Numbers of a question, of a complete answer, and of the answer of a ray that is lost.
+#: Number of words in a question, in a complete answer, and in the answer of a lost ray.
 ASKED, ANSWERED, LOST = 5, 9, 1
-#: Maximum length of a line in bytes, number of rays of a set, and number of notes of a set.
+#: Maximum bytes of a line, rays of a set, and notes of a set.
 MAX_LINE, MAX_RAYS, MAX_NOTES = 4096, 200_000, 1000
-#: Greatest magnitude of a status or an index in an answer, so that it is an integer without rounding.
+#: Maximum magnitude of a status or an index.
 MAX_INTEGER = 2.0**31
-#: The first line of a stream, and the notes that are parsed.
+#: The first line of a stream, and parsed notes.
 FIRST = re.compile(rf"# {NAME} (\d{{1,9}})")
 SET = re.compile(r"[\w.+/-]{1,100}", re.ASCII)
 NUMBERS = re.compile("decimal (MODEL)|words (MODEL) (.+)".replace("MODEL", "|".join(MODELS)))
@@ -62,7 +58,7 @@ AGAIN = "copy each line that begins with #, and append to each other line"
 
 @dataclass(frozen=True)
 class Stream:
-    """What a stream asks: the rays of a case or of all, and `random` more; in numbers, or words of `fraction_bits`."""
+    """The rays of a case or of all, and `random` more; in numbers, or in words of `fraction_bits`."""
 
     display: Display
     case: str
@@ -84,10 +80,7 @@ class Stream:
             yield PanelRays(f"random/{number}", self.display, pixels, aims, self.model)
 
     def lines(self, command: str) -> Iterator[str]:
-        """Yield the lines, made by `command`; sets that do not fit the words are left out.
-
-        Raises InputError, before the first line, when no set is left.
-        """
+        """Yield the lines, of sets that fit the words; raise InputError before the first line when none does."""
         hashes: list[str] = []
         for rays in self.sets():
             set_lines = self._questions(rays)
@@ -109,7 +102,7 @@ class Stream:
         yield f"# end {len(hashes)} {digest_of_all(hashes)}"
 
     def _questions(self, rays: PanelRays) -> tuple[list[str], list[str], str] | None:
-        """Return the notes, questions and hash of a set; None when no ray fits the words."""
+        """Return notes, questions and hash of a set; None when no ray fits the words."""
         hashed: Floats | list[str]
         if self.fraction_bits is None:
             hashed = np.concatenate([rays.pixels, rays.aims], axis=1)
@@ -128,7 +121,7 @@ class Stream:
 
 
 def digest_of_set(notes: Iterable[str], questions: Floats | list[str]) -> str:
-    """Return the hash of a set: its notes, each a line with single blanks, then its questions, (N, 4) or words."""
+    """Return the hash of notes, with single blanks, and of questions, (N, 4) or words."""
     lines = "".join(" ".join(line.split()) + "\n" for line in notes)
     numbers = np.ascontiguousarray(questions, "<f8").tobytes() if isinstance(questions, np.ndarray) else None
     return hashlib.sha256(lines.encode() + (numbers or "\n".join(questions).encode())).hexdigest()
@@ -140,34 +133,31 @@ def digest_of_all(hashes: Iterable[str]) -> str:
 
 
 def values(display: Display) -> dict[str, str]:
-    """Return what a display comes to, by name, as text: lengths in mm, angles in degrees."""
+    """Return the values of a display by name, as text: lengths in mm, angles in degrees."""
     panel, array = display.panel, display.array
-    eye = display.viewing_distance_mm
-    wide, high = array.extent_mm or (0.0, 0.0)
-    numbers: dict[str, float | str] = {
+    numbers: dict[str, float | str | tuple[float, ...]] = {
         "width_px": panel.width_px,
         "height_px": panel.height_px,
-        "pixel_x": panel.pitches_mm[0],
-        "pixel_y": panel.pitches_mm[1],
+        "pixel": panel.pitches_mm,
         "grid": array.grid,
-        "pitch_x": array.pitches_mm[0],
-        "pitch_y": array.pitches_mm[1],
+        "pitch": array.pitches_mm,
         "shear": array.shear,
         "rotation": array.rotation_deg,
-        "offset_x": array.offset_mm[0],
-        "offset_y": array.offset_mm[1],
-        "extent_x": wide,
-        "extent_y": high,
+        "offset": array.offset_mm,
+        "extent": array.extent_mm or (0.0, 0.0),
         "radius": array.radius_mm,
         "index": array.index,
         "thickness": array.thickness_mm,
         "plano": array.plano_side,
         "gap": display.gap_mm,
-        "eye_distance": 0.0 if eye is None else eye,
-        "eye_x": display.viewing_axis_mm[0],
-        "eye_y": display.viewing_axis_mm[1],
+        "eye_distance": display.viewing_distance_mm or 0.0,
+        "eye": display.viewing_axis_mm,
     }
-    return {name: value if isinstance(value, str) else repr(value) for name, value in numbers.items()}
+    texts: dict[str, str] = {}
+    for name, value in numbers.items():
+        pair = {f"{name}_x": value[0], f"{name}_y": value[1]} if isinstance(value, tuple) else {name: value}
+        texts |= {key: one if isinstance(one, str) else repr(one) for key, one in pair.items()}
+    return texts
 
 
 # ---- answers ----
@@ -175,7 +165,7 @@ def values(display: Display) -> dict[str, str]:
 
 @dataclass
 class _Set:
-    """A set that is being read: what its notes say, and its lines."""
+    """A set that is being read: the contents of its notes, and its lines."""
 
     name: str
     model: Model | None = None
@@ -183,19 +173,16 @@ class _Set:
     notes: list[str] = field(default_factory=list)
     file: list[str] = field(default_factory=list)
     lines: list[bytes] = field(default_factory=list)
-    #: Number of the first ray's line in the stream.
+    #: Line number of the first ray.
     first: int = 0
 
 
 class StreamReader:
-    """Yields the sets of a stream of answers as they come.
-
-    InputError names the line of what cannot be judged, such as a question that was changed or a stream that is cut.
-    """
+    """Yields the sets of a stream of answers as they come; InputError names the line that cannot be judged."""
 
     def __init__(self, lines: Iterable[bytes]) -> None:
         self.number = 0
-        #: The command that made the stream, and at its end the hash that names it.
+        #: The command that made the stream, and the hash at its end.
         self.command, self.hash = "", ""
         self._lines, self._hashes = self._counted(lines), list[str]()
 
@@ -204,7 +191,7 @@ class StreamReader:
             yield raw
 
     def sets(self) -> Iterator[tuple[str, ForeignRays]]:
-        """Yield each set's name, and its rays."""
+        """Yield the name and rays of each set."""
         self._begin()
         now: _Set | None = None
         while True:
@@ -232,11 +219,11 @@ class StreamReader:
                 self.command = text
 
     def _refuse(self, what: str, remedy: str, number: int | None = None) -> NoReturn:
-        """Refuse a line of the stream, by its number; the last one that was read by default."""
+        """Refuse a line by its number, by default the last one that was read."""
         raise input_error(f"{WHERE}, line {self.number if number is None else number}", what, remedy)
 
     def _read_line(self, now: _Set | None) -> bytes:
-        """Return the next line of a stream that has not ended."""
+        """Return the next line."""
         raw = next(self._lines, None)
         if raw is None:
             where = "" if now is None else f" in the set {now.name}, after {len(now.lines)} of its rays"
@@ -252,7 +239,7 @@ class StreamReader:
             self._refuse("is not text", AGAIN, number)
 
     def _begin(self) -> None:
-        """Read up to the first line of the stream; a simulator may greet before it, in any text."""
+        """Read up to the first line of the stream, after any text of a simulator."""
         for raw in self._lines:
             first = FIRST.fullmatch(raw[:MAX_LINE].decode("utf-8", "replace").strip())
             if first and int(first[1]) != VERSION:
@@ -263,7 +250,7 @@ class StreamReader:
         raise input_error(WHERE, what, "run lippmann vectors --stream | YOUR PROGRAM alone to see why")
 
     def _read_note(self, now: _Set, kind: str, text: str) -> None:
-        """Read a note of a set, other than the last one before its rays."""
+        """Read a note of a set, except the last one."""
         words = " ".join(text.split())
         if kind in HASHED:
             now.notes.append(f"{kind} {words}")
@@ -282,7 +269,7 @@ class StreamReader:
             now.model, now.fraction_bits = cast(Model, numbers[1] or numbers[2]), None if bits is None else int(bits)
 
     def _end(self, text: str) -> None:
-        """Check the last line; a simulator's last words may follow, another stream may not."""
+        """Check the last line; text of a simulator may follow, another stream may not."""
         if not self._hashes:
             self._refuse("ends a stream without a set", AGAIN)
         self.hash = digest_of_all(self._hashes)
@@ -296,7 +283,7 @@ class StreamReader:
     # ---- the rays of a set ----
 
     def _read_set(self, now: _Set, numbers: str) -> ForeignRays:
-        """Read the rays of a set; `numbers` are how many they are, and the set's hash."""
+        """Read the rays of a set; `numbers` are their number and the hash."""
         rays = RAYS.fullmatch(numbers)
         if rays is None or not 0 < int(rays[1]) <= MAX_RAYS or now.lines:
             self._refuse("is no number of rays and hash", AGAIN)
@@ -306,7 +293,7 @@ class StreamReader:
         while len(now.lines) < int(rays[1]):
             raw = self._read_line(now)
             if raw.startswith(b"#"):
-                for n in range(len(now.lines)):  # an earlier line that is not the next ray's is the cause
+                for n in range(len(now.lines)):  # the cause may be an earlier line that is not the next ray's
                     self._columns(now, n)
                 self._refuse(f"comes after {len(now.lines)} of the {rays[1]} rays of the set {now.name}", AGAIN)
             now.lines.append(raw)
@@ -316,10 +303,8 @@ class StreamReader:
             table = _complete_rows(now.lines)
             if table is None:
                 table = np.array([self._row(now, n) for n in range(len(now.lines))])
-            questions, (status, lenslet, origin, direction) = (
-                table[:, :4],
-                (np.ascontiguousarray(part) for part in np.split(table[:, 4:], [1, 3, 6], 1)),
-            )
+            questions = table[:, :4]
+            status, lenslet, origin, direction = map(np.ascontiguousarray, np.split(table[:, 4:], [1, 3, 6], 1))
             fields = {"lenslet": lenslet, "origin_mm": origin, "direction": direction, "status": status}
             inputs = PanelRays(now.name, display, table[:, :2], table[:, 2:4], now.model)
             foreign = ForeignRays(inputs, fields, alone=np.isnan(direction[:, 0]))
@@ -334,13 +319,13 @@ class StreamReader:
         return foreign
 
     def _row(self, now: _Set, n: int) -> list[float]:
-        """Return the numbers of a line behind its ray's, filled up with NaN where a lost ray has its status alone."""
+        """Return the numbers of a line after the ray's index, with NaN where a lost ray has its status alone."""
         words, refuse = self._columns(now, n), partial(self._refuse, number=now.first + n)
         answered = len(words) - ASKED
         if answered not in (ANSWERED, LOST):
             refuse(f"has {answered} numbers behind its question", REMEDY)
         try:
-            # Python takes 1_0 for 10.
+            # Python reads 1_0 as 10.
             row = [float(word.replace("_", "?")) for word in words[1:]]
         except ValueError:
             refuse("has a word that is no number", REMEDY)
@@ -353,7 +338,7 @@ class StreamReader:
         return row + [math.nan] * (ANSWERED - answered)
 
     def _columns(self, now: _Set, n: int) -> list[str]:
-        """Return the words of a line, the first of which is the ray's number."""
+        """Return the words of a line, after a check of the ray's index."""
         words = self._text(now.lines[n], "ascii", now.first + n).split()
         if not words or words[0] != str(n):
             what = f"has ray {words[0][:20] if words else 'none'} where {n} is next"
@@ -361,7 +346,7 @@ class StreamReader:
         return words
 
     def _words(self, now: _Set, fraction_bits: int) -> dict[str, Ints]:
-        """Return the columns of words of questions and answers, N each."""
+        """Return the columns (N,) of words of questions and answers."""
         rows = [self._columns(now, n) for n in range(len(now.lines))]
         for n, row in enumerate(rows):
             if len(row) != 3:
@@ -381,13 +366,13 @@ class StreamReader:
 
 
 def bounded_lines(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the lines of a file as they come; of one that is too long its first part, and then the next."""
+    """Yield the lines of a file as they come; one that is too long in several parts."""
     return iter(partial(file.readline, MAX_LINE + 1), b"")
 
 
 def _complete_rows(lines: list[bytes]) -> Floats | None:
-    """Return the numbers behind the rays' indices, a row a line; `None` unless all lines are complete and in order."""
-    if lines[0].isspace():  # of blank lines alone numpy warns
+    """Return the rows of numbers after the rays' indices; None unless all lines are complete and in order."""
+    if lines[0].isspace():  # numpy warns of blank lines
         return None
     try:
         table = np.loadtxt(lines, comments=None, ndmin=2)

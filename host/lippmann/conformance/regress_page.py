@@ -1,7 +1,4 @@
-"""The page of `lippmann regress`: where errors are, and how large.
-
-Only maxima and counts are kept, so that a stream of any length fits.
-"""
+"""The page of `lippmann regress`: where errors are, and how large; it keeps only maxima and counts of a stream."""
 
 from __future__ import annotations
 
@@ -23,25 +20,24 @@ from lippmann.optics.rays import Floats
 
 Counts = npt.NDArray[np.int64]
 
-#: The lowest colour of a map, as a share of the largest error.
+#: The lowest colour of a map, relative to the largest error.
 SPAN = 1e-6
-#: Cells of a map, along each side.
+#: Cells along each side of a map.
 CELLS = 48
-#: A map over the lenslet reaches so many pitches to each side: a hexagon's corners lie within.
+#: Half the width of a map over the lenslet, in pitches: a hexagon's corners lie within.
 REACH = 0.6
-#: Bins of a histogram: decades of the error, in units of the last place, and bins in one.
+#: Decades of a histogram in units of the last place, and bins per decade.
 DECADES, PER_DECADE = (-12, 9), 4
-#: Microradian and nanometre, of radians and mm.
+#: Microradian per radian, and nanometres per millimetre.
 SCALE = 1e6
 
 
 @dataclass
 class ErrorMap:
-    """The errors of one array.
+    """The errors of one array, in microradian or nm.
 
-    `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, in microradian or nm; -1 where there is no
-    ray. Rows go down the panel, and up the lenslet. `counts` are the rays by their error in units of the last place:
-    exact ones, then those in each bin of `edges()`, then larger ones. `worst` and `worst_units` are the largest errors.
+    `panel` and `lenslet` (CELLS, CELLS) are the largest error in each cell, -1 without a ray. Rows go down the panel,
+    and up the lenslet. `counts` are the numbers of rays: exact, in each bin of `edges()`, above.
     """
 
     unit: str
@@ -53,31 +49,31 @@ class ErrorMap:
 
     @property
     def rays(self) -> int:
-        """Rays counted."""
+        """The number of rays."""
         return int(self.counts.sum())
 
 
 def edges() -> Floats:
-    """Return the edges of a histogram's bins, in units of the last place."""
+    """Return the edges of the histogram's bins, in units of the last place."""
     low, high = DECADES
     return np.asarray(10.0 ** np.linspace(low, high, (high - low) * PER_DECADE + 1))
 
 
 class ErrorMaps(dict[str, ErrorMap]):
-    """The errors of all rays that were judged, by array."""
+    """The errors of all judged rays, by array."""
 
     def add(self, foreign: ForeignRays, bounds: Bounds) -> None:
-        """Count the errors of a set; rays on an edge, and those whose status alone is given, are left out.
+        """Count the errors of a set, without rays on an edge and rays of which only the status is known.
 
         A unit of the last place is that of a float32 of the vector's largest component, or a word's.
         """
-        inputs, fields, far, units = foreign.inputs, foreign.fields, dict[str, Floats](), dict[str, Floats]()
+        inputs, fields = foreign.inputs, foreign.fields
         judged = np.ones(len(inputs.pixels), bool)
         if foreign.words is None:
             compared = compare(foreign, bounds, every=False)
-            for name in (name for name in fields if name not in INTEGERS):
-                far[name] = compared.far(name, fields[name], compared.golden)
-                units[name] = np.spacing(np.abs(compared.golden[name]).max(axis=1).astype(np.float32))
+            vectors = {name: array for name, array in compared.golden.items() if name in fields.keys() - INTEGERS}
+            far = {name: compared.far(name, fields[name], compared.golden) for name in vectors}
+            units = {n: np.spacing(np.abs(array).max(axis=1).astype(np.float32)) for n, array in vectors.items()}
             judged = ~compared.edge & ~compared.alone
         else:
             case, _ = foreign.words
@@ -88,11 +84,7 @@ class ErrorMaps(dict[str, ErrorMap]):
         self.count(inputs, far, units, judged)
 
     def count(self, inputs: PanelRays, apart: Arrays, units: Arrays, judged: Bools) -> None:
-        """Count the rays that are judged.
-
-        `apart` are their errors by array, (N,) radians or mm, and `units` (N,) the sizes of a unit of the last place.
-        Errors that are not finite are left out.
-        """
+        """Count the finite errors `apart` of judged rays, (N,) radians or mm; `units` are those of the last place."""
         panel = inputs.display.panel
         on_panel = inputs.pixels / np.array([panel.width_px, panel.height_px])
         on_lenslet = inputs.aims / (2.0 * REACH * inputs.display.array.coarsest_mm) + 0.5
@@ -109,21 +101,21 @@ class ErrorMaps(dict[str, ErrorMap]):
 
 
 def _largest(cells: Floats, places: Floats, errors: Floats) -> None:
-    """Raise each cell of a map to the largest error of the places (N, 2) in it, 0 to 1 within the map."""
+    """Raise each cell of a map to the largest error of the places (N, 2) in it; the map is 0 to 1."""
     column, row = np.floor(places * CELLS).astype(np.int64).T
     inside = (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
     np.maximum.at(cells, (row[inside], column[inside]), errors[inside])
 
 
 def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
-    """Draw the largest errors over the panel and over the lenslet, a row for each array."""
+    """Draw the largest errors over panel and lenslet, one row per array."""
     from matplotlib.colors import LogNorm
 
     picture, axes = make_axes(len(maps), 2)
     for row, (name, error_map) in zip(axes, maps.items(), strict=True):
         errors = np.concatenate([error_map.panel.ravel(), error_map.lenslet.ravel()])
         low, high = float(errors[errors > 0.0].min(initial=np.inf)), float(errors.max(initial=0.0))
-        # Errors far below the largest are as good as none.
+        # Much smaller errors count as none.
         low = max(low, SPAN * high)
         norm = LogNorm(low, max(high, 1.01 * low)) if high > 0.0 else None
         span = (-REACH, REACH, -REACH, REACH)
@@ -132,7 +124,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
             ("lenslet", error_map.lenslet, "lower", span, "pitch", "pitch"),
         )
         for axis, (place, cells, origin, extent, across, up) in zip(row, views, strict=True):
-            # An exact cell has the lowest colour: a logarithm has no place for it.
+            # An exact cell, which has no logarithm, gets the lowest colour.
             visible = np.ma.masked_less(np.where((cells >= 0.0) & (cells < low), low if norm else 0.0, cells), 0.0)
             image = axis.imshow(visible, norm=norm, cmap="viridis", extent=extent, origin=origin)
             axis.set(title=f"{name} over the {place}", xlabel=f"shares of the {across}", ylabel=f"shares of the {up}")
@@ -141,7 +133,7 @@ def map_plot(maps: Mapping[str, ErrorMap]) -> Plot:
 
 
 def histogram_plot(maps: Mapping[str, ErrorMap], last_place: str) -> Plot:
-    """Draw how many rays have which error."""
+    """Draw the histogram of the errors."""
     picture, axes = make_axes(1, 1, (8.0, 3.8))
     axis, ends = axes[0, 0], np.append(edges(), 10.0 * edges()[-1])
     used = np.flatnonzero(np.any([error_map.counts[1:] for error_map in maps.values()], axis=0))
@@ -161,18 +153,12 @@ def errors_page(
     words: bool,
     ended: str | None = None,
 ) -> Page:
-    """Return the page of verdicts on sets, and of the errors of all; `ended` says why there are no more."""
+    """Return the page of verdicts on sets and of their errors; `ended` says why a stream ended early."""
     last_place = "a word" if words else "a float32"
     maps = {name: maps[name] for name in FIELDS if name in maps}
+    values = ("rays", "worst", "unit", "worst_units")
     arrays = [
-        {
-            "step": FIELDS[name][0],
-            "array": name,
-            "rays": error_map.rays,
-            "worst": error_map.worst,
-            "unit": error_map.unit,
-            "units": error_map.worst_units,
-        }
+        {"step": FIELDS[name][0], "array": name, **{key: getattr(error_map, key) for key in values}}
         for name, error_map in maps.items()
     ]
     columns = ("rays", "wrong", "first_wrong", "stage", "fault")

@@ -1,7 +1,4 @@
-"""Files of rays: the test vectors that `lippmann vectors` writes, and the rays of another tracer that `regress` reads.
-
-Vectors are a folder for each set of rays; vectors.md, which becomes their README.md, describes the files.
-"""
+"""Files of rays: test vectors of `lippmann vectors` (vectors.md describes them), and rays for `lippmann regress`."""
 
 from __future__ import annotations
 
@@ -42,7 +39,7 @@ from lippmann.optics.rays import Model
 
 logger = logging.getLogger(__name__)
 
-#: What `vectors.json` says of a set.
+#: The entry of a set in `vectors.json`.
 Entry = dict[str, Any]
 
 #: Arrays of `rays.npz`, with their meaning.
@@ -78,10 +75,9 @@ WORLD_ARRAYS = {
 def write_vectors(
     folder: Path, sets: Iterable[PanelRays | WorldRays], model: Model, fraction_bits: int, about: Mapping[str, object]
 ) -> list[Entry]:
-    """Write sets of rays into a new or empty folder; returns what `vectors.json` lists.
+    """Write sets of rays into a new or empty folder, completely or not at all; return the entries of `vectors.json`.
 
-    The folder appears whole or not at all. Rays from the world are written for the model `exact` alone. `about` stands
-    first in `vectors.json`. Raises InputError for a folder with files.
+    Rays from the world are written for the model `exact` only. Raises InputError for a folder with files.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise input_error(str(folder), "exists already", "give a new folder")
@@ -139,7 +135,7 @@ def _write_set(top: Path, rays: PanelRays | WorldRays, model: Model, fraction_bi
 
 
 def _save(place: Path, **arrays: Any) -> None:
-    """Write rays.npz: numbers of 50 digits are rounded once, statuses are bytes."""
+    """Write rays.npz: 50 digits rounded once, statuses as bytes."""
     arrays = {name: np.asarray(a, np.float64) if a.dtype == object else a for name, a in arrays.items()}
     arrays["status"] = arrays["status"].astype(np.uint8)
     np.savez(place / "rays.npz", **arrays)
@@ -170,7 +166,7 @@ def _write_header(top: Path, entries: list[Entry], fraction_bits: int, about: Ma
 
 #: Arrays of the inputs, two columns each.
 INPUT_ARRAYS = ("pixel", "aperture_mm")
-#: Memory that the judgement of a ray takes, bytes.
+#: Bytes of memory to judge a ray.
 RAY_BYTES = 1000
 #: What is wrong with files of words, and the remedy.
 NO_RAYS, A_LINE_EACH = "inputs and outputs differ in number, or are empty", "give a line for each ray"
@@ -179,10 +175,10 @@ NO_RAYS, A_LINE_EACH = "inputs and outputs differ in number, or are empty", "giv
 def read_foreign(
     path: Path, display: Display, model: Model, fraction_bits: int, inputs: Path | None = None
 ) -> ForeignRays:
-    """Read `.npz` (arrays as `lippmann trace` writes them), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
+    """Read `.npz` (arrays of `lippmann trace`), `.csv` (as `words.csv`) or `.mem` (as `expected.mem`).
 
-    `inputs` is the `.mem` of the inputs; by default `inputs.mem` beside the file. Raises InputError for files that
-    cannot be read or are not complete.
+    `inputs` is the `.mem` of the inputs, by default `inputs.mem` in the same folder. Raises InputError for a file that
+    is missing, broken or incomplete.
     """
     if not path.is_file():
         raise input_error(str(path), not_there(path), "give a .npz, .csv or .mem file of rays")
@@ -207,7 +203,7 @@ def read_foreign(
 
 
 def _csv_columns(path: Path, fraction_bits: int) -> dict[str, Ints]:
-    """Return the columns of a table of words, N each; aperture points are 0 where it has none."""
+    """Return the columns (N,) of a table of words; missing aperture points are 0."""
     lines = (line for line in lines_of(text_of(path)) if not line.startswith("#"))
     heading = [name.strip(' "') for name in next(lines, "").split(",")]
     names = (*INPUTS, *OUTPUTS)
@@ -258,7 +254,7 @@ def _of_arrays(path: Path, display: Display, model: Model) -> ForeignRays:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file of words; raise InputError when it is not text."""
+    """Return the text of a file of words; raise InputError when the file is not text."""
     remedy = "give a file of words as lippmann vectors writes them"
     try:
         text = read_limited(path, MAX_TABLE_BYTES, "give fewer rays").decode()
@@ -272,10 +268,7 @@ def text_of(path: Path) -> str:
 
 
 def words_of_memory(path: Path, widths: Sequence[int]) -> list[Ints]:
-    """Read the words of a `$readmemh` file: one line a ray, as `memory_lines` writes them.
-
-    Raises InputError when a line is not hexadecimal or too long.
-    """
+    """Read a `$readmemh` file, one ray per line; raise InputError for a line that is not hexadecimal or too long."""
     texts = [line.split("//")[0].strip().replace("_", "") for line in lines_of(text_of(path))]
     numbers = [number for number, text in enumerate(texts, 1) if text]
     return words_of_lines([text for text in texts if text], widths, lambda ray: f"{path}:{numbers[ray]}")
