@@ -6,7 +6,6 @@ line calls these functions too.
 
 from __future__ import annotations
 
-import logging
 import math
 import tempfile
 import warnings
@@ -49,7 +48,6 @@ from lippmann.scenes.placement import Arrange, Placement
 from lippmann.scenes.scene import Scene, check_scene_file
 from lippmann.scenes.scene import load_scene as load_scene_file
 
-logger = logging.getLogger("lippmann")
 #: Width of a view, pixels.
 VIEW_PX = 600
 #: Losses of a capture that are noted, per cent.
@@ -257,8 +255,7 @@ def capture(
     if isinstance(scene, str | Path):
         placement = placement_before(built, check_scene_file(scene), path)
     with open_scene(scene, placement, device) as loaded:
-        if logger.isEnabledFor(logging.INFO):
-            warn_of_unused_parts(loaded, settings)
+        warn_of_unused_parts(loaded, settings)
         captured = capture_scene(loaded, built, settings, rotated, progress)
     settings = replace(settings, shading=captured.shading)
     metadata = image_metadata(RenderOptions("exact", settings=settings), loaded.path)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
+import sys
+import warnings
 from collections.abc import Iterable
 from numbers import Integral
 from pathlib import Path
@@ -58,7 +60,16 @@ class LippmannWarning(UserWarning):
     """
 
 
+def warn_user(text: str) -> None:
+    """Give a LippmannWarning that points at the line of the user's program that called Lippmann."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lippmann":
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, LippmannWarning, stacklevel=level)
+
+
 #: The errors whose line says where, what and the remedy.
+
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 

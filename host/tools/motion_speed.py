@@ -15,7 +15,7 @@ from lippmann.base.variant import current_device
 from lippmann.display.description import load_display
 from lippmann.motion.film import load_film
 from lippmann.motion.film_frames import FramePlan, choose_shading, plan_film
-from lippmann.motion.live_picture import MOST_SAMPLES, LivePicture
+from lippmann.motion.live_picture import MAX_SAMPLES, LivePicture
 from lippmann.motion.screens import Hand
 from lippmann.optics.rays import Model
 from lippmann.rendering.executors import local_workers, render_on_cluster
@@ -65,7 +65,7 @@ def _turned(picture: LivePicture, scene: Scene) -> dict[str, float]:
 def _refined(picture: LivePicture) -> float:
     """Return the seconds until a picture that rests has all its samples, each pass shown."""
     began = time.perf_counter()
-    while picture.samples < MOST_SAMPLES:
+    while picture.samples < MAX_SAMPLES:
         picture.finer(lambda: False)
         picture.values  # noqa: B018 - made on asking
     return time.perf_counter() - began

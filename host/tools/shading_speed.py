@@ -33,7 +33,7 @@ from lippmann.rendering import renderer
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.renderer import Rendered, render_integral, render_rays
 from lippmann.rendering.sampling import TILE_PX, Lines, RaySource, display_source
-from lippmann.rendering.shading import SharedProgram
+from lippmann.rendering.shading import CachedProgram
 from lippmann.rendering.surface_lattice import NONE, Place
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
@@ -63,33 +63,33 @@ EVEN_SAMPLES = (4, 8, 16)
 Field = npt.NDArray[np.float64]
 
 
-class Decoupled(SharedProgram):
+class Decoupled(CachedProgram):
     """Light found once for each surface that a pixel's samples meet, where the first of them meets it."""
 
-    def light_of(self, place: Place, shared: Any) -> Any:
+    def light_of(self, place: Place, cached: Any) -> Any:
         """Return the light of samples: that of the first one of the same pixel on the same side of the same shape."""
         dr, mi = drjit(), mitsuba()
 
-        shape = dr.gather(mi.UInt32, self.light.lattices.shape, place.lattice, shared)
-        surface = dr.select(shared, 2 * shape + dr.select(place.back, mi.UInt32(1), mi.UInt32(0)), NONE)
+        shape = dr.gather(mi.UInt32, self.cache.lattices.shape, place.lattice, cached)
+        surface = dr.select(cached, 2 * shape + dr.select(place.back, mi.UInt32(1), mi.UInt32(0)), NONE)
         dr.eval(surface)
         lane = dr.arange(mi.UInt32, dr.width(surface))
         pixel, first = lane // self.samples * self.samples, lane
         for k in reversed(range(self.samples)):
             first = dr.select(dr.gather(mi.UInt32, surface, pixel + k) == surface, pixel + k, first)
-        asked = dr.compress(shared & (first == lane))
+        asked = dr.compress(cached & (first == lane))
         light = dr.zeros(mi.Color3f, dr.width(surface))
         if dr.width(asked):
             at = (dr.gather(type(one), one, asked) for one in (place.lattice, place.u, place.v, place.back))
-            dr.scatter(light, self.light.at(Place(*at)), asked)
-        return dr.gather(mi.Color3f, light, first, shared)
+            dr.scatter(light, self.cache.at(Place(*at)), asked)
+        return dr.gather(mi.Color3f, light, first, cached)
 
 
 #: The ways: how light is shared, and by which program.
-WAYS: dict[str, tuple[Shading, type[SharedProgram]]] = {
-    "each": ("each", SharedProgram),
+WAYS: dict[str, tuple[Shading, type[CachedProgram]]] = {
+    "each": ("each", CachedProgram),
     "decoupled": ("shared", Decoupled),
-    "shared": ("shared", SharedProgram),
+    "shared": ("shared", CachedProgram),
 }
 
 
@@ -135,7 +135,7 @@ def _drawn(scene: Scene, display: Display, settings: Settings, way: str) -> tupl
     """Return the seconds of a picture in one of the ways, and the picture."""
     shading, program = WAYS[way]
     source = display_source(display, "exact", settings.samples, "chief", "fast", None)
-    with patch.object(renderer, "SharedProgram", program):
+    with patch.object(renderer, "CachedProgram", program):
         rendered = render_rays(scene, source, replace(settings, shading=shading))
     return rendered.seconds, rendered.radiance
 

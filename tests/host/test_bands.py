@@ -101,8 +101,8 @@ WALL = """<scene version="3.0.0">
 @pytest.mark.parametrize("film", [False, True])
 def test_auto_shades_the_same_bodies_everywhere(place, narrow, monkeypatch, film):
     """What was too large for `auto` had its light shared by workers, bands and films: 28 dB, where 45 are kept."""
-    monkeypatch.setattr(renderer, "LEAST_LAMPS", 1)
-    monkeypatch.setattr(renderer, "LEAST_RAYS", 1)
+    monkeypatch.setattr(renderer, "MIN_LAMPS", 1)
+    monkeypatch.setattr(renderer, "MIN_RAYS", 1)
     monkeypatch.setattr(renderer, "RAYS_A_POINT", 0.4)
     (place / "three.xml").write_text(WALL)
     display = load_display(place / "small.toml")

@@ -304,7 +304,7 @@ def test_only_what_is_missing_or_changed_is_rendered(place, capsys):
 )
 def test_a_film_has_one_way_to_shade(place, mi, monkeypatch, capfd, likeness, shading, said):
     """Its key frames, 0 and 4, are tried; all frames do what all key frames allow."""
-    for name, value in (("RAYS_A_POINT", 0.01), ("LEAST_LAMPS", 1), ("LEAST_RAYS", 1)):
+    for name, value in (("RAYS_A_POINT", 0.01), ("MIN_LAMPS", 1), ("MIN_RAYS", 1)):
         monkeypatch.setattr(renderer, name, value)
     trials = iter(likeness)
     monkeypatch.setattr(renderer.Renderer, "_trial", lambda self: next(trials))
@@ -312,9 +312,9 @@ def test_a_film_has_one_way_to_shade(place, mi, monkeypatch, capfd, likeness, sh
     frames = [read_picture(place / f"out/frame_{k:04d}.exr") for k in range(5)]
     assert {frame.metadata["shading"] for frame in frames} == {shading}
     err = capfd.readouterr().err
-    tried = "shared light, tried beside each ray's own in 100 % of the picture"
+    tried = "irradiance cache, compared with each ray's own light in 100 % of the picture"
     assert err.count(f"{said}: {tried}: PSNR {likeness[1]} dB; ") == 1
-    assert err.count(f"so light is {'not ' * (shading == 'each')}shared") == 1
+    assert err.count(f"so it is {'not ' * (shading == 'each')}used") == 1
     assert not list(trials)
 
 

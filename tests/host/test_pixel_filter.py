@@ -12,7 +12,7 @@ from lippmann.capturing.capture_setup import load_setup
 from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.options import Settings
-from lippmann.rendering.pixel_filter import MOST_SAMPLES, PixelFilter, is_filtered, softness
+from lippmann.rendering.pixel_filter import MAX_SAMPLES, PixelFilter, is_filtered, softness
 from lippmann.rendering.renderer import Renderer, render_rays
 from lippmann.rendering.sampling import Lines, RaySource, Seeds, Window, display_source, eye_source
 from lippmann.scenes.placement import Placement
@@ -191,7 +191,7 @@ def test_strips_of_a_picture(mi):
 def test_which_pixels_share(mi):
     plain, stripes = focused_display("square", subpixels="none"), focused_display("square", subpixels="rgb")
     shared = display_source(plain, "exact", 4)
-    assert [samples for samples in range(1, 9) if is_filtered(shared, samples)] == list(range(2, MOST_SAMPLES + 1))
+    assert [samples for samples in range(1, 9) if is_filtered(shared, samples)] == list(range(2, MAX_SAMPLES + 1))
     assert not is_filtered(display_source(stripes, "exact", 4), 4)
     for engine in ("golden", "twin", "rtl"):
         assert not is_filtered(display_source(plain, "exact", 4, engine=engine), 4)

@@ -89,7 +89,7 @@ def test_the_renderers_programs_are_recorded_once(mi, chart, monkeypatch, shadin
 
     Samples are as many as no texture's values, for sizes that are equal by chance are another recording.
     """
-    for name, value in (("LEAST_RAYS", 0), ("LEAST_LAMPS", 0), ("SHARED_DB", 0), ("RAYS_A_POINT", 0.01)):
+    for name, value in (("MIN_RAYS", 0), ("MIN_LAMPS", 0), ("CACHE_DB", 0), ("RAYS_A_POINT", 0.01)):
         monkeypatch.setattr(renderer, name, value)
     made, usual = [], Recorded.__init__
 

@@ -356,7 +356,7 @@ def test_equal_seeds_repeat_bit_for_bit(mi, lit, integrator):
     assert (pictures[0] != pictures[2]).mean() > 0.3
 
 
-@pytest.mark.parametrize(("shading", "parts"), [("each", 1), ("shared", renderer.SHARED_PARTS)])
+@pytest.mark.parametrize(("shading", "parts"), [("each", 1), ("shared", renderer.CACHE_CHUNK_DIVISOR)])
 @pytest.mark.parametrize("samples", [1, 4])
 def test_pictures_of_point_lights_do_not_depend_on_chunks(mi, points, samples, shading, parts, monkeypatch):
     display = display_for("hex", subpixels="rgb")

@@ -37,16 +37,16 @@ def test_the_limits_are_those_of_the_code():
     assert limits.SHARE == 0.8
     assert f"{images.MAX_CHANNELS} channels; {images.MAX_TEXT_BYTES >> 10} KB" in row("image")
     assert row("photograph of a calibration") == f"{photographs.MAX_PIXELS // 10**6} million pixels"
-    assert row("picture of depths") == f"{depth_picture.MOST_PIXELS // 10**6} million pixels"
-    million = window_views.MOST_PIXELS // 10**6
-    views, megabytes = window_views.MOST_VIEWS, window_views.MOST_BYTES >> 20
+    assert row("picture of depths") == f"{depth_picture.MAX_PIXELS // 10**6} million pixels"
+    million = window_views.MAX_PIXELS // 10**6
+    views, megabytes = window_views.MAX_VIEWS, window_views.MAX_BYTES >> 20
     told = f"{million} million pixels in all; {views} views; {megabytes} MB of `views.json`"
     assert row("quilt, folder of views") == told
     most = layers_folder.MAX_PIXELS // 10**6
     assert row("layer's picture").endswith(f"; {most} million pixels of a picture that `layers` cuts")
-    corners, large = meshes.MOST_CORNERS // 10**6, splats.MOST_BYTES >> 30
-    texture = f"{corners} million corners of faces and {meshes.MOST_PIXELS // 10**6} million pixels a texture"
-    assert row("mesh, splats") == f"{meshes.MOST_BYTES >> 30} GB, {texture}; {large} GB"
+    corners, large = meshes.MAX_CORNERS // 10**6, splats.MAX_BYTES >> 30
+    texture = f"{corners} million corners of faces and {meshes.MAX_PIXELS // 10**6} million pixels a texture"
+    assert row("mesh, splats") == f"{meshes.MAX_BYTES >> 30} GB, {texture}; {large} GB"
     assert limits.MAX_HEADER_BYTES == 10_000
     assert row("bitstream") == f"{limits.MAX_BITSTREAM_BYTES >> 20} MB"
     assert IDLE_S == 60

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from lippmann.base.tones import psnr_db
 from lippmann.rendering.options import Settings
-from lippmann.rendering.pixel_filter import share_of_noise
+from lippmann.rendering.pixel_filter import noise_fraction
 from lippmann.scenes.scene import load_scene
 from lippmann.simulation.toolchain import repository
 from scene_cases import focused_display
@@ -59,7 +59,7 @@ def test_the_page_shows_every_way(tmp_path, monkeypatch, display, mi):
         *((1, way, samples) for way in shading_speed.WAYS for samples in (1, 2)), (2, "each", 1)
     ]  # fmt: skip
     # Twice the samples, half the noise's power: 3 dB, beside what pixels gain that share samples.
-    gain = rows[1]["panel_db"] - rows[0]["panel_db"] + 20.0 * math.log10(share_of_noise(2, 1))
+    gain = rows[1]["panel_db"] - rows[0]["panel_db"] + 20.0 * math.log10(noise_fraction(2, 1))
     assert 1.0 < gain < 5.0
     (pair,) = shading_speed.likeness(SCENES, 1)
     assert (pair["scene"], pair["auto"]) == ("fish", "each")  # the picture is small

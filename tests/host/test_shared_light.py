@@ -17,7 +17,7 @@ from lippmann.rendering import renderer as renderers
 from lippmann.rendering.options import Settings
 from lippmann.rendering.renderer import Renderer, render_integral
 from lippmann.rendering.sampling import display_source
-from lippmann.rendering.shading import Irradiance
+from lippmann.rendering.shading import IrradianceCache
 from lippmann.rendering.surface_lattice import FAN, SPHERE, Place, corners, from_octahedron, on_octahedron, place_of
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import scene_of
@@ -56,12 +56,12 @@ def display():
 def eager(monkeypatch):
     """Let auto share light in small pictures, of few lamps."""
     monkeypatch.setattr(renderers, "RAYS_A_POINT", 0.1)
-    monkeypatch.setattr(renderers, "LEAST_LAMPS", 1)
-    monkeypatch.setattr(renderers, "LEAST_RAYS", 1)
+    monkeypatch.setattr(renderers, "MIN_LAMPS", 1)
+    monkeypatch.setattr(renderers, "MIN_RAYS", 1)
 
 
 def both_ways(scene, display, settings=SETTINGS):
-    """The picture by shared light and by each ray's own."""
+    """The picture by the irradiance cache and by each ray's own."""
     ways = (settings, replace(settings, shading="each"))
     made = [render_integral(scene, display, "exact", way) for way in ways]
     assert [one.shading for one in made] == [way.shading for way in ways]
@@ -105,7 +105,7 @@ def test_points_are_where_their_numbers_say(mi, spacing):
 
     parts = {"a": wall(mi), "b": ball(0, 0, 0, 2.0), "c": ball(4, 0, 1, 0.5)}
     slender = triangles(mi, [np.roll(SLENDER, k, axis=0) for k in range(3)])
-    light = Irradiance(scene(**parts, d=slender, lamp=lamp([0, 20, 30])), spacing)
+    light = IrradianceCache(scene(**parts, d=slender, lamp=lamp([0, 20, 30])), spacing)
     rng = generator(3, str(spacing))
     number = rng.integers(0, 2 * light.points, 4000).astype(np.uint32)
     place = place_of(light.lattices, mi.UInt32(number))
@@ -144,7 +144,7 @@ def test_points_lie_no_further_apart_than_asked(mi):
     rng, spacing = generator(9), 0.5
     others = rng.normal(size=(40, 3, 3)) * rng.uniform(0.1, 3.0, (40, 1, 1))
     placed = np.array([*(np.roll(SLENDER, k, axis=0) for k in range(3)), *others])
-    light = Irradiance(scene(mesh=triangles(mi, placed), lamp=lamp([0, 20, 30])), spacing)
+    light = IrradianceCache(scene(mesh=triangles(mi, placed), lamp=lamp([0, 20, 30])), spacing)
     kinds, number = np.array(light.lattices.kind), rng.integers(0, len(placed), 6000).astype(np.uint32)
     assert len(kinds) == len(placed)
     assert ((kinds[:3] & FAN) != 0).all()
@@ -178,7 +178,7 @@ def test_points_lie_no_further_apart_than_asked(mi):
 def test_the_apex_of_a_slender_triangle(mi, apex):
     """Where rounding leaves no share for the other corners, or a little below 0, weights stay between 0 and 1."""
     placed = np.roll(SLENDER, apex, axis=0)[None]
-    light = Irradiance(scene(mesh=triangles(mi, placed), lamp=lamp([0, 20, 30])), 0.1)
+    light = IrradianceCache(scene(mesh=triangles(mi, placed), lamp=lamp([0, 20, 30])), 0.1)
     rng = generator(10, apex)
     shares = np.concatenate([10.0 ** -rng.uniform(3, 12, (2000, 1)) * rng.random((2000, 2)), np.zeros((9, 2))])
     shares += rng.choice([0.0, 6e-8, -6e-8], shares.shape)
@@ -197,7 +197,7 @@ def test_shapes_that_are_nowhere_have_no_lattice(mi):
     empty = mi.Mesh("empty", 3, 0)
     empty.set_bsdf(mi.load_dict(BOTH))
     for mesh in (triangles(mi, lost), triangles(mi, [*lost[:1], SLENDER]), empty):
-        light = Irradiance(scene(mesh=mesh, ball=ball(0, 0, 0, 1.0), lamp=lamp([2, 3, 40])), 1.0)
+        light = IrradianceCache(scene(mesh=mesh, ball=ball(0, 0, 0, 1.0), lamp=lamp([2, 3, 40])), 1.0)
         assert light.points == 33**2
 
 
@@ -226,7 +226,7 @@ def test_light_by_hand(mi):
     given = {f"lamp{k}": lamp(position, power) for k, (position, power) in enumerate(lamps)}
     rng = generator(5)
     # A sphere.
-    light = Irradiance(scene(b=ball(0.5, -0.3, 0.2, 2.0), **given), 0.05)
+    light = IrradianceCache(scene(b=ball(0.5, -0.3, 0.2, 2.0), **given), 0.05)
     out = rng.normal(size=(3, 2000))
     out /= np.linalg.norm(out, axis=0)
     u, v = on_octahedron(mi.Vector3f(out))
@@ -241,7 +241,7 @@ def test_light_by_hand(mi):
         (mesh,) = made.mitsuba.shapes()
         corners_of = np.array(mesh.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(mesh.faces_buffer()).reshape(-1, 3)
-        light = Irradiance(made, 0.25)
+        light = IrradianceCache(made, 0.25)
         for back in (False, True):
             u, v = in_triangle(rng, 2000)
             which = rng.integers(0, len(faces), 2000).astype(np.uint32)
@@ -378,7 +378,7 @@ def test_the_tolerance_is_kept_on_random_scenes(mi, fine, first, eager):
         if auto.shading == "each":
             assert (auto.radiance == each.radiance).all()
         else:
-            assert views_db(auto.radiance, each.radiance, fine) >= renderers.SHARED_DB, seed
+            assert views_db(auto.radiance, each.radiance, fine) >= renderers.CACHE_DB, seed
     if current_device() == "llvm":
         assert "shared" in ways
 
@@ -394,7 +394,7 @@ def test_spots_and_directions_share(mi, display, cutoff):
     assert psnr_db(shared, each) > 40.0
 
 
-# ---- when light is not shared ----
+# ---- when the cache is not used ----
 
 
 def grid(mi):
@@ -414,7 +414,7 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager, caplog):
     assert auto.shading == "each"
     if current_device() == "llvm":  # a GPU does not try
         (remark,) = caplog.messages
-        assert re.search(r"PSNR \d+\.\d dB; 45 dB are needed, so light is not shared$", remark)
+        assert re.search(r"PSNR \d+\.\d dB; 45 dB are needed, so it is not used$", remark)
     each = render_integral(made, display, "exact", replace(settings, shading="each"))
     assert (auto.radiance == each.radiance).all()
 
@@ -424,7 +424,7 @@ def test_auto_leaves_thin_shadows_to_each_ray(mi, display, eager, caplog):
     [
         ({"sky": {"type": "constant"}}, "lights", "other lamps"),
         ({}, "lights", "other lamps"),
-        ({"a": lamp([0, 0, 30])}, "direct", "the integrator direct draws lots"),
+        ({"a": lamp([0, 0, 30])}, "direct", "the integrator direct uses random numbers"),
         ({f"l{k}": lamp([k, 0, 30]) for k in range(32)}, "lights", "other lamps"),
     ],
 )
@@ -434,7 +434,7 @@ def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps,
     made = scene(wall=wall(mi), **lamps)
     assert render_integral(made, display, "exact", settings).shading == "each"
     assert len(caplog.messages) == 1
-    assert caplog.messages[0].startswith("light is not shared: ")
+    assert caplog.messages[0].startswith("the irradiance cache is not used: ")
     assert why in caplog.messages[0]
     caplog.clear()
     render_integral(made, display, "exact", replace(settings, shading="auto"))
@@ -444,13 +444,13 @@ def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps,
 @pytest.mark.parametrize("free_mb", [1.0, 1e6])
 @pytest.mark.parametrize(("limit_mb", "shading"), [(None, "shared"), (700.0, "each"), (800.0, "shared")])
 def test_the_users_limit_decides_and_not_the_free_memory(mi, display, eager, monkeypatch, free_mb, limit_mb, shading):
-    """500 MB, 250 more for shared light, and 2.2 MB for 288 x 216 pixels."""
+    """500 MB, 250 more for the irradiance cache, and 2.2 MB for 288 x 216 pixels."""
     monkeypatch.setattr(bands, "free_memory_mb", lambda: free_mb)
     made = scene(wall=wall(mi), a=lamp([2, 3, 40]))
     settings = replace(SETTINGS, shading="auto", memory_mb=limit_mb)
     found = Renderer(made, display_source(display, "exact", 4, "chief", "fast", None), settings)
     assert found.shading == shading
-    assert ("no room" in found.remark) == (shading == "each")
+    assert ("no room" in found.cache_report) == (shading == "each")
 
 
 def rods(mi):
@@ -471,12 +471,12 @@ def test_a_large_body_does_not_coarsen_others(mi, display, radius):
 
 
 def test_a_large_triangle_has_no_lattice(mi):
-    light = Irradiance(scene(floor=wall(mi, half=3000.0), ball=ball(0, 0, 0, 1.0), a=lamp([2, 3, 40])), 1.0)
+    light = IrradianceCache(scene(floor=wall(mi, half=3000.0), ball=ball(0, 0, 0, 1.0), a=lamp([2, 3, 40])), 1.0)
     assert light.points == 33**2
     many = scene(floor=wall(mi, half=300.0), ball=ball(0, 0, 0, 1.0), a=lamp([2, 3, 40]))
-    assert Irradiance(many, 1.0).points > 300_000
-    assert Irradiance(many, 1.0, 300_000).points == 33**2
-    assert Irradiance(many, 1.0, 1000).points == 0
+    assert IrradianceCache(many, 1.0).points > 300_000
+    assert IrradianceCache(many, 1.0, 300_000).points == 33**2
+    assert IrradianceCache(many, 1.0, 1000).points == 0
 
 
 @pytest.mark.parametrize("kind", ["projector", "spot", "directionalarea"])
@@ -529,7 +529,7 @@ def test_why_a_trial_was_not_kept_is_told(mi, display, eager, caplog):
     made = scene(front=front, back=wall(mi), a=lamp([2, 9, 40]))
     settings = replace(SETTINGS, shading="auto")
     assert render_integral(made, display, "exact", settings).shading == "each"
-    assert caplog.messages == ["light is not shared: most rays meet surfaces that are not plain diffuse, or too large"]
+    assert caplog.messages == ["the irradiance cache is not used: most rays meet surfaces that are not plain diffuse, or too large"]
 
 
 @pytest.mark.parametrize("samples", [1, 5, 300])
@@ -576,5 +576,5 @@ def test_the_trial_looks_at_as_many_places_of_many_samples(mi, subpixels, eager)
             made, display_source(wide, "exact", samples), replace(SETTINGS, samples=samples, shading="auto")
         )
         assert len(tried._trial_tiles()) == 28 * 28
-        said.append(float(re.search(r"PSNR ([\d.]+) dB", tried.remark)[1]))
+        said.append(float(re.search(r"PSNR ([\d.]+) dB", tried.cache_report)[1]))
     assert max(said) - min(said) < 6.0, said

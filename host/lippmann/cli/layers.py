@@ -106,7 +106,7 @@ def _split_parts(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
     """Return what is cut by depths, and the shapes `apart`, which become a layer of their own."""
     if apart is None:
         return scene, None
-    rest = load_scene(scene.path, scene.placement, part=Part(apart, kept=False))
+    rest = load_scene(scene.path, scene.placement, part=Part(apart, matching=False))
     return rest, load_scene(scene.path, scene.placement, part=Part(apart))
 
 

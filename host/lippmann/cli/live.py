@@ -23,7 +23,7 @@ from lippmann.eye.observer import Eye, whole_window
 from lippmann.layers.layers_folder import is_layers
 from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
-from lippmann.motion.live_picture import MOST_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
+from lippmann.motion.live_picture import MAX_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
 from lippmann.motion.screens import Hand, Screens, screens
 from lippmann.rendering.bands import check_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
@@ -53,7 +53,7 @@ def command(
     turn: float = option("Turn the scene by itself, degrees a second.", 0.0),
     turn_seconds: float | None = option("Turn it for this long.  [default: to the end]", None, finite(0.0)),
     seconds: float | None = option("End after this long, and when the picture is fine.", None, finite(0.0)),
-    samples: int = option("Samples of each pixel at which a resting picture is done.", MOST_SAMPLES, click.IntRange(1)),
+    samples: int = option("Samples of each pixel at which a resting picture is done.", MAX_SAMPLES, click.IntRange(1)),
     model: ModelOption = option("Lens model; auto chooses the cheapest for the scene's first place.", "auto"),
     settings: Settings = LIGHT,
     moved: Moved = MOVED,
@@ -91,7 +91,7 @@ def command(
         shown = Screens() if window is False else stack.enter_context(screens())
         opened = _open_windows(shown, display, monitor, view)
         show = LiveShow(picture, hand, shown, view, None if sender is None else sender.send, reel)
-        played = show.run(turn_deg=turn, moving_s=turn_seconds, seconds=seconds, most=samples, opened=opened)
+        played = show.run(turn_deg=turn, moving_s=turn_seconds, seconds=seconds, max_samples=samples, opened=opened)
         if sender is not None:
             sender.finish()
     _emit_result(scene_path, display, chosen, played, hand, port, sender)

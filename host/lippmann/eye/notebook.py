@@ -13,7 +13,7 @@ from lippmann.base.animation import FRAME_MS, animation_bytes, write_animation
 from lippmann.base.fullscreen import show_frames
 from lippmann.base.tones import encoded_values
 from lippmann.eye.observer import View
-from lippmann.rendering.integral_image import in_notebook, shown_or_said
+from lippmann.rendering.integral_image import in_notebook, show_or_report
 
 #: Height of the viewer page in a notebook, pixels.
 HEIGHT_PX = 720
@@ -63,4 +63,4 @@ class Sweep:
             import_module("IPython.display").display(self)
             return
         frames = [encoded_values(view.radiance, "srgb", 8) for view in self.views]
-        shown_or_said(lambda: show_frames([*frames, *frames[-2:0:-1]], seconds, FRAME_MS / 1000.0))
+        show_or_report(lambda: show_frames([*frames, *frames[-2:0:-1]], seconds, FRAME_MS / 1000.0))

@@ -24,7 +24,7 @@ from lippmann.layers.layer_drawing import FILTERS, Filter, draw_golden, exit_lin
 from lippmann.layers.scene_cutting import Cut, Reach, check_slot, cut_scene, reach_of
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.options import Settings
-from lippmann.rendering.pixel_filter import MOST_SAMPLES
+from lippmann.rendering.pixel_filter import MAX_SAMPLES
 from lippmann.rendering.renderer import render_integral
 from lippmann.scenes.scene import Scene
 
@@ -37,8 +37,8 @@ CURVE_BYTES = 8192
 EXIT_LINE, LAYER_COORDINATE, TEXEL_BLEND, COMPOSITE, BACKGROUND = 10, 6, 3, 4, 3
 #: Places of a moving eye, as shares of the reach to each side, and rays for each pixel of its view.
 EYES, EYE_SAMPLES = (-0.8, -0.4, 0.0, 0.4, 0.8), 64
-#: Samples for each pixel of the full render: above `MOST_SAMPLES`, so that no pixel uses its neighbours'.
-FULL_SAMPLES = MOST_SAMPLES + 1
+#: Samples for each pixel of the full render: above `MAX_SAMPLES`, so that no pixel uses its neighbours'.
+FULL_SAMPLES = MAX_SAMPLES + 1
 
 
 @dataclass(frozen=True)

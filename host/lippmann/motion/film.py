@@ -25,13 +25,12 @@ Motion = Literal["smooth", "linear"]
 def interpolated(
     frames: npt.NDArray[np.float64], numbers: npt.NDArray[np.float64], motion: Motion | None, frame: float
 ) -> npt.NDArray[np.float64]:
-    """Return the numbers (N,) at a frame, from those (K, N) at the frames (K,) of keys; beyond them nothing moves."""
+    """Return the numbers (N,) at a frame, from those (K, N) at the frames (K,) of keys; constant beyond the keys."""
     from scipy.interpolate import PchipInterpolator
 
     place = np.clip(frame, frames[0], frames[-1])
     if motion != "linear" and len(frames) > 1:
-        now: npt.NDArray[np.float64] = PchipInterpolator(frames, numbers)(place)
-        return now
+        return np.asarray(PchipInterpolator(frames, numbers)(place))
     return np.array([np.interp(place, frames, column) for column in numbers.T])
 
 
@@ -49,11 +48,10 @@ class Key:
 @documented
 @dataclass(frozen=True)
 class MotionPath:
-    """Keys, and the interpolation between them.
+    """Keys, and the interpolation between them; nothing moves before the first key and after the last.
 
-    Before the first key and after the last, nothing moves. `motion` is "linear": evenly; or "smooth": by cubics
-    that never go beyond a key (F. Fritsch, J. Butland, "A method for constructing local monotone piecewise cubic
-    interpolants", 1984), each component separately. None means the film's `motion` in a film file, elsewhere "smooth".
+    "smooth" interpolates each component by cubics that never go beyond a key (F. Fritsch, J. Butland, "A method for
+    constructing local monotone piecewise cubic interpolants", 1984). None means the film's `motion`, or else "smooth".
     """
 
     keys: Annotated[tuple[Key, ...], key("positions at some frames; at least one"), Meta(min_length=1)]
@@ -64,14 +62,14 @@ class MotionPath:
         """Return the motion at a frame, relative to the position at rest, in the display's coordinates."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
-        now = interpolated(frames, numbers, self.motion, frame)
-        turned = Placement(float(now[6]), (float(now[3]), float(now[4]), float(now[5])))
+        x, y, z, about_x, about_y, about_z, scale = interpolated(frames, numbers, self.motion, frame).tolist()
+        turned = Placement(scale, (about_x, about_y, about_z))
         pivot = np.array(self.pivot_mm)
-        offset = now[:3] + pivot - turned.display_from_scene[:3, :3] @ pivot
-        return Placement(turned.scale, turned.rotation_deg, (float(offset[0]), float(offset[1]), float(offset[2])))
+        x, y, z = (np.array([x, y, z]) + pivot - turned.display_from_scene[:3, :3] @ pivot).tolist()
+        return replace(turned, offset_mm=(x, y, z))
 
 
-#: Most frames of a film: file names count to four digits.
+#: Maximum frames of a film: file names count to four digits.
 MAX_FRAMES = 10_000
 AnyPath = TypeVar("AnyPath", bound=MotionPath)
 Depth = Annotated[float | None, key("", default="the placement's, extended by the motions")]
@@ -80,14 +78,14 @@ Depth = Annotated[float | None, key("", default="the placement's, extended by th
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Moving(MotionPath):
-    """An object of a film: shapes, and their path."""
+    """A moving object of a film: shapes, and their path."""
 
     shapes: Annotated[str, key("id of the shapes in the scene file; `*` stands for any text, `?` for any character")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. Later objects move what earlier ones have moved; the world is the whole scene."""
+    """The keys of a film file. Objects move in their order, then the world, which is the complete scene."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
@@ -108,28 +106,28 @@ class Film(FilmFile):
 
     @property
     def key_frames(self) -> list[int]:
-        """The first frame, the last, and those of all keys: between keys no number goes beyond them."""
+        """The first frame, the last, and those of all keys: motions between keys do not go beyond them."""
         paths = [*self.object, self.world] if self.world is not None else self.object
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 
     def moves(self, frame: int, placement: Placement) -> tuple[Move, ...]:
-        """Return what moves the objects at a frame, in the frame of a scene that stands by a placement."""
+        """Return the motions of the objects at a frame, in the frame of a scene with this placement."""
         forward, back = placement.display_from_scene, placement.scene_from_display
         return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 
-    def placement(self, frame: int, placement: Placement, whole: Placement | None = None) -> Placement:
-        """Return how the scene stands at a frame: by a placement, along the world's path, then moved as a whole."""
+    def placement(self, frame: int, placement: Placement, film_placement: Placement | None = None) -> Placement:
+        """Return the scene's placement at a frame, from that at rest and that of the complete film."""
         if self.world is not None:
             placement = placement.then(self.world.at(frame))
-        if whole is not None:
-            placement = placement.then(whole)
+        if film_placement is not None:
+            placement = placement.then(film_placement)
         near = placement.near_mm if self.near_mm is None else self.near_mm
         far = placement.far_mm if self.far_mm is None else self.far_mm
         return replace(placement, near_mm=near, far_mm=far)
 
 
 def is_film(path: str | Path) -> bool:
-    """Tell whether a path is a TOML file that is no scene."""
+    """Tell whether a path is a TOML file, but not a scene's."""
     path = Path(path)
     return path.suffix.lower() == ".toml" and path.is_file() and kind_of(path) is None
 
@@ -141,24 +139,24 @@ def load_film(path: str | Path) -> Film:
     near, far = film.near_mm, film.far_mm
     if near is not None and far is not None and near <= far:
         raise InputError(f"{path}: near_mm {near:g} is not in front of far_mm {far:g}; +z is towards the eye")
-    world = film.world and _moving(film.world, film, f"{path}: world")
-    moving = tuple(_moving(one, film, f"{path}: object[{place}]") for place, one in enumerate(film.object))
+    world = film.world and _with_motion(film.world, film, f"{path}: world")
+    moving = tuple(_with_motion(one, film, f"{path}: object[{place}]") for place, one in enumerate(film.object))
     return replace(film, scene=(path.parent / film.scene).absolute(), object=moving, world=world)
 
 
 def check_frames(key_frames: Sequence[int], frames: int, where: str) -> None:
-    """Refuse keys out of order, or beyond the last of a film's frames."""
+    """Raise InputError for keys out of order, or beyond a film's last frame."""
     before = -1
     for place, frame in enumerate(key_frames):
-        here = f"{where}.keys[{place}].frame"
+        key_name = f"{where}.keys[{place}].frame"
         if frame >= frames:
-            raise input_error(here, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
+            raise input_error(key_name, f"{frame} is beyond the film's last frame", f"give at most {frames - 1}")
         if frame <= before:
-            raise input_error(here, f"{frame} does not come after {before}", "sort the keys by frame")
+            raise input_error(key_name, f"{frame} does not come after {before}", "sort the keys by frame")
         before = frame
 
 
-def _moving(path: AnyPath, film: Film, where: str) -> AnyPath:
-    """Return a path with the film's motion where it has none; see `check_frames`."""
+def _with_motion(path: AnyPath, film: Film, where: str) -> AnyPath:
+    """Return a path with the film's motion if it has none; see `check_frames`."""
     check_frames([one.frame for one in path.keys], film.frames, where)
     return replace(path, motion=path.motion or film.motion)

@@ -1,4 +1,4 @@
-"""The frames of a film: a plan for each, and their files in a folder."""
+"""The frames of a film: their plans, and their files in a folder."""
 
 from __future__ import annotations
 
@@ -33,11 +33,10 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """One frame of a film. All have its seed, so that the pixels of parts at rest do not change."""
+    """One frame of a film. All frames have the same seed, so that pixels at rest do not change."""
 
     film: Film
     frame: int
-    #: Motions of the scene's shapes.
     moves: tuple[Move, ...]
 
     @property
@@ -47,23 +46,23 @@ class FramePlan(ScenePlan):
 
     @cached_property
     def identity(self) -> str:
-        """Hash of all that the pixels depend on, 16 hexadecimal digits; the frame's file carries it."""
+        """Hash of all that the pixels depend on, 16 hexadecimal digits; it is in the frame's metadata."""
         moves = [(move.shapes, move.matrix.tolist()) for move in self.moves]
         reach = (self.film.near_mm is None, self.film.far_mm is None)
         return pixels_identity(self.digest, self.placement, self.display, self.options, moves=moves, reach=reach)
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What the frame's file carries."""
+        """The metadata of the frame's file."""
         return {**super().metadata, "film": self.film.name, "frame": str(self.frame), "shot": self.identity}
 
     def load(self) -> Scene:
-        """Load the scene, moved and placed; InputError as `load_scene`."""
+        """Load the moved and placed scene; raise InputError as `load_scene`."""
         scene = load_scene(self.scene, self.placement, self.moves)
         return self._with_moved_shapes(scene) if self.film.object else scene
 
     def _with_moved_shapes(self, scene: Scene) -> Scene:
-        """Return the scene with depths that include the shapes that have moved; a depth that the film gives holds."""
+        """Return the scene with depths that include the moved shapes, except depths that the film gives."""
         rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
         low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
@@ -76,35 +75,35 @@ class FramePlan(ScenePlan):
 
 @functools.lru_cache(maxsize=1)
 def _bounds_at_rest(path: Path, digest: str) -> tuple[Matrix, Matrix]:
-    """Return the bounds of the scene without any motion, which is not kept: programs hold the code of all scenes."""
+    """Return the bounds of the scene at rest. It is freed at once: programs contain the code of all scenes."""
     return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).bounds
 
 
 def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
-    """Return the plans of a film's frames; the film is scaled about the display's centre, None: into its depth range.
+    """Return the plans of the frames of a film, scaled about the display's centre; None fits it into the depth range.
 
-    Raises InputError when the scene cannot be read, or its own placement is invalid; to fit, when it is unbounded.
+    Raises InputError if the scene or its placement cannot be read, or an unbounded scene is to be fitted.
     """
-    digest, rest = digest_of(film.scene), placement_beside(film.scene)
-    whole = None if scale == 1.0 else Placement(scale or 1.0)
+    digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
+    film_placement = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
-        whole = _fitting(film, rest, display)
-        # The film's own depths belong to its own size.
+        film_placement = _fitting(film, at_rest, display)
+        # The depths in the film file are for the original size.
         film = replace(film, near_mm=None, far_mm=None)
     panel = display.panel
     bands = tuple(bands_of(panel.width_px, panel.height_px, options.settings.samples * colours_of(panel)))
     picture = display, options, bands, film.scene, digest
     return [
-        FramePlan(*picture, film.placement(frame, rest, whole), film, frame, film.moves(frame, rest))
+        FramePlan(*picture, film.placement(frame, at_rest, film_placement), film, frame, film.moves(frame, at_rest))
         for frame in range(film.frames)
     ]
 
 
-def _fitting(film: Film, rest: Placement, display: Display) -> Placement:
-    """Return how the whole film is scaled and moved for a display: by the box round the scene at all key frames."""
+def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
+    """Return the placement that fits a film into a display by the box around the scene at all key frames."""
     anywhere = Placement(near_mm=1.0, far_mm=0.0)
     boxes = [
-        load_scene(film.scene, anywhere, film.moves(frame, rest)).box(film.placement(frame, rest))
+        load_scene(film.scene, anywhere, film.moves(frame, at_rest)).box(film.placement(frame, at_rest))
         for frame in film.key_frames
     ]
     low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
@@ -114,10 +113,10 @@ def _fitting(film: Film, rest: Placement, display: Display) -> Placement:
 
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
-    """Return a film's plans with one way to shade in place of "auto": shared where a trial at every key frame says so.
+    """Return a film's plans without "auto": with the irradiance cache if the trial at every key frame allows it.
 
-    What is at rest then keeps its pixels from frame to frame, and every process makes the same ones. What a trial says
-    goes to the log. Errors as `FramePlan.load` and `Renderer`.
+    With one way to shade, pixels at rest do not change from frame to frame. The trial's result goes to the log.
+    Errors as `FramePlan.load` and `Renderer`.
     """
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
@@ -125,15 +124,15 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
     for frame in film.key_frames:
         renderer = make_renderer(plans[frame].load(), plans[frame].display, options, in_memory=True)
         settings = renderer.settings
-        if renderer.remark is not None and (settings.shading == "each" or frame == film.key_frames[-1]):
-            logger.info("frame %d: %s", frame, renderer.remark)
+        if renderer.cache_report is not None and (settings.shading == "each" or frame == film.key_frames[-1]):
+            logger.info("frame %d: %s", frame, renderer.cache_report)
         if settings.shading == "each":
             break
     return [replace(plan, options=replace(options, settings=settings)) for plan in plans]
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn of what will not be seen of a frame, and log its lens model. Its renderer is kept for its render here."""
+    """Warn and log as `choose_model` does for a frame; keep the renderer for `start` in this process."""
     scene = plan.load()
     model = choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
@@ -144,9 +143,9 @@ def render_frame(plan: FramePlan) -> IntegralImage:
     return render_picture(plan)
 
 
-#: How the names of frames begin.
+#: Start of the frames' file names.
 FRAME_STEM = "frame_"
-#: What to do where no folder can be made.
+#: Remedy if a folder cannot be made.
 REMEDY = "choose another folder with -o"
 
 
@@ -156,10 +155,10 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Raise InputError when a folder for a film's frames cannot be made, or contains frames of a longer film."""
-    there = folder.exists()
+    """Raise InputError if a folder for a film's frames cannot be made, or contains frames of a longer film."""
+    exists = folder.exists()
     make_folder(folder, REMEDY)
-    if not there:  # until there is a frame
+    if not exists:  # until there is a frame
         folder.rmdir()
     ours = {frame_path(folder, k) for k in range(frames)}
     for other in sorted(folder.glob("frame_*.exr")):
@@ -169,7 +168,7 @@ def check_folder(folder: Path, frames: int) -> None:
 
 
 def is_rendered(folder: Path, plan: FramePlan) -> bool:
-    """Tell whether a folder contains the complete frame of a plan."""
+    """Tell whether a folder contains a plan's frame."""
     with contextlib.suppress(InputError):
         image = IntegralImage.load(frame_path(folder, plan.frame), plan.display)
         return image.metadata.get("shot") == plan.identity
@@ -177,11 +176,11 @@ def is_rendered(folder: Path, plan: FramePlan) -> bool:
 
 
 class FrameFolder:
-    """The files of a film's frames: a sink for their bands. A frame is written when its last band has come."""
+    """A sink for the bands of a film's frames. Each frame becomes a file after its last band."""
 
     def __init__(self, folder: Path, plans: Sequence[FramePlan]) -> None:
-        """Make the folder; InputError when it cannot be made."""
-        self.folder, self._was_there = folder, folder.exists()
+        """Make the folder; raise InputError if that fails."""
+        self.folder, self._existed = folder, folder.exists()
         make_folder(folder, REMEDY)
         self._plans = plans
         #: The frames that are to be rendered.
@@ -190,11 +189,11 @@ class FrameFolder:
         self._pictures: dict[int, MemorySink] = {}
 
     def missing_bands(self) -> Sequence[Band]:
-        """Return the bands of the frames that the folder lacks."""
+        """Return the bands of the missing frames."""
         return [band for plan in self.missing_plans for band in bands_of_plan(plan)]
 
     def take(self, rendered: RenderedBand) -> None:
-        """Take a band; InputError and NoSpaceError when the frame cannot be written."""
+        """Take a band; raise InputError or NoSpaceError if its frame cannot be written."""
         plan = rendered.band.plan
         assert isinstance(plan, FramePlan)
         if plan.frame not in self._pictures:
@@ -206,20 +205,20 @@ class FrameFolder:
             del self._pictures[plan.frame]
 
     def images(self, progress: Progress | None = None) -> Iterator[IntegralImage]:
-        """Yield the frames in their order; `progress` is called with (frames done, frames in all)."""
+        """Yield the frames in order; `progress` is called with (frames done, frames in all)."""
         for plan in report_each(self._plans, progress):
             yield IntegralImage.load(frame_path(self.folder, plan.frame), plan.display)
 
     def stop(self, done_rows: int) -> None:
-        """Remove the folder again, unless it was there or holds frames."""
-        if not self._was_there:
+        """Remove the folder if it is new and empty."""
+        if not self._existed:
             with contextlib.suppress(OSError):
                 self.folder.rmdir()
 
 
 @dataclass
 class Reel:
-    """The frames of a film, played round and round. None is left out: a film that takes longer is slower."""
+    """The frames of a film, played in a loop. No frame is skipped: slow drawing slows the film down."""
 
     plans: Sequence[FramePlan]
     frames_per_second: float
@@ -228,11 +227,11 @@ class Reel:
 
     @property
     def frame(self) -> int:
-        """The frame that is to be shown."""
+        """The current frame."""
         return int(self._place)
 
     def advance(self, seconds: float) -> None:
-        """Let time pass; of a film that does not play, nothing changes."""
+        """Let time pass, if the film plays."""
         if self.playing:
             self._move(min(seconds * self.frames_per_second, 1.0))
 
@@ -243,7 +242,7 @@ class Reel:
         self._move(frames)
 
     def stage(self, frame: int) -> tuple[Scene | None, Placement]:
-        """Return the scene at a frame, None when its shapes do not move and one scene serves all; and how it stands."""
+        """Return the scene at a frame, or None if all frames have the same shapes; and its placement."""
         plan = self.plans[frame]
         scene = plan.load() if plan.moves else None
         return scene, plan.placement if scene is None else scene.placement

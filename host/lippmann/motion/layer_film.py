@@ -1,4 +1,4 @@
-"""A film of layers: a folder of layers, and how each one moves, from a TOML file; a board draws it by itself."""
+"""A film of layers, which a board draws by itself: a folder of layers, and their motions from a TOML file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lippmann.layers.stack import Layer, LayerStack
 from lippmann.motion.film import MAX_FRAMES, Motion, check_frames, interpolated
 from lippmann.scenes.placement import ORIGIN, Number, Scale, Triple
 
-#: Frames a second of a folder of layers, which stands still.
+#: Frames a second of a folder of layers.
 STILL_RATE = 12.0
 Pair = tuple[Number, Number]
 
@@ -65,7 +65,7 @@ class LayerFilmFile:
 
 @dataclass(frozen=True)
 class LayerFilm:
-    """A stack at rest, the names of its layers, and what moves some of them."""
+    """A stack at rest, the names of its layers, and the motions of some layers."""
 
     stack: LayerStack
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ class LayerFilm:
     moving: tuple[MovingLayer, ...] = ()
 
     def at(self, frame: int) -> tuple[LayerStack, tuple[int, ...]]:
-        """Return the stack at a frame, and the number at rest of each of its layers, from front to back."""
+        """Return the stack at a frame, and for each of its layers the number at rest, from front to back."""
         layers = list(self.stack.layers)
         order = [float(number) for number in range(len(layers))]
         for one in self.moving:
@@ -88,7 +88,7 @@ class LayerFilm:
         return replace(self.stack, layers=tuple(layers[number] for number in numbers)), numbers
 
     def depths_mm(self) -> Iterator[tuple[str, float]]:
-        """Yield the name and the depth of each layer that is drawn, frame by frame."""
+        """Yield the name and the depth of each visible layer, frame by frame."""
         for frame in range(self.frames):
             stack, numbers = self.at(frame)
             for number, layer in zip(numbers, stack.layers, strict=True):
@@ -109,16 +109,16 @@ def load_layer_film(path: str | Path) -> LayerFilm:
         stack, names = load_named_layers(path.parent / film.layers)
     except InputError as error:
         raise InputError(f"{path}: layers: {error}") from None
-    seen: set[str] = set()
+    moving: set[str] = set()
     for place, one in enumerate(film.layer):
         where = f"{path}: layer[{place}]"
         if one.name not in names:
             hint = did_you_mean(one.name, names)
             remedy = hint or f"choose from {', '.join(names)}"
             raise input_error(f"{where}.name", f"{film.layers} has no layer '{one.name}'", remedy)
-        if one.name in seen:
+        if one.name in moving:
             raise input_error(f"{where}.name", f"'{one.name}' moves already", "put all its keys into one table")
-        seen.add(one.name)
+        moving.add(one.name)
         check_frames([one_key.frame for one_key in one.keys], film.frames, where)
         if stack.layers[names.index(one.name)].sky:
             for number, sky_key in enumerate(one.keys):
@@ -129,7 +129,7 @@ def load_layer_film(path: str | Path) -> LayerFilm:
 
 
 def _last(moving: MovingLayer, frame: int) -> LayerKey | None:
-    """Return the last key that a frame has reached."""
+    """Return the last key at or before a frame."""
     reached = [one for one in moving.keys if one.frame <= frame]
     return reached[-1] if reached else None
 
@@ -146,8 +146,7 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
     from_rest = scale * rotation @ np.array([[1.0, shear], [0.0, 1.0]])
     # A point p at rest goes to pivot + from_rest (p - pivot) + shift; texels are those of p.
     pivot = np.array(moving.pivot_mm)
-    rest = np.linalg.inv(from_rest)
-    linear = layer.matrix[:, :2] @ rest
+    linear = layer.matrix[:, :2] @ np.linalg.inv(from_rest)
     zero = layer.matrix[:, 2] + layer.matrix[:, :2] @ pivot - linear @ (pivot + np.array([x, y]))
     last = _last(moving, frame)
     visible = layer.visible if last is None else layer.visible and last.visible
@@ -161,7 +160,7 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
 
 
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
-    """Refuse a film whose layers cannot be made at some frame, such as at a depth behind the display's eyes."""
+    """Raise InputError for a film with an impossible layer at some frame, such as behind the display's eyes."""
     for frame in range(film.frames):
         try:
             stack, numbers = film.at(frame)

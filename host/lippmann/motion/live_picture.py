@@ -1,7 +1,4 @@
-"""The integral image of a scene that moves: at once with few rays, then finer while it rests.
-
-The loop that shows it obeys mouse and keys, draws and shows, and refines while nothing moves.
-"""
+"""The integral image of a moving scene, and the loop that shows it: quick pictures, and finer ones at rest."""
 
 from __future__ import annotations
 
@@ -33,34 +30,30 @@ from lippmann.rendering.sampling import RaySource, Window, display_source
 from lippmann.scenes.placement import Matrix, Placement
 from lippmann.scenes.scene import Scene
 
-#: float32 of 0 and of 1, as whole numbers; those between are in the order of their values.
+#: Bits of the float32 numbers 0 and 1; as integers, the bits of floats between them are in the same order.
 ZERO, ONE = 0, 0x3F800000
 
 
 def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
-    """Return the least radiance of each of a panel's levels above the darkest (2^bits - 1,), by bisection.
-
-    For any transfer curve that does not fall: `encoded_values` itself is asked.
-    """
-    wanted = values_of(bits)[1:]
-    low, high = np.full(len(wanted), ZERO), np.full(len(wanted), ONE)
+    """Return the least radiance of each of a panel's levels but the darkest, (2^bits - 1,), by bisection."""
+    levels = values_of(bits)[1:]
+    low, high = np.full(len(levels), ZERO), np.full(len(levels), ONE)
     while (high - low > 1).any():
         middle = (low + high) // 2
-        reached = encoded_values(middle.astype(np.int32).view(np.float32), panel.transfer, bits) >= wanted
+        reached = encoded_values(middle.astype(np.int32).view(np.float32), panel.transfer, bits) >= levels
         low, high = np.where(reached, low, middle), np.where(reached, middle, high)
     return high.astype(np.int32).view(np.float32)
 
 
 def values_of(bits: int) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit values of all levels of a panel of up to 8 bits (levels,)."""
+    """Return the 8-bit values of all levels (levels,) of a panel of up to 8 bits."""
     return encoded_values(np.linspace(0.0, 1.0, 1 << bits), "linear", bits).astype(np.uint8)
 
 
 class Encoder:
-    """Makes 8-bit values of planes of radiance, those of `encoded_values`."""
+    """Converts planes of radiance to a panel's values of 8 bits, on the device, as `encoded_values`."""
 
     def __init__(self, panel: Panel) -> None:
-        """Take the panel's transfer curve, and its bits up to 8."""
         bits = min(panel.bits, 8)
         self._byte = getattr(dr, mi.variant().split("_")[0]).ad.UInt8
         self._shape = (panel.height_px, panel.width_px, 3)
@@ -68,41 +61,38 @@ class Encoder:
         dr.make_opaque(self._least, self._values)
 
     def __call__(self, planes: list[Jit]) -> Pixels:
-        """Return the values (height, width, 3) of red, green and blue planes, each of all pixels row by row.
-
-        They may be Dr.Jit's memory, as in `radiance_of`.
-        """
+        """Return the values (height, width, 3) of planes of red, green and blue; they may be Dr.Jit's memory."""
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
-        found = dr.empty(self._byte, 3 * dr.width(place))
+        values = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
             level = dr.binary_search(
                 0, dr.width(self._least), lambda i, plane=plane: dr.gather(mi.Float, self._least, i) <= plane
             )
-            dr.scatter(found, dr.gather(self._byte, self._values, level), place + k)
-        return np.asarray(found).reshape(self._shape)
+            dr.scatter(values, dr.gather(self._byte, self._values, level), place + k)
+        return np.asarray(values).reshape(self._shape)
 
 
-#: Seconds that a picture of a moving scene may take; where the panel has too many pixels, blocks of them get one ray.
+#: Maximum seconds of a picture of a moving scene; if it takes longer, blocks of pixels get one ray.
 QUICK_S = 0.06
-#: Pictures that are timed to find it; another program may disturb one.
+#: Pictures that are timed; another program may disturb one.
 TRIALS = 3
-#: Largest block, pixels of a side.
-MOST_BLOCK = 8
+#: Maximum side of a block, pixels.
+MAX_BLOCK = 8
 #: Samples of a pass while the scene rests.
 PASS_SAMPLES = 4
-#: Pixels that are rendered between two looks at the mouse, by device.
+#: Pixels rendered between two checks of the mouse, by device.
 PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
 class LivePicture:
-    """The integral image of a scene in changing places, on the device until `values` or `radiance` asks for it."""
+    """The integral image of a moving scene; it stays on the device until `values` or `radiance` is read."""
 
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs; `block` of None finds one that is quick enough. Raises InputError as `Renderer`."""
+        """Compile the programs; None chooses a block that is quick enough. Raises InputError as `Renderer`."""
         self._scene, self._panel, self._encoder = scene, display.panel, Encoder(display.panel)
-        # A quick picture has fewer rays than there are points whose light they could share.
+        # A quick picture has fewer rays than the irradiance cache would have points.
         self._settings, self._source = replace(settings, shading="each"), display_source(display, model)
         #: Side of the blocks of pixels that get one ray in a quick picture.
         self.block = 1
@@ -111,7 +101,7 @@ class LivePicture:
         if block is None:
             quick = self._renderer(1)
             seconds = len(quick.bands) * min(timeit.repeat(lambda: quick.render(0), number=1, repeat=TRIALS))
-            block = min(MOST_BLOCK, int(np.ceil(np.sqrt(max(seconds / QUICK_S, 1.0)))))
+            block = min(MAX_BLOCK, int(np.ceil(np.sqrt(max(seconds / QUICK_S, 1.0)))))
         if block > 1:
             self.block = block
             self._renderers.clear()
@@ -122,18 +112,18 @@ class LivePicture:
         self._planes: list[Jit] = []
 
     def stage(self, scene: Scene) -> None:
-        """Take another scene, that of another moment; `quick` is to follow."""
+        """Take the scene of another frame; call `quick` next."""
         self._scene = scene
         self._renderers.clear()
 
     @property
     def samples(self) -> int:
-        """Samples of each pixel in the picture that `finer` returned last; 0 after `quick`."""
+        """Samples of each pixel after the last `finer`; 0 after `quick`."""
         return self._passes * PASS_SAMPLES
 
     @property
     def middle_mm(self) -> Matrix:
-        """The middle of the scene's box where it stands now (3,), mm."""
+        """The centre of the placed scene's box (3,), mm."""
         low, high = self._scene.box(self._scene.placement)
         return 0.5 * (low + high)
 
@@ -148,7 +138,7 @@ class LivePicture:
         return radiance_of(self._mean(), self._panel.width_px)
 
     def quick(self, placement: Placement) -> None:
-        """Make the picture of the scene in another place, one ray for each block of pixels."""
+        """Draw the scene at another placement, with one ray for each block of pixels."""
         self._placement, self._passes = self._scene.placed(placement).placement, 0
         planes = self._drawn(1, lambda: False) or []
         if self.block > 1:
@@ -156,10 +146,7 @@ class LivePicture:
         self._planes = planes
 
     def finer(self, interrupted: Callable[[], bool]) -> bool:
-        """Make it the mean of the passes so far and one more; return False when that was interrupted, and is not done.
-
-        The first pass equals a render of `PASS_SAMPLES` samples.
-        """
+        """Add a pass of `PASS_SAMPLES` samples to the mean; return False if it was interrupted and is not added."""
         planes = self._drawn(PASS_SAMPLES, interrupted)
         if planes is None:
             return False
@@ -173,7 +160,7 @@ class LivePicture:
         return [plane / passes for plane in self._planes]
 
     def _renderer(self, samples: int) -> Renderer:
-        """Return the renderer of quick pictures (one sample), or of passes, of the scene on the stage."""
+        """Return the renderer of quick pictures (one sample) or of passes."""
         if samples not in self._renderers:
             source = _coarse(self._source, self.block) if samples == 1 < self.block else self._source
             rows = BAND_ROWS * max(1, round(PIXELS_AT_ONCE[current_device()] / (source.width_px * BAND_ROWS)))
@@ -183,14 +170,14 @@ class LivePicture:
 
     def _compile(self, samples: int) -> None:
         renderer = self._renderer(samples)
-        # A scene in the display's own frame has a program of its own: compiled now, lest the first move waits for it.
+        # A placement without rotation has another program than one with: both are compiled before the first move.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
         renderer.move(self._scene.placement)
 
     def _drawn(self, samples: int, interrupted: Callable[[], bool]) -> list[Jit] | None:
-        """Return the planes of the next pass with so many samples, or None."""
+        """Return the planes of the next pass; None if it was interrupted."""
         renderer = self._renderer(samples)
         renderer.move(self._placement, self._passes)
         parts = []
@@ -202,7 +189,7 @@ class LivePicture:
 
 
 def _coarse(source: RaySource, block: int) -> RaySource:
-    """Return the rays through the middles of blocks of pixels."""
+    """Return the rays through the centres of blocks of pixels."""
     return replace(
         source,
         width_px=-(-source.width_px // block),
@@ -214,31 +201,31 @@ def _coarse(source: RaySource, block: int) -> RaySource:
 
 
 def _blocks(panel: Panel, block: int) -> Jit:
-    """Return the number of each pixel's block, row by row (UInt32)."""
+    """Return the index of each pixel's block, row by row (UInt32)."""
     pixel = dr.arange(mi.UInt32, panel.width_px * panel.height_px)
     row = pixel // panel.width_px
-    found = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block
-    dr.eval(found)
-    return found
+    blocks = row // block * -(-panel.width_px // block) + (pixel - row * panel.width_px) // block
+    dr.eval(blocks)
+    return blocks
 
 
-#: Samples at which a resting picture is done.
-MOST_SAMPLES = 64
-#: A film's frame, and what the hand has done.
+#: Samples at which a resting picture is finished.
+MAX_SAMPLES = 64
+#: A film's frame, and the hand's motion.
 Moment = tuple[int, tuple[float, ...]]
-#: Most memory for pictures of a film's frames.
-KEPT_BYTES = 1 << 30
+#: Maximum memory for pictures of a film's frames.
+CACHE_BYTES = 1 << 30
 #: Names of the windows.
 PANEL, VIEW = "panel", "eye's view"
-#: Pause between two looks at mouse and keys while there is nothing to do, s.
-LOOK_S = 0.01
+#: Pause between two checks of mouse and keys while there is nothing to do, s.
+PAUSE_S = 0.01
 #: Rays for each pixel of the eye's view, while the scene moves and while it rests.
 VIEW_SAMPLES = (1, 8)
 
 
 @dataclass(frozen=True)
 class EyeView:
-    """What is seen in the second window."""
+    """The eye's view, in the second window."""
 
     display: Display
     eye: Eye
@@ -246,14 +233,14 @@ class EyeView:
 
     def draw(self, radiance: Radiance, moving: bool) -> Pixels:
         """Return what the eye sees of the panel's radiance (height, width, 3)."""
-        seen = observe(radiance, self.display, self.eye, self.window, VIEW_SAMPLES[not moving])
-        return encoded_values(seen.radiance, "srgb", 8).astype("uint8")
+        view = observe(radiance, self.display, self.eye, self.window, VIEW_SAMPLES[not moving])
+        return encoded_values(view.radiance, "srgb", 8).astype("uint8")
 
 
 @documented
 @dataclass
 class Played:
-    """What a live picture came to."""
+    """The figures of a live picture."""
 
     first_s: Annotated[float, key("from the open window to its first picture")] = 0.0
     frames: Annotated[int, key("pictures of the moving scene, or of the film")] = 0
@@ -266,21 +253,21 @@ class Played:
 
 @dataclass
 class LiveShow:
-    """A scene, or a film's frames, on screens and board, moved by hand."""
+    """A scene, or a film, moved by hand, on screens and a board."""
 
     picture: LivePicture
     hand: Hand
     screens: Screens
     view: EyeView | None = None
-    #: Takes each picture of the panel to where else it is shown.
+    #: Sends each picture of the panel to a board.
     send: Callable[[Pixels], None] | None = None
     reel: Reel | None = None
-    #: What the screens show, and what the picture has before it.
-    _shown: Moment | None = None
+    #: The moment on the screens, and that of the live picture.
+    _current: Moment | None = None
     _drawn: Moment | None = None
-    #: Pictures of a film's frames, as long as the hand does not move and there is room.
-    _kept: dict[Moment, list[Pixels]] = field(default_factory=dict)
-    #: When the first picture was shown, by time.perf_counter, and the seconds of each further one.
+    #: Pictures of a film's frames, as long as the hand does not move.
+    _cache: dict[Moment, list[Pixels]] = field(default_factory=dict)
+    #: Time of the first picture (time.perf_counter), number of further ones, and their durations, s.
     _first: float = 0.0
     _frames: int = 0
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
@@ -291,14 +278,13 @@ class LiveShow:
         turn_deg: float = 0.0,
         moving_s: float | None = None,
         seconds: float | None = None,
-        most: int = MOST_SAMPLES,
+        max_samples: int = MAX_SAMPLES,
         opened: float | None = None,
     ) -> Played:
-        """Show it until the user ends it, or for some seconds.
+        """Run the loop until the user ends it, or for `seconds`, but not before the picture has `max_samples`.
 
-        With `turn_deg` it turns by itself, degrees a second, for `moving_s` seconds (None: to the end); so long a film
-        plays. `seconds` of None waits for the user; else the picture is refined to `most` samples before the end.
-        `opened` is when the window was opened, by time.perf_counter.
+        The scene rotates `turn_deg` degrees a second, or the film plays, for `moving_s` seconds (None: to the end).
+        `opened` is the time when the window was opened (time.perf_counter).
         """
         began = last = time.perf_counter()
         picture, reel = self.picture, self.reel
@@ -313,19 +299,19 @@ class LiveShow:
                 reel.advance(now - last)
             last = now
             moment = (0 if reel is None else reel.frame, self.hand.motion)
-            if moment != self._shown:
+            if moment != self._current:
                 self._show(moment)
             elif reel is not None and reel.playing:
-                time.sleep(LOOK_S)
-            elif self._drawn != moment:  # it was shown from memory
+                time.sleep(PAUSE_S)
+            elif self._drawn != moment:  # it was shown from the cache
                 self._draw(moment)
-            elif picture.samples < most:
+            elif picture.samples < max_samples:
                 if picture.finer(self.screens.waiting):
                     self._present(self._pictures(moving=False), f"at rest, {picture.samples} samples")
             elif seconds is not None and now - began >= seconds:
                 break
             else:
-                time.sleep(LOOK_S)
+                time.sleep(PAUSE_S)
         opened = began if opened is None else opened
         return Played(
             first_s=self._first - opened if self._first else 0.0,
@@ -338,7 +324,7 @@ class LiveShow:
         )
 
     def _draw(self, moment: Moment) -> None:
-        """Draw the quick picture of a moment whose motion is the hand's."""
+        """Draw the quick picture of the current moment."""
         frame, _ = moment
         if self.reel is not None and (self._drawn is None or frame != self._drawn[0]):
             scene, self.hand.base = self.reel.stage(frame)
@@ -348,35 +334,35 @@ class LiveShow:
         self._drawn = moment
 
     def _show(self, moment: Moment) -> None:
-        """Show a moment, as it was kept, or drawn."""
+        """Show a moment from the cache, or draw it."""
         began = time.perf_counter()
-        if any(motion != moment[1] for _, motion in self._kept):
-            self._kept.clear()
-        pictures = self._kept.get(moment)
+        if any(motion != moment[1] for _, motion in self._cache):
+            self._cache.clear()
+        pictures = self._cache.get(moment)
         if pictures is None:
             self._draw(moment)
             pictures = self._pictures(moving=True)
-            kept_bytes = sum(one.nbytes for kept in [*self._kept.values(), pictures] for one in kept)
-            if self.reel is not None and kept_bytes <= KEPT_BYTES:
-                self._kept[moment] = pictures
+            cache_bytes = sum(one.nbytes for some in [*self._cache.values(), pictures] for one in some)
+            if self.reel is not None and cache_bytes <= CACHE_BYTES:
+                self._cache[moment] = pictures
         rate = f"{1.0 / max(self._times[-1], 1e-3):.0f} frames/s" if self._times else "at rest"
         block = self.picture.block
         self._present(pictures, f"{rate}, 1 ray for {f'{block} x {block} pixels' if block > 1 else 'each pixel'}")
         ended = time.perf_counter()
-        if self._shown is None:
+        if self._current is None:
             self._first = ended
         else:
             self._frames += 1
             self._times.append(ended - began)
-        self._shown = moment
+        self._current = moment
 
     def _pictures(self, moving: bool) -> list[Pixels]:
-        """Return the panel's picture, and what the eye sees."""
+        """Return the panel's picture, and the eye's view."""
         panel = [self.picture.values]
         return panel if self.view is None else [*panel, self.view.draw(self.picture.radiance, moving)]
 
     def _present(self, pictures: list[Pixels], state: str) -> None:
-        """Show the panel's picture, and what the eye sees."""
+        """Show the panel's picture and the eye's view; send the panel's picture."""
         for name, pixels in zip((PANEL, VIEW), pictures, strict=False):
             self.screens.show(name, pixels, f"Lippmann: {state}")
         if self.send is not None:

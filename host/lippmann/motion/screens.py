@@ -1,4 +1,4 @@
-"""Windows and whole monitors that show pictures side by side, and what mouse and keys do in them (SDL)."""
+"""Windows and full monitors that show pictures, and the actions of mouse and keys in them (SDL)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from lippmann.errors import DeviceError
 from lippmann.motion.film_frames import Reel
 from lippmann.scenes.placement import SCALE_RANGE, Matrix, Placement
 
-#: Degrees of a turn for each pixel of a drag, and for each press of an arrow key.
+#: Degrees of rotation for each pixel of a drag, and for each press of an arrow key.
 DRAG_DEG, KEY_DEG = 0.4, 5.0
+#: Pixels of a drag that a press of a key stands for.
+KEY_PX = 10.0
 #: Factor of a step of the wheel, and of the keys + and -.
 ZOOM = 1.05
 #: Steepest view from above or below, degrees.
@@ -25,11 +27,11 @@ STEEP_DEG = 89.0
 
 @dataclass
 class Hand:
-    """The motion of a scene whose middle is `pivot_mm`, in the display's frame; `base` is its place before."""
+    """The motion of a scene by hand about `pivot_mm`, in the display's frame, from the placement `base`."""
 
     base: Placement
     pivot_mm: Matrix
-    #: mm that a drag of a pixel shifts the scene, and a press of a key.
+    #: Shift for each pixel of a drag, mm.
     drag_mm: float
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
@@ -37,7 +39,7 @@ class Hand:
     shift_mm: Matrix = field(default_factory=lambda: np.zeros(3))
 
     def turn(self, yaw_deg: float, pitch_deg: float = 0.0) -> None:
-        """Turn the scene to the right, and upwards."""
+        """Rotate the scene to the right, and upwards."""
         self.yaw_deg = math.remainder(self.yaw_deg + yaw_deg, 360.0)
         self.pitch_deg = min(max(self.pitch_deg + pitch_deg, -STEEP_DEG), STEEP_DEG)
 
@@ -47,9 +49,9 @@ class Hand:
 
     def zoom(self, steps: float) -> None:
         """Scale the scene by steps of the wheel."""
-        wanted = self.scale * ZOOM**steps
-        if SCALE_RANGE[0] <= wanted * self.base.scale <= SCALE_RANGE[1]:
-            self.scale = wanted
+        scale = self.scale * ZOOM**steps
+        if SCALE_RANGE[0] <= scale * self.base.scale <= SCALE_RANGE[1]:
+            self.scale = scale
 
     def reset(self) -> None:
         """Put the scene back."""
@@ -58,11 +60,11 @@ class Hand:
 
     @property
     def motion(self) -> tuple[float, ...]:
-        """All that the hand has done; equal motions put a scene to the same place."""
+        """All values of the motion; equal motions give the same placement."""
         return (self.yaw_deg, self.pitch_deg, self.scale, *self.shift_mm.tolist())
 
     def placement(self) -> Placement:
-        """Return where the scene stands, without depths once it has moved."""
+        """Return the placement of the moved scene; it has no depths once the scene has moved."""
         if (self.yaw_deg, self.pitch_deg, self.scale) == (0.0, 0.0, 1.0) and not self.shift_mm.any():
             return self.base
         turns = (self.pitch_deg, 0.0, 0.0), (0.0, self.yaw_deg, 0.0)
@@ -73,22 +75,15 @@ class Hand:
         return Placement.of(moved @ self.base.display_from_scene, self.scale * self.base.scale)
 
 
-#: Drags of a key that shifts, pixels.
-KEY_PX = 10.0
-
-
 class Screens:
-    """The windows of a live picture; none, and no hand, without `pygame`, where a board alone shows the picture."""
+    """The windows of a live picture; without `pygame` there are none, and only a board shows the picture."""
 
     def __init__(self, pygame: Any = None) -> None:
         self._pygame = pygame
         self._windows: dict[str, Any] = {}
 
     def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
-        """Open a window for pictures of a size, smaller where the desktop is; or fill a monitor of just that size.
-
-        Raises InputError for a monitor that is missing, or of another size.
-        """
+        """Open a window for pictures, or fill a monitor. Raises InputError for a monitor of another size."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -101,7 +96,7 @@ class Screens:
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 
     def show(self, name: str, pixels: Pixels, title: str) -> None:
-        """Show a picture (height, width, 3) in a window; raise DeviceError when its monitor is gone."""
+        """Show a picture (height, width, 3) in a window; raise DeviceError if the window is gone."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -118,16 +113,17 @@ class Screens:
             raise DeviceError(f"the window is gone ({error}); is the monitor still there?") from None
 
     def waiting(self) -> bool:
-        """Tell whether mouse or keys wait to be obeyed."""
+        """Tell whether events of mouse or keys are waiting."""
         pygame = self._pygame
         if pygame is None:
             return False
         pygame.event.pump()
-        asked = pygame.event.peek((pygame.KEYDOWN, pygame.MOUSEWHEEL, pygame.QUIT, pygame.WINDOWCLOSE))
-        return bool(asked or (any(pygame.mouse.get_pressed()) and pygame.event.peek(pygame.MOUSEMOTION)))
+        if pygame.event.peek((pygame.KEYDOWN, pygame.MOUSEWHEEL, pygame.QUIT, pygame.WINDOWCLOSE)):
+            return True
+        return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Let mouse and keys move a scene, and stop a film or let it play; return whether to go on."""
+        """Handle the events of mouse and keys, which move a scene and control a film; return whether to continue."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -183,6 +179,6 @@ class Screens:
 
 @contextmanager
 def screens() -> Iterator[Screens]:
-    """Give the desktop's screens; all windows are closed after the block. DeviceError when there is no desktop."""
+    """Yield the desktop's screens, and close all windows after the block. Raises DeviceError without a desktop."""
     with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
         yield windows

@@ -19,9 +19,9 @@ from lippmann.errors import MissingLibraryError, to_install
 from lippmann.rendering.sampling import Window
 
 Values = npt.NDArray[np.uint8]
-#: Lossless RGB: a codec that blurs colours would mix neighbouring lenslets' images.
+#: Lossless RGB: a codec that blurs colours would mix the images of neighbouring lenslets.
 LOSSLESS_SUFFIXES = (".mkv",)
-#: For every player; colour has half the resolution, so both sides must be even.
+#: Compressed; colour has half the resolution, so both sides must be even.
 VIEW_SUFFIXES = (".mp4",)
 
 
@@ -33,11 +33,9 @@ def even_window(window: Window) -> Window:
 def write_video(
     path: str | Path, frames: Iterable[Values], width_px: int, height_px: int, frames_per_second: float
 ) -> None:
-    """Write a video of frames, (height, width, 3) uint8 each, sRGB.
+    """Write a video of frames, (height, width, 3) uint8 each, sRGB: lossless FFV1 (.mkv) or H.264 (.mp4, even sides).
 
-    .mkv is FFV1, lossless; .mp4 is H.264, for which width and height must be even.
-
-    Raises InputError when the file cannot be written; MissingLibraryError when there is no ffmpeg.
+    Raises InputError if the file cannot be written; MissingLibraryError without ffmpeg.
     """
     path = check_output(path, LOSSLESS_SUFFIXES + VIEW_SUFFIXES)
     try:
@@ -47,18 +45,18 @@ def write_video(
     except (ImportError, RuntimeError) as error:
         raise MissingLibraryError(f"ffmpeg is missing ({error}); {to_install()}") from None
     rate = Fraction(frames_per_second).limit_denominator(1000)
-    taken = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width_px}x{height_px}", "-r", str(rate), "-i", "-"]
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width_px}x{height_px}", "-r", str(rate), "-i", "-"]
     if path.suffix.lower() in LOSSLESS_SUFFIXES:
-        made = ["-c:v", "ffv1", "-pix_fmt", "bgr0"]
+        codec = ["-c:v", "ffv1", "-pix_fmt", "bgr0"]
     else:
-        made = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "15", "-movflags", "+faststart"]
-        made += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
-        made += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
+        codec = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "15", "-movflags", "+faststart"]
+        codec += ["-vf", "scale=out_color_matrix=bt709:out_range=tv"]
+        codec += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1"]
     with replacing(path) as partial:
         place = f"file:{partial}"  # ffmpeg reads a name with a colon as a protocol's, one with a dash as an option
-        command = [ffmpeg, "-y", "-v", "quiet", *taken, *made, place]
+        command = [ffmpeg, "-y", "-v", "quiet", *source, *codec, place]
         try:
-            # A group of its own: Ctrl-C ends the command, which then ends ffmpeg by the end of its frames.
+            # A process group of its own: Ctrl-C ends the command, and ffmpeg at the end of its frames.
             with subprocess.Popen(command, stdin=subprocess.PIPE, process_group=0) as encoder:
                 assert encoder.stdin is not None
                 for frame in frames:
@@ -72,10 +70,7 @@ def write_video(
 def write_views(
     path: str | Path, views: Iterable[Radiance], window: Window, frames_per_second: float, there_and_back: bool = False
 ) -> None:
-    """Write what an eye sees in a window, (height, width, 3) linear radiance each, as a video or an animation.
-
-    The file's suffix decides. Raises as `write_video` and `write_animation`.
-    """
+    """Write an eye's views, (height, width, 3) linear, as a video or an animation, by the file's suffix."""
     if Path(path).suffix.lower() not in VIEW_SUFFIXES:
         write_animation(path, views, there_and_back, 1000.0 / frames_per_second)
         return

@@ -11,19 +11,19 @@ from lippmann.base.variant import current_device
 from lippmann.display.description import Display
 from lippmann.errors import InputError
 from lippmann.rendering.options import Settings, Shading
-from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, may_share
+from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, is_filter_allowed
 from lippmann.rendering.sampling import TILE_PX, colours_of
 
-#: Samples traced at once, by device. A GPU is idle between chunks, and has registers where a CPU has memory.
+#: Samples traced at once, by device. A GPU is idle between chunks, so its chunks are larger.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
-#: Pixels of the bands in which an image is rendered, about, by device; no more is kept of a large picture in memory.
+#: Pixels of a band, about, by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
-#: Rays of a band, about, where a pixel has many: some ten seconds of a processor's or a GPU's time.
+#: Rays of a band, about, where a pixel has many: ten seconds of work.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
 #: The command keeps the bands of a picture of more pixels than these, or of more rays.
 KEPT_PIXELS, KEPT_RAYS = 1 << 25, 1 << 27
-#: Memory of shared light, MB: what is known of the points, and more for each sample of a chunk.
-SHARED_MEMORY_MB = 250.0
+#: Memory of the irradiance cache, and of the larger samples that use it, MB.
+CACHE_MEMORY_MB = 250.0
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
 #: Memory of each further ray of a chunk that is one tile of many samples, bytes (measured).
@@ -31,7 +31,7 @@ RAY_BYTES = 80.0
 
 
 def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
-    """Return the rows of an image's bands on a device: whole tiles, whole bands of a file, about equally many rays."""
+    """Return the rows of each band of an image with `rays` a pixel; bands start at multiples of `BAND_ROWS`."""
     device = device or current_device()
     pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
     rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
@@ -39,21 +39,21 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
-    """Return the memory that a picture, or a band of one, of so many samples for each colour of a pixel needs, MB."""
+    """Return the memory, MB, that an image or a band needs with so many samples for each colour of a pixel."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
-    if may_share(samples, colours):
+    if is_filter_allowed(samples, colours):
         # Before a variant is set; a GPU has its own memory.
         band = len(bands_of(width_px, height_px, samples, "llvm")[0])
         needed += BYTES_A_PIXEL * band * width_px / 1e6
     # A chunk is a tile at least.
     needed += max(0, TILE_PX * TILE_PX * samples * colours - CHUNK_SAMPLES["llvm"]) * RAY_BYTES / 1e6
-    return needed + (SHARED_MEMORY_MB if shading == "shared" else 0.0)
+    return needed + (CACHE_MEMORY_MB if shading == "shared" else 0.0)
 
 
 def check_display_memory(display: Display, settings: Settings, where: str) -> None:
-    """Raise InputError for an image for a display (named `where`) whose buffers exceed the memory limit."""
+    """Check the memory of an image for a display (`check_memory`); the error names the display's source, `where`."""
     panel = display.panel
     try:
         check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
@@ -69,14 +69,14 @@ def check_memory(width_px: int, height_px: int, settings: Settings, colours: int
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Raise InputError for work that needs more memory (MB) than a limit; None: four fifths of the free memory."""
+    """Raise InputError if the memory needed exceeds a limit (MB); a limit of None is 80 % of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:
-    """Raise InputError when a band for each of so many workers of this machine exceeds the memory limit."""
+    """Raise InputError if the largest band, once for each worker of this machine, exceeds the memory limit."""
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise memory_mb (--memory-mb)"
@@ -87,6 +87,6 @@ def check_band_memory(display: Display, bands: Sequence[range], settings: Settin
 
 
 def is_long_render(settings: Settings, display: Display) -> bool:
-    """Tell whether a picture is so large, or takes so long, that the command keeps its bands."""
+    """Tell whether the command keeps the bands of a picture, for it is large or has many rays."""
     pixels = display.panel.width_px * display.panel.height_px
     return pixels > KEPT_PIXELS or pixels * settings.samples * colours_of(display.panel) > KEPT_RAYS

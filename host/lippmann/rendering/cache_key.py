@@ -1,7 +1,4 @@
-"""The cached-frame hash: the key of all that the pixels of a picture depend on.
-
-A kept band, a frame of a film and a worker's renderer are used again where their key is the same, and nowhere else.
-"""
+"""The cached-frame hash: a kept band, a film's frame or a worker's renderer is reused if its hash is the same."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ def pixels_identity(
 ) -> str:
     """Return the hash, 16 hexadecimal digits, of all that a picture's pixels depend on.
 
-    `digest` is the scene's (`scenes.scene.digest_of`); `others` are what else they depend on, as JSON holds it.
+    `digest` is the scene's (`scenes.scene.digest_of`). `others` are further values, of types that JSON can hold.
     """
     arguments = asdict(options)
     del arguments["settings"]["memory_mb"]
@@ -42,17 +39,15 @@ def pixels_identity(
 
 
 def pixel_versions() -> dict[str, str]:
-    """Return the versions of the packages that a picture's pixels depend on; Lippmann's includes its code's digest."""
+    """Return the versions of the packages that the pixels depend on; Lippmann's ends with `code_digest`."""
     others = {name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES}
     return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
 
 
 @functools.cache
 def code_digest(folder: Path) -> str:
-    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files as they are when it is first asked for.
-
-    Between releases a version has many codes. "" without such files, as where only their compiled forms are installed.
-    """
+    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files; "" without any."""
+    # Between two releases the code changes, and the version does not.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]
     for path in paths:

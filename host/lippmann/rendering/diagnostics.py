@@ -1,40 +1,37 @@
-"""Warnings about a scene for a display, with numbers: what is not rendered, not sharp, not seen, or noisy."""
+"""Warnings, with numbers, about a scene for a display: what is not rendered, not sharp, not visible, or noisy."""
 
 from __future__ import annotations
 
 import logging
 import math
-import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from lippmann.display.description import Display
-from lippmann.errors import LippmannWarning
+from lippmann.errors import warn_user
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.rays import Engine
 from lippmann.optics.zones import viewing_distance
 from lippmann.rendering.lights import has_splats, needs_chance
 from lippmann.rendering.options import Settings
-from lippmann.rendering.pixel_filter import share_of_noise
+from lippmann.rendering.pixel_filter import noise_fraction
 from lippmann.rendering.renderer import make_integrator, render_view
 from lippmann.rendering.sampling import Window, colours_of
 from lippmann.scenes.scene import Scene
 
 logger = logging.getLogger("lippmann")
 #: Range of a scene's width, in widths of the panel, that gives no warning.
-SIZE_SHARE = (0.02, 1000.0)
+SIZE_RANGE = (0.02, 1000.0)
 #: Width of the trial view, pixels; one ray each.
 TRIAL_PX = 96
-#: Least share of the view within the depth range, and largest noise over the mean light, that give no warning.
+#: Minimum fraction of the view within the depth range, and maximum noise over the mean light, that give no warning.
 MIN_SHARP, MAX_NOISE = 0.1, 0.1
 
 
 def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
-    """Warn of parts of the scene's file that the integrator does not use, and of a scene without light.
-
-    Raises InputError when there is no such integrator: before the first warning.
-    """
+    """Warn of what the integrator ignores, and of a scene without light. Raises InputError as `make_integrator`."""
+    # First, so that an unknown integrator is refused without a warning.
     make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []
@@ -44,22 +41,18 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
         if media and not settings.integrator.startswith("volpath"):
             unused.append(f"the media of {media} shapes (integrator volpath renders them)")
         if unused:
-            _warn(f"{settings.integrator} ignores {' and '.join(unused)}")
-    for note in scene.notes:
-        logger.info("%s", note)
+            warn_user(f"{settings.integrator} ignores {' and '.join(unused)}")
+    for line in scene.notes:
+        logger.info("%s", line)
     if not scene.mitsuba.emitters() and not has_splats(scene.mitsuba):
-        _warn("the scene has no light, so the picture is black; add an <emitter> to the file")
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, LippmannWarning, stacklevel=2)
+        warn_user("the scene has no light, so the picture is black; add an <emitter> to the file")
 
 
 def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Engine = "fast") -> None:
-    """Warn, by a trial view, of a scene whose size, place, depths or noise do not suit a display; see `Settings`."""
+    """Render a trial view; warn if the scene's size, place, depths or noise do not suit the display."""
     panel, width = display.panel, scene.width_mm
-    if width > 0.0 and not SIZE_SHARE[0] <= width / panel.width_mm <= SIZE_SHARE[1]:
-        _warn(
+    if width > 0.0 and not SIZE_RANGE[0] <= width / panel.width_mm <= SIZE_RANGE[1]:
+        warn_user(
             f"the scene is {width:.3g} mm wide before a panel of {panel.width_mm:.4g} mm; "
             "if its units are not millimetres give a scale, such as 1000 for metres"
         )
@@ -80,9 +73,9 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
         enough = math.ceil((noise / MAX_NOISE) ** 2)
         noise *= math.sqrt(1.0 / settings.samples)
         if engine == "fast":
-            noise *= share_of_noise(settings.samples, colours_of(panel))
+            noise *= noise_fraction(settings.samples, colours_of(panel))
         if noise > MAX_NOISE:
-            _warn(
+            warn_user(
                 f"with {settings.samples} sample{'s' if settings.samples > 1 else ''} the noise is "
                 f"{100.0 * noise:.0f} % of the mean light; {enough} samples give {100.0 * MAX_NOISE:.0f} %"
             )
@@ -91,22 +84,22 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
 def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
-    """Warn of a scene that an eye does not see, or of which most lies outside a display's depth range."""
-    # Distances along the rays, from the plane near_mm to the first surface, scene units; 0 where a ray meets nothing.
+    """Warn of a scene that the eye does not see, or of which most lies outside the display's depth range."""
+    # Distances along the rays from the plane near_mm to the first surface, scene units; 0 without a surface.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5
     steep = eye[2] / np.sqrt(eye[2] ** 2 + sum(c**2 for c in window.point(x, y)))
     front = min(scene.depth_range_mm[1], eye[2])
-    seen = (front - scene.placement.scale * length * steep)[length > 0.0]
+    depths = (front - scene.placement.scale * length * steep)[length > 0.0]
     far, near = display_properties(display).depth_range_mm
     where = f"an eye at {eye[2]:g} mm"
-    if not seen.size and scene.width_mm > 0.0:
+    if not depths.size and scene.width_mm > 0.0:
         low, high = scene.depth_range_mm
-        _warn(f"{where} sees none of the scene's surfaces, z = {low:.4g} to {high:.4g} mm; fit it into the display")
-    sharp = ((seen >= far) & (seen <= near)).mean() if seen.size else 1.0
+        warn_user(f"{where} sees none of the scene's surfaces, z = {low:.4g} to {high:.4g} mm; fit it into the display")
+    sharp = ((depths >= far) & (depths <= near)).mean() if depths.size else 1.0
     if sharp < MIN_SHARP:
-        low, high = (round(float(z), 3) for z in (seen.min(), seen.max()))
-        _warn(
+        low, high = (round(float(z), 3) for z in (depths.min(), depths.max()))
+        warn_user(
             f"{100.0 * (1.0 - sharp):.0f} % of what {where} sees, z = {low:.4g} to {high:.4g} mm, is outside the "
             f"display's depth range, z = {far:.4g} to {near:.4g} mm: fine detail there turns into noise; fit, scale "
             "or move the scene"

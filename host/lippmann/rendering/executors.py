@@ -1,8 +1,7 @@
-"""Who renders the bands of plans: this process, workers that it starts, or those of a Dask scheduler.
+"""Executors: functions that take bands and yield them rendered, in any order.
 
-An executor is a function that takes bands and yields them rendered, in any order. A scheduler distributes them; when a
-worker is lost, what it had goes to another. Workers read the scene from the same path as this process, so the machines
-must share its folder.
+This process renders the bands, or workers that it starts, or the workers of a Dask scheduler. Bands of a lost worker
+go to another one. Workers read the scene from the same path as this process.
 """
 
 from __future__ import annotations
@@ -38,17 +37,17 @@ logger = logging.getLogger("lippmann")
 ANSWER_S = 10.0
 #: Seconds without any worker after which the log says so.
 ALONE_S = 5.0
-#: Seconds without any sign of life after which Dask gives a stopped worker's bands to another.
+#: Seconds without a heartbeat after which a worker's bands go to another.
 STOPPED_WORKER_S = 30.0
 #: Bands submitted for each thread of the workers: one is rendered, one waits.
 AHEAD = 2
 
-#: Processes of this machine that share a render, at most.
+#: Maximum number of workers on this machine.
 MAX_WORKERS = 64
 #: The command that starts a scheduler on this machine alone.
 SCHEDULER = "dask scheduler --host 127.0.0.1 --no-dashboard"
 
-#: A worker renders one band at a time on all cores, whatever its number of threads.
+#: A worker renders one band at a time, on all cores.
 _rendering = threading.Lock()
 
 
@@ -70,7 +69,7 @@ class Band:
 
 
 class RenderedBand(NamedTuple):
-    """A band, its radiance (rows, width, 3), how open choices were decided, and the seconds of compiling for it."""
+    """A band, its radiance (rows, width, 3), the renderer's choices, and the seconds of compilation before it."""
 
     band: Band
     radiance: Radiance
@@ -78,15 +77,15 @@ class RenderedBand(NamedTuple):
     prepare_seconds: float = 0.0
 
 
-#: Renders bands, in any order. It may report how many rows are done of the band that it renders.
+#: Renders bands, in any order; it may report the finished rows of the current band.
 Executor = Callable[[Sequence[Band], Callable[[int], None]], Iterator[RenderedBand]]
 
 
 def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> Iterator[RenderedBand]:
     """Render bands in this process. Raises what the plans' renderers raise."""
-    for _, own in itertools.groupby(bands, lambda band: id(band.plan)):
+    for _, bands_of_one in itertools.groupby(bands, lambda band: id(band.plan)):
         renderer: BandRenderer | None = None
-        for band in own:
+        for band in bands_of_one:
             seconds = 0.0
             if renderer is None:
                 renderer = band.plan.start()
@@ -96,15 +95,16 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
 
 
 def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
-    """Return who renders: so many workers on this machine, the workers of a scheduler, or this process without both.
+    """Return the executor: `workers` processes on this machine, the workers of a scheduler, or this process.
 
-    `device` is each worker's: "auto", "llvm" or "cuda". Raises InputError for both at once, and as
-    `render_on_cluster` where no scheduler with a worker answers.
+    `device` is each worker's: "auto", "llvm" or "cuda". Raises InputError for both at once, a number of workers out of
+    range, and a scheduler without workers; MissingLibraryError without Dask.
     """
     if workers is not None and scheduler is not None:
         raise InputError("workers and scheduler both say who renders; leave one out")
     if workers is not None:
-        return lambda bands, _: render_by_workers(whole_number("workers", workers, 1, MAX_WORKERS), device, bands)
+        count = whole_number("workers", workers, 1, MAX_WORKERS)
+        return lambda bands, _: render_by_workers(count, device, bands)
     if scheduler is not None:
         _connected(scheduler).close()
         return lambda bands, _: render_on_cluster(scheduler, device, bands)
@@ -112,10 +112,7 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
 
 
 def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
-    """Start up to so many workers on this machine, one a band, and render on them; see `render_on_cluster`.
-
-    Raises InputError, too, when the bands of all workers exceed the memory limit.
-    """
+    """Render on new workers on this machine. Raises InputError if their bands exceed the memory limit."""
     count = min(count, len(bands))
     if not count:  # only the file is to be written
         return
@@ -128,21 +125,19 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
 def render_on_cluster(
     address: str, device: str, bands: Sequence[Band], security: Security | None = None
 ) -> Iterator[RenderedBand]:
-    """Render bands on the workers of a cluster; yield each as it arrives.
+    """Render bands, submitted in their order, on the workers of a cluster; yield each as it arrives.
 
-    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's, "auto", "llvm" or "cuda". The
-    bands are distributed in their order. The log says when no worker is left. `security` is what the scheduler's
-    connections need, where the workers are this command's own (`local_workers`).
+    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's. `security` is for
+    `local_workers`. The log says when no worker is left.
 
-    Raises InputError when no scheduler answers at the address, no worker has joined, or a worker lacks the scene, has a
-    different scene or different versions; DeviceError when the scheduler is lost, or a band crashes several workers;
-    MissingLibraryError when Dask is missing here, or Lippmann on a worker.
+    Raises InputError if no scheduler answers, no worker has joined, or a worker lacks the scene, has another scene or
+    other versions; DeviceError if the scheduler is lost, or a band crashes several workers; MissingLibraryError without
+    Dask here, or without Lippmann on a worker.
     """
     if not bands:
         return
     client = _connected(address, security)
-    own = security is not None
-    where, remedy = ("--workers", "") if own else (address, f" ({_worker(address)})")
+    where, remedy = (address, f" ({_worker(address)})") if security is None else ("--workers", "")
     try:
         yield from _distribute(client, device, bands, where, remedy)
     except ModuleNotFoundError as error:
@@ -158,7 +153,7 @@ def render_on_cluster(
 
 
 def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, remedy: str) -> Iterator[RenderedBand]:
-    """Keep each worker supplied with bands, and yield what arrives."""
+    """Submit bands as workers become free, and yield what arrives."""
     from distributed import KilledWorker, wait
 
     waiting = iter(bands)
@@ -172,11 +167,10 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
             running[client.submit(_rendered, band, device, pixel_versions(), pure=False)] = band
         if not running:
             return
-        try:
-            done = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
-        except TimeoutError:
-            done = set()
-        for future in done:
+        finished: set[Future[tuple[Radiance, dict[str, str]]]] = set()
+        with contextlib.suppress(TimeoutError):
+            finished = wait(list(running), timeout=1.0, return_when="FIRST_COMPLETED").done
+        for future in finished:
             band = running.pop(future)
             try:
                 radiance, choices = future.result()
@@ -194,14 +188,12 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 
 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
-    """Remove the workers that have sent no heartbeat for `STOPPED_WORKER_S`: their bands go to others.
-
-    `heartbeats` holds the last one of each worker by the scheduler's clock, and when it was first seen by this one's.
-    """
+    """Remove the workers that have sent no heartbeat for `STOPPED_WORKER_S`: their bands go to others."""
+    # Of each worker: its last heartbeat by the scheduler's clock, and the heartbeat's arrival by this machine's.
     now = time.monotonic()
     for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
-        seen, since = heartbeats.get(address, (None, now))
-        if seen != state["last_seen"]:
+        last, since = heartbeats.get(address, (None, now))
+        if last != state["last_seen"]:
             heartbeats[address] = state["last_seen"], now
         elif now - since > STOPPED_WORKER_S:
 
@@ -218,11 +210,11 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start workers on this machine, on loopback alone; yield their scheduler's address and its `Security`.
+    """Start workers on this machine; yield their scheduler's address and its `Security`.
 
-    They talk by TLS with a key that only these processes have: who reaches a port of Dask's may run programs. They run
-    no Python file of the current folder. A worker that dies is replaced. None has a limit of memory: with one, Dask
-    has those wait for ever that hold nearly their share. MissingLibraryError when Dask is missing.
+    Dask runs any program that it is sent, so they listen on loopback, by TLS with a key that only these processes have.
+    They run no Python file of the current folder. A worker that dies is replaced. None has a memory limit: near it,
+    Dask would pause the worker for ever. Raises MissingLibraryError without Dask.
     """
     try:
         import dask
@@ -252,7 +244,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
 
 
 def _worker(address: str) -> str:
-    """Return the command that starts a worker: on loopback when the scheduler is there, and without a web page."""
+    """Return the command that starts a worker, on loopback if the scheduler is there."""
     loopback = re.search(r"//(127\.|localhost|\[::1\])", address)
     return f"dask worker {address}{' --host 127.0.0.1' if loopback else ''} --no-dashboard"
 
@@ -264,7 +256,7 @@ def _connected(address: str, security: Security | None = None) -> Client:
     except ImportError as error:
         raise missing_library(error) from None
     for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # our errors say the same in a line
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # the errors below say the same in one line
     try:
         client = distributed.Client(address, timeout=ANSWER_S, security=security)
     except (OSError, ValueError, TypeError):
@@ -287,24 +279,21 @@ def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radian
         theirs = ", ".join(f"{key} {value}" for key, value in pixel_versions().items())
         ours = ", ".join(f"{key} {value}" for key, value in expected.items())
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same Lippmann everywhere")
-    # Garbage that another thread collects meanwhile may be Dr.Jit's, whose lock this one holds.
+    # Another thread's garbage may be Dr.Jit's, whose lock this thread holds.
     with _rendering, garbage_kept():
         start_mitsuba(device)
         return render_band(band, name)
 
 
 def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dict[str, str]]:
-    """Return a band's radiance and how its open choices were decided; the plan's renderer is kept for the next band.
-
-    InputError, with the worker's name, where the plan's files are missing or different.
-    """
+    """Return a band's radiance and its renderer's choices. Raises InputError as `Plan.start`."""
     identity = band.plan.identity
     if identity not in _kept_renderers:
-        _kept_renderers.clear()  # the scene of the last plan must go before the next one is compiled
+        _kept_renderers.clear()  # the last plan's scene is freed before the next one is compiled
         _kept_renderers[identity] = band.plan.start(worker)
     renderer = _kept_renderers[identity]
     radiance, _ = renderer.render(band.number)
-    # Its own memory, for other threads (`radiance_of`).
+    # A copy, for other threads (`radiance_of`).
     return np.require(radiance, requirements="O"), dict(renderer.choices)
 
 

@@ -1,7 +1,7 @@
 """The integral image: radiance, the display that it was made for, and metadata.
 
-A file carries the identity of the display and the transfer curve and bits of its panel. `IntegralImage.load` checks the
-identity, and in a PNG, which contains panel values, curve and bits too; linear radiance fits every curve.
+A file carries the identity of the display, and the transfer curve and bits of its panel. `IntegralImage.load` checks
+the identity, and for a PNG, which contains panel values, also curve and bits.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class Showable:
         if in_notebook():
             import_module("IPython.display").display(self)
             return
-        shown_or_said(lambda: show_frames([encoded_values(self.radiance, "srgb", 8)], seconds))
+        show_or_report(lambda: show_frames([encoded_values(self.radiance, "srgb", 8)], seconds))
 
 
-def shown_or_said(show: Callable[[], None]) -> None:
-    """Show something in a window; without a desktop say so on stderr."""
+def show_or_report(show: Callable[[], None]) -> None:
+    """Show something in a window; without a desktop, print a line on stderr."""
     try:
         show()
     except DeviceError as error:
@@ -59,7 +59,7 @@ def shown_or_said(show: Callable[[], None]) -> None:
 
 
 def in_notebook() -> bool:
-    """Tell whether a notebook's kernel runs this code; programs that only start kernels load ipykernel, too."""
+    """Tell whether a notebook's kernel runs this code."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
@@ -71,29 +71,29 @@ class IntegralImage(Showable):
     Attributes
     ----------
     radiance
-        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` of an image that was loaded `stored`.
+        (height, width, 3) float32 of the panel's pixels, linear; `StoredRows` if it was loaded with `stored`.
     display
         The display that it was made for.
     metadata
         How it was made: display, identity, the panel's transfer curve and bits, model, samples, seed, versions, ...
     measured
-        What making it took, such as `seconds`, and a capture's losses; not saved. Empty for a loaded image.
+        Figures of the render, such as `seconds`, and a capture's losses; not saved. Empty for a loaded image.
 
     Raises
     ------
     InputError
-        When the radiance has not the panel's size, or holds integers; or when the display is none.
+        For radiance of another size than the panel's, or of integers; and for a display that is not a Display.
     """
 
     radiance: Radiance
     display: Display
     metadata: dict[str, str] = field(default_factory=dict)
     measured: dict[str, float] = field(default_factory=dict)
-    #: Name and identity of the display that a file was made for, where it was loaded for another by force.
+    #: Name and identity of the display in the file, if the image was loaded by force.
     _made_for: dict[str, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        """Check type and size, convert other floats to float32, and name the display in the metadata."""
+        """Check type and size, convert to float32, and add the display to the metadata."""
         if not isinstance(self.display, Display):
             raise InputError(f"display must be a lippmann.Display, not {str(self.display)[:80]!r}")
         if not isinstance(self.radiance, np.ndarray | StoredRows):
@@ -109,15 +109,12 @@ class IntegralImage(Showable):
             raise input_error(f"image for display '{self.display.name}'", what, "render it for this display")
         if self.radiance.dtype != np.float32:
             object.__setattr__(self, "radiance", self.radiance.astype(np.float32))
-        # The caller's stays as it is.
+        # A copy: the caller's dictionary does not change.
         texts = {str(key): str(value) for key, value in self.metadata.items()}
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write the image: .exr and .tif keep linear radiance, .png the panel's values by its own curve and bits.
-
-        Raises InputError when the file cannot be written, or the radiance is not finite.
-        """
+        """Write linear radiance to .exr or .tif, or panel values to .png. Raises InputError if that fails."""
         panel = self.display.panel
         write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
 
@@ -125,7 +122,7 @@ class IntegralImage(Showable):
     def load(
         cls, path: str | Path, display: str | Path | Display, force: bool = False, stored: bool = False
     ) -> IntegralImage:
-        """Read an image that was made for a display. Version 0.1 saved no bits, which are then not checked.
+        """Read an image that was made for a display. Files of version 0.1 have no bits to check.
 
         Parameters
         ----------
@@ -134,15 +131,15 @@ class IntegralImage(Showable):
         display
             A display file, or what `load_display` returned.
         force
-            Accept an image for another display, or one that names none. Saved again, it keeps its file's identity.
+            Accept an image for another display, or one without an identity. Saved again, it keeps its file's identity.
         stored
-            Leave the pixels in the file: `observe` reads the rows that it needs, and anything else all of them.
+            Leave the pixels in the file: `observe` reads only the rows that it needs.
 
         Raises
         ------
         InputError
-            When the file is missing, broken, of another size, or made for another display, or is a PNG for another
-            transfer curve or number of bits.
+            For a file that is missing, broken, of another size, made for another display, or a PNG for another transfer
+            curve or number of bits.
         """
         built = display_at(display)
 
@@ -161,30 +158,31 @@ class IntegralImage(Showable):
 
 
 def metadata_of(display: Display) -> dict[str, str]:
-    """Return what every image for a display carries: its name, identity, transfer curve and bits."""
+    """Return the metadata of every image for a display: its name, identity, transfer curve and bits."""
     tones = {"transfer": transfer_text(display.panel.transfer), "bits": str(display.panel.bits)}
     return {"display": display.name, "identity": display.identity, **tones}
 
 
 def check_image(image: object) -> None:
-    """Refuse what is not an image, such as the path of one."""
+    """Raise InputError for what is not an image, such as the path of one."""
     if not isinstance(image, IntegralImage):
         what = f"{str(image)[:80]!r} is not an IntegralImage"
         raise InputError(f"{what}; load a file with lippmann.IntegralImage.load(path, display)")
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
-    """Refuse a file (`source`) made for another display, and one of panel values (`encoded`) for other tones."""
+    """Refuse a file (`source`) for another display, or of panel values (`encoded`) for another curve or bits."""
     identity = metadata.get("identity")
     if identity != display.identity:
-        made = f"was made for display '{metadata.get('display', '?')}' ({identity})"
-        what = f"{'names no display' if identity is None else made}, not for '{display.name}' ({display.identity})"
+        other = f"was made for display '{metadata.get('display', '?')}' ({identity})"
+        what = f"{'names no display' if identity is None else other}, not for '{display.name}' ({display.identity})"
         remedy = "give the display that it was made for, or --force (force=True in Python)"
         raise input_error(source, what, remedy)
     for key in ("transfer", "bits"):
-        wanted = metadata_of(display)[key]
-        found = metadata.get(key, wanted)
-        if encoded and found != wanted:
-            names = transfer_name(found), transfer_name(wanted)
+        expected = metadata_of(display)[key]
+        actual = metadata.get(key, expected)
+        if encoded and actual != expected:
+            names = transfer_name(actual), transfer_name(expected)
+
             what = f"was made for a panel with {key} {names[0]}, '{display.name}' has {key} {names[1]}"
             raise input_error(source, what, "render it for this display, or give --force (force=True in Python)")

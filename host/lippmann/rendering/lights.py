@@ -1,10 +1,9 @@
 """Integrator `lights`: sums all lights at each hit, so that point lights cause no noise.
 
-It computes what the founding paper's ray tracer computes: at each hit the light of *all* emitters, each with a shadow
-ray, reflected by the smooth part of the surface's BSDF; then it follows mirror reflection and refraction up to
-`max_depth`. Point, spot and directional lights are summed exactly; area lights and environments get one random sample
-each. Light between diffuse surfaces is left out; Mitsuba's own `path` includes it. A scene of splats (3D Gaussians) is
-shown by their own colours.
+Like the founding paper's ray tracer, it sends a shadow ray to *every* emitter at each hit, and reflects the light by
+the smooth part of the surface's BSDF; then it follows mirror reflection and refraction up to `max_depth`. Point, spot
+and directional lights are summed exactly; area lights and environments get one random sample each. Light between
+diffuse surfaces is left out; Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ from lippmann.base.variant import Jit, dr, mi
 
 
 def coherence_hint(depth: Jit) -> Jit:
-    """Return Embree's hint for rays that have met `depth` surfaces (UInt32): Dr.Jit's Bool, or False for all."""
+    """Return Embree's coherence hint for rays that have met `depth` surfaces (UInt32)."""
     return depth == 0 if has_avx512() else False
 
 
-#: Splats that a ray may pass; after that, or when they leave a hundredth of the light, what is behind is left out.
-MOST_SPLATS = 256
+#: Splats that a ray may pass; it ends there, or where they leave a hundredth of the light.
+MAX_SPLATS = 256
 
 
 def has_splats(scene: Jit) -> bool:
@@ -28,9 +27,9 @@ def has_splats(scene: Jit) -> bool:
 
 
 def needs_chance(scene: Jit) -> bool:
-    """Tell whether `lights` may need random numbers for a `mitsuba.Scene`, and so have noise.
+    """Tell whether `lights` may use random numbers for a `mitsuba.Scene`, and so have noise.
 
-    It needs none under points, spots and directions, where each surface either scatters light or mirrors all of it.
+    It uses none if all lights are points, spots and directions, and each surface only scatters or only mirrors light.
     """
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
@@ -50,7 +49,7 @@ def register_lights() -> None:
     """Register the integrator plugin `lights` for Mitsuba's current variant.
 
     Parameters of the plugin: `max_depth` (integer, surfaces that a ray may meet, default 4); `shadows` (boolean,
-    default true; without them each light reaches every surface that faces it, as `tools.bench stages` asks for).
+    default true; without them each light reaches every surface that faces it, for measurements).
     """
     base: Jit = mi.SamplingIntegrator
 
@@ -74,8 +73,8 @@ def register_lights() -> None:
 
 
 def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, Jit, list[Jit]]:
-    """Return what Mitsuba's integrator of splats returns, which are lit by themselves."""
-    field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MOST_SPLATS})
+    """Return the splats' own light along rays, by Mitsuba's integrator."""
+    field = mi.load_dict({"type": "volprim_rf_basic", "max_depth": MAX_SPLATS})
     radiance, _, _, _ = field.sample(dr.ADMode.Primal, scene, sampler, ray, None, None, active)
     return radiance, mi.Bool(active), []
 
@@ -83,7 +82,7 @@ def _sample_splats(scene: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit
 def _sample_lights(
     scene: Jit, sampler: Jit, ray: Jit, active: Jit, max_depth: int, shadows: bool
 ) -> tuple[Jit, Jit, list[Jit]]:
-    """Return the light that rays bring from surfaces and emitters, and which of them met a surface."""
+    """Return the radiance along rays, and which of them met a surface."""
     emitters = list(scene.emitters())
     # Point, spot and directional lights are invisible: rays never meet them.
     visible_emitters = not all(_is_delta(emitter) for emitter in emitters)
@@ -91,14 +90,14 @@ def _sample_lights(
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
     def bounce(
-        sampler: Jit, ray: Jit, throughput: Jit, radiance: Jit, depth: Jit, seen: Jit, active: Jit
+        sampler: Jit, ray: Jit, throughput: Jit, radiance: Jit, depth: Jit, met: Jit, active: Jit
     ) -> tuple[Jit, ...]:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=coherence_hint(depth), active=active)
         if visible_emitters:
             # The radiance of an emitter that is seen directly or in a mirror.
             radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
         active &= si.is_valid()
-        seen |= active
+        met |= active
         bsdf = si.bsdf(ray)
         flags = bsdf.flags()
         smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
@@ -111,16 +110,16 @@ def _sample_lights(
         ray = si.spawn_ray(si.to_world(bounced.wo))
         throughput = dr.select(active, throughput * weight, throughput)
         active &= dr.any(throughput != 0.0)
-        return sampler, ray, throughput, radiance, depth, seen, active
+        return sampler, ray, throughput, radiance, depth, met, active
 
     black = mi.Spectrum(0.0)
     state = (sampler, mi.Ray3f(ray), mi.Spectrum(1.0), black, mi.UInt32(0), mi.Bool(False), mi.Bool(active))
-    _, _, _, radiance, _, seen, _ = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic")
-    return radiance, seen, []
+    _, _, _, radiance, _, met, _ = dr.while_loop(state, lambda *s: s[-1], bounce, mode="symbolic")
+    return radiance, met, []
 
 
 def _light_of_all(scene: Jit, emitters: list[Jit], sampler: Jit, si: Jit, bsdf: Jit, active: Jit, shadows: bool) -> Jit:
-    """Return the light of all emitters that surfaces reflect along the rays that met them."""
+    """Return the light of all emitters that surfaces reflect against the rays."""
     arrivals = [
         emitter.sample_direction(si, mi.Point2f(0.5) if _is_delta(emitter) else sampler.next_2d(active), active)
         for emitter in emitters

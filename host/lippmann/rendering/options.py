@@ -19,22 +19,21 @@ MAX_SAMPLES = 65536
 class Settings:
     """How to render."""
 
-    #: Samples for each pixel (and for each of its colours, where it has sub-pixels). One goes through the centre;
-    #: more are spread over the area (anti-aliasing).
+    #: Samples for each pixel, or for each sub-pixel. One goes through the centre; more are spread over the area.
     samples: int = 1
     #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
-    #: "lights" (ours), or the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
+    #: "lights" (ours), the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
     integrator: str = "lights"
     #: Surfaces that a ray may meet.
     max_depth: int = 4
     #: The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
     seed: int = 0
-    #: Limit; None: four fifths of the free memory.
+    #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: Whether neighbouring rays share the light of diffuse surfaces (`Irradiance`): "auto" where it pays.
+    #: "shared": diffuse surfaces take their light from an irradiance cache; "each": from each ray; "auto": the faster.
     shading: Shading = "auto"
-    #: The most points at which shared light is known; None: what it can hold, and with "auto" fewer than rays.
+    #: Maximum points of the irradiance cache. None: its capacity, and with "auto" also fewer than rays.
     light_points: int | None = None
 
     def __post_init__(self) -> None:
@@ -59,7 +58,7 @@ MODEL_OPTIONS: tuple[ModelOption, ...] = ("auto", *MODELS)
 class RenderOptions:
     """Lens model, engine and settings of a render."""
 
-    #: "auto": the cheapest whose error stays below `tolerance` (see `lippmann.optics.model_choice`).
+    #: "auto": the cheapest whose error stays below `tolerance` (`lippmann.optics.model_choice`).
     model: ModelOption = "auto"
     #: Error that "auto" allows, pixels of the reconstructed view.
     tolerance: float = TOLERANCE
@@ -67,7 +66,6 @@ class RenderOptions:
     engine: Engine = "fast"
     #: Word length of the engines twin and rtl; None: the longest.
     fraction_bits: int | None = None
-    #: Samples, aperture, integrator, seed.
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:

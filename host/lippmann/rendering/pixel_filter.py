@@ -1,10 +1,8 @@
-"""The pixels' filter: a sample near a pixel's edge counts for the neighbour too, where both have the same owner.
+"""The pixels' filter: a sample near a pixel's edge counts for the neighbour too, if both belong to the same lenslet.
 
-A pixel is to be the mean over its area. An edge of the scene that crosses it goes on in its neighbours, so their
-samples hold information about it. The weight of a sample that lies x, y from a pixel's middle is f(x) f(y), with
-f(d) = (1/2 + s - |d|) / 2s between 0 and 1: the pixel's box, blurred by one of 2 s pixels (`softness`). A pixel is the
-weighted mean of its own samples and those of the four neighbours beside it. Samples of pixels that another lenslet owns
-are not used.
+A pixel is the weighted mean of its own samples and those of its four neighbours. The weight of a sample at x, y from
+the pixel's centre is f(x) f(y), with f(d) = (1/2 + s - |d|) / 2s clipped to 0 and 1: the pixel's box, blurred by a box
+of 2 s pixels (`softness`).
 """
 
 from __future__ import annotations
@@ -17,47 +15,46 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds
 
-#: Samples of a pixel, at most, that count for neighbours: of more, their own mean is as good where detail is finest.
-MOST_SAMPLES = 4
-#: The weights begin to fall half the samples' distance from a pixel's edge: there the noise of straight edges is least.
+#: Maximum samples of a pixel that is filtered: with more, the plain mean is as good where detail is finest.
+MAX_SAMPLES = 4
+#: The weights begin to fall at half the samples' distance from a pixel's edge, for the least noise of straight edges.
 SOFTNESS = 0.5
 #: The four neighbours: columns to the right, and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Memory for each pixel of a band: sums of four numbers, for itself and the sides, and its owner.
+#: Memory for each pixel of a band: sums of four numbers for itself and each neighbour, and its owner.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 
 def softness(samples: int) -> float:
-    """Return how far from a pixel's edge, px, the weights of samples begin to fall."""
+    """Return how far from a pixel's edge, px, the weights begin to fall."""
     return SOFTNESS / math.sqrt(samples)
 
 
-def may_share(samples: int, colours: int) -> bool:
-    """Tell whether pixels may share, with so many samples for each of so many colours: sub-pixels are too far apart."""
-    return colours == 1 < samples <= MOST_SAMPLES
+def is_filter_allowed(samples: int, colours: int) -> bool:
+    """Tell whether pixels of so many samples can be filtered. Sub-pixels (several colours) are too far apart."""
+    return colours == 1 < samples <= MAX_SAMPLES
 
 
-def share_of_noise(samples: int, colours: int) -> float:
-    """Return, about, what is left of the noise of independent samples (of a lamp's random points, say).
+def noise_fraction(samples: int, colours: int) -> float:
+    """Return the fraction of the noise of independent samples that the filter leaves, about.
 
-    It is the root of the weights' mean square, which is 1 - 2 s / 3 along each axis. Pixels at a lenslet's border,
-    which have fewer neighbours, keep more of it.
+    It is the root of the weights' mean square, 1 - 2 s / 3 along each axis. At a lenslet's border more remains.
     """
-    return 1.0 - 2.0 * softness(samples) / 3.0 if may_share(samples, colours) else 1.0
+    return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
 
 def weight(distance: Jit, soft: float) -> Jit:
-    """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's middle."""
+    """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's centre."""
     return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
 
 
 def is_filtered(source: RaySource, samples: int) -> bool:
-    """Tell whether the pixels of a source, with so many samples, share them."""
-    return source.owner is not None and may_share(samples, source.colours)
+    """Tell whether the pixels of a source are filtered."""
+    return source.owner is not None and is_filter_allowed(samples, source.colours)
 
 
 class PixelFilter:
-    """Sums over the samples of a band's pixels: for themselves, and for each of `SIDES`."""
+    """Sums over the samples of a band's pixels: one for each pixel itself, and one for each of `SIDES`."""
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         assert source.owner is not None
@@ -68,7 +65,7 @@ class PixelFilter:
         self._owners = dr.empty(mi.UInt32, pixels)
 
     def add(self, colour: Jit, pixel: Jit, inside: Jit, seeds: Seeds) -> None:
-        """Add the samples of pixels, one pixel's after the other's, by the pixels' numbers in the image."""
+        """Add the samples of some pixels, ordered pixel by pixel; `pixel` holds the pixels' indices in the image."""
         soft = softness(self._samples)
         number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
         sums = [mi.Vector4f(0.0)] * len(self._sums)
@@ -93,7 +90,7 @@ class PixelFilter:
     def colours(self) -> list[Jit]:
         """Return the band's red, green and blue, row by row.
 
-        Nothing is given across rows that are multiples of `BAND_ROWS`, so that bands of any height are alike.
+        Pixels on both sides of a row that is a multiple of `BAND_ROWS` share nothing: the bands' height has no effect.
         """
         pixel = dr.arange(mi.UInt32, self._width * len(self._rows))
         # Opaque, so that bands of other heights need no compilation.
@@ -102,7 +99,7 @@ class PixelFilter:
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # A pixel is given what the neighbour on the other side has for this one.
+            # The neighbour on the opposite side has summed for this pixel.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)

@@ -1,7 +1,4 @@
-"""A job: what to draw for which display, with what may still be "auto"; and its plan, which decides that, once.
-
-A plan is a picture with all that its pixels depend on, so that any process can render any of its bands.
-"""
+"""A job, whose options may be "auto"; and its plan, in which all is decided, so that any process can render a band."""
 
 from __future__ import annotations
 
@@ -47,7 +44,7 @@ class BandRenderer(Protocol):
 
     @property
     def choices(self) -> Mapping[str, str]:
-        """How it decided what was open, as metadata."""
+        """Its decisions on what was "auto", as metadata."""
 
     def prepare(self) -> float:
         """Compile the program; return the seconds that it took."""
@@ -55,7 +52,7 @@ class BandRenderer(Protocol):
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
         """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
 
-        `report_rows` is called with the number of the band's rows that are done.
+        `report_rows` is called with the number of finished rows.
         """
 
 
@@ -63,11 +60,9 @@ class BandRenderer(Protocol):
 class Plan(ABC):
     """A picture that executors render and sinks store."""
 
-    #: The display whose panel shows the picture.
     display: Display
-    #: How it is rendered.
     options: RenderOptions
-    #: The rows of each band: chosen once, for a worker's device may prefer others.
+    #: The rows of each band, chosen once: a worker with another device would choose others.
     bands: tuple[range, ...]
 
     @property
@@ -83,7 +78,7 @@ class Plan(ABC):
     @property
     @abstractmethod
     def metadata(self) -> dict[str, str]:
-        """What the picture's file carries; a renderer's `choices` replace its own."""
+        """The metadata of the picture's file; a renderer's `choices` replace some."""
 
     @property
     def rays(self) -> int:
@@ -92,26 +87,26 @@ class Plan(ABC):
 
     @property
     def prepare_seconds(self) -> float:
-        """Seconds of compilation that planning took, until `start` is called."""
+        """Seconds of compilation that planning took; 0 after `start`."""
         return 0.0
 
     @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
-        """Return the renderer of this plan's bands; loads what it needs.
+        """Return the renderer of this plan's bands; load what it needs.
 
-        Raises InputError on a worker, with its name, where the plan's files are missing or different.
+        `worker` is a worker's name. Raises InputError with it if the plan's files are missing or different there.
         """
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePlan(Plan):
-    """The picture of a scene. Only a film's frames may leave the lens model "auto": it depends on their own depths."""
+    """The picture of a scene. Only in a film's frame may the lens model be "auto": it depends on the frame's depths."""
 
     scene: Path
-    #: `digest_of` the scene; "" where no other process renders it and no band is kept.
+    #: `digest_of` the scene; "" if no other process renders it and no band is kept.
     digest: str
     placement: Placement
-    #: The renderer that planned it, which the next `start` in this process returns.
+    #: The renderer that was made for planning; the next `start` in this process returns it.
     planned_by: list[Renderer] = field(default_factory=list, init=False)
 
     @property
@@ -126,7 +121,7 @@ class ScenePlan(Plan):
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What the picture's file carries."""
+        """The metadata of the picture's file."""
         return {**image_metadata(self.options, self.scene), **metadata_of(self.display)}
 
     @property
@@ -136,15 +131,15 @@ class ScenePlan(Plan):
 
     @property
     def prepare_seconds(self) -> float:
-        """Seconds of compilation that planning took, until `start` is called."""
+        """Seconds of compilation that planning took; 0 after `start`."""
         return sum(renderer.prepare_seconds for renderer in self.planned_by)
 
     def load(self) -> Scene:
-        """Load the scene where it is placed; InputError as `load_scene`."""
+        """Load the placed scene; raise InputError as `load_scene`."""
         return load_scene(self.scene, self.placement)
 
     def start(self, worker: str | None = None) -> Renderer:
-        """Return the renderer of the bands: the one that planned them, or a new one that loads the scene."""
+        """Return the renderer of the planning, or a new one, which loads the scene."""
         if worker is not None:
             check_same_scene(worker, self.scene, self.digest)
         if self.planned_by:
@@ -152,13 +147,13 @@ class ScenePlan(Plan):
         return make_renderer(self.load(), self.display, self.options, self.bands)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what belongs to this process."""
+        """Leave out the renderer, which belongs to this process."""
         return {**self.__dict__, "planned_by": []}
 
 
 @functools.lru_cache(maxsize=8)
 def check_same_scene(worker: str, path: Path, digest: str) -> None:
-    """Raise InputError for a scene that is missing or different on a worker's machine."""
+    """Raise InputError if the scene is missing or different on a worker's machine."""
     try:
         own = digest_of(path)
     except InputError as error:
@@ -174,10 +169,7 @@ def make_renderer(
     bands: tuple[range, ...] | None = None,
     in_memory: bool = False,
 ) -> Renderer:
-    """Return the renderer of the integral image of a loaded scene, not compiled yet; `bands` as for `Renderer`.
-
-    Raises InputError as `Renderer` and `choose_model`.
-    """
+    """Return the renderer of a scene's integral image. Parameters and errors as `Renderer`, `resolve_model`."""
     settings, model = options.settings, resolve_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
     renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
@@ -188,10 +180,7 @@ def make_renderer(
 def resolve_model(
     scene: Scene, display: Display, options: RenderOptions, logger: logging.Logger | None = None
 ) -> Model:
-    """Return the lens model of a render: "auto" takes the cheapest within the tolerance, and a logger learns why.
-
-    Raises InputError as `model_choice.choose_model`.
-    """
+    """Return the lens model; for "auto" choose and log it. Raises InputError as `model_choice.choose_model`."""
     if options.model != "auto":
         return options.model
     choice = model_choice.choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance)
@@ -201,7 +190,7 @@ def resolve_model(
 
 
 def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
-    """Return how an image was made, as metadata; `IntegralImage` adds the display."""
+    """Return the metadata on how an image was made; `IntegralImage` adds the display."""
     bits = {} if options.engine in ("golden", "fast") else {"fraction_bits": str(options.fraction_bits or WIDEST)}
     names = ("aperture", "integrator", "samples", "max_depth", "seed", "shading")
     return {
@@ -217,9 +206,9 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
-    """Set Mitsuba's variant for a block, and yield the scene; a path is loaded first. See `lippmann.load_scene`.
+    """Set Mitsuba's variant for a block, and yield the scene, loaded if it is a path. See `lippmann.load_scene`.
 
-    Raises InputError for a bad scene or device, MissingLibraryError as `start_mitsuba`.
+    Raises InputError for a bad scene or device; MissingLibraryError as `start_mitsuba`.
     """
     if not isinstance(placement, Placement | None):
         raise InputError(f"placement must be a lippmann.Placement or None, not {str(placement)[:80]!r}")
@@ -229,7 +218,7 @@ def open_scene(source: SceneSource, placement: Placement | None = None, device: 
             yield load_scene(source, placement)
         return
     if not isinstance(source, Scene):
-        # A mitsuba.Scene has its variant, by which it was loaded.
+        # A mitsuba.Scene belongs to the variant by which it was loaded.
         variant_name = getattr(type(source), "variant_name", None)
         with own_variant(device if variant_name is None else _device_of(variant_name(source))):
             yield scene_of(source, placement)
@@ -242,7 +231,7 @@ def open_scene(source: SceneSource, placement: Placement | None = None, device: 
 
 
 def _device_of(variant: str) -> str:
-    """Return the device of a variant of Mitsuba."""
+    """Return the device of Mitsuba's variant."""
     for name, own in VARIANTS.items():
         if own == variant:
             return name
@@ -250,7 +239,7 @@ def _device_of(variant: str) -> str:
 
 
 def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) -> Scene:
-    """Return a scene as a display places it; None: as its file asks for. InputError as `arranged`."""
+    """Return the scene as arranged for a display; None means its usual arrangement. Errors as `arranged`."""
     arrange = scene.usual if arrange is None else arrange
     if arrange is None:
         return scene
@@ -260,13 +249,13 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 
 def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Return the lens model for a placed scene, after warnings about what will be seen of it.
+    """Warn of what a placed scene's picture will lack; return the lens model for it, and log it.
 
-    There are none where nobody reads the log (level INFO): their trial view takes time.
-    Raises InputError as `resolve_model`.
+    The warnings that need a trial view, which takes time, are given only if the log takes INFO.
+    Raises InputError as `warn_of_unused_parts` and `resolve_model`.
     """
+    warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
-        warn_of_unused_parts(scene, options.settings)
         warn_of_view(scene, display, options.settings, options.engine)
     return resolve_model(scene, display, options, logger)
 
@@ -278,28 +267,29 @@ class Job:
     scene: Scene
     display: Display
     options: RenderOptions = field(default_factory=RenderOptions)
-    #: How the display places the scene; None: as its file asks for, or where it stands.
+    #: See `place_scene`.
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
         """Decide all that is "auto".
 
-        A portable plan is for other processes or for bands that are kept: it identifies the scene by its files.
-        Raises InputError for a scene that has no file then, or cannot be placed, and as `choose_model` and `Renderer`.
+        A `portable` plan, for other processes or for bands that are kept, identifies the scene by its files.
+        Raises InputError for a scene that cannot be placed, or that needs a file and has none; and as `choose_model`
+        and `Renderer`.
         """
         scene = place_scene(self.scene, self.display, self.arrange)
-        path = scene.path.absolute()  # workers have folders of their own; the files of a link are those beside it
+        path = scene.path.absolute()  # workers have other current folders; links stay: their neighbours are read
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
-        # No tolerance is left when the model is chosen.
+        # With the model chosen, the tolerance has no effect: it must not change the identity.
         options = replace(self.options, model=choose_model(scene, self.display, self.options), tolerance=TOLERANCE)
         panel = self.display.panel
         rays = options.settings.samples * colours_of(panel)
         bands = tuple(bands_of(panel.width_px, panel.height_px, rays))
         digest = digest_of(path) if portable else ""
         renderer = make_renderer(scene, self.display, options, bands, in_memory=not portable)
-        if renderer.remark is not None:
-            logger.info("%s", renderer.remark)
+        if renderer.cache_report is not None:
+            logger.info("%s", renderer.cache_report)
         options = replace(options, settings=renderer.settings)
         plan = ScenePlan(self.display, options, bands, path, digest, scene.placement)
         plan.planned_by.append(renderer)

@@ -2,8 +2,7 @@
 
 **One pass for both sides of the display.** A panel pixel's ray, refracted by its lenslet, is the line along which a
 viewer sees that pixel. The renderer follows it *towards* the display, from in front of the nearest object: the first
-surface it meets hides the others, whether it is before the display (real image) or behind it (virtual
-image). So depth comes out right and occlusion is correct, without a second pass.
+surface that it meets hides the others, before the display (real image) or behind it (virtual image).
 """
 
 from __future__ import annotations
@@ -30,30 +29,29 @@ from lippmann.rendering.lights import register_lights
 from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import PixelFilter, is_filtered
 from lippmann.rendering.sampling import TILE_PX, Pose, RaySource, Seeds, Window, display_source, eye_source, pixel_of
-from lippmann.rendering.shading import Irradiance, Program, SharedProgram, means_of, why_not_shared
-from lippmann.rendering.surface_lattice import MOST_POINTS
+from lippmann.rendering.shading import CachedProgram, IrradianceCache, Program, means_of, why_not_cached
+from lippmann.rendering.surface_lattice import MAX_POINTS
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, without_places
 
 logger = logging.getLogger("lippmann")
-#: A band takes one chunk fewer where no more than this part of a chunk would be left for the last.
+#: The chunks of a band grow by up to this fraction, to save a small last one.
 CHUNK_SLACK = 0.1
-#: Shared light needs more memory for a sample: its chunks are so many times smaller.
-SHARED_PARTS = 2
-#: Light is shared where that changes the picture by less, and there are so many rays for each point that light is found
-#: for at most.
-SHARED_DB, RAYS_A_POINT = 45.0, 4
-#: One lamp's shadow rays take little more time than the trial (docs/generated/measured/stages.csv, docs/generated/reports/shading.csv).
-LEAST_LAMPS = 2
-#: Parts of the image, each way, in each of which that is tried, rays of a colour in all of them, and samples of a pixel
-#: at most: of more, fewer places would be seen. Not 2^18 rays: a texture with as many values is another recording.
+#: With the irradiance cache a sample needs more memory: its chunks are smaller by this factor.
+CACHE_CHUNK_DIVISOR = 2
+#: Minimum PSNR of a picture by the irradiance cache, and minimum rays for each of its points, for "auto" to use it.
+CACHE_DB, RAYS_A_POINT = 45.0, 4
+#: One lamp's shadow rays take little more time than the trial (stages.csv and shading.csv in docs/generated).
+MIN_LAMPS = 2
+#: The trial: parts of the image each way, rays of a colour in all parts, and maximum samples of a pixel, so that many
+#: places are tried. Not 2^18 rays: for a texture with as many values Dr.Jit would make another recording.
 TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 28 * 28 * 256, 4
-#: The seed of their places: every render of a scene, of any seed, is tried in the same ones.
+#: Seed of the trial's places, which are the same for each seed of a render.
 TRIAL_SEED = 1
-#: Rays of a picture for which the trial pays, at least.
-LEAST_RAYS = 1 << 21
-#: Share of the samples that may meet surfaces without a lattice.
-MOST_ALONE = 0.5
+#: Minimum rays of a picture for which the trial pays.
+MIN_RAYS = 1 << 21
+#: Maximum fraction of samples that meet surfaces without a lattice.
+MAX_UNCACHED = 0.5
 
 
 @dataclass(frozen=True)
@@ -67,11 +65,10 @@ class Rendered:
     cpu_seconds: float
     #: Compilation before the render.
     prepare_seconds: float
-    #: Rays sent into the scene, and those lost before.
+    #: All rays, also those that were lost before the scene.
     samples_traced: int
-    #: Rays that were lost, per cent, for each of the source's reasons (`Lines.lost`).
+    #: Percentage of lost rays for each of the source's reasons (`Lines.lost`).
     lost_percent: tuple[float, ...] = ()
-    #: Whether light was shared.
     shading: Shading = "each"
 
     @property
@@ -86,7 +83,7 @@ class Rendered:
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:
-    """Return the integrator that the settings name; raise InputError when there is none, or a ray is not enough."""
+    """Return the integrator of the settings; raise InputError if it is unknown, or does not sample single rays."""
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
@@ -112,7 +109,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
 
 
 class Renderer:
-    """Renders bands of the image of a source of rays, in any order, by one program."""
+    """Renders the bands of an image, in any order, by one program."""
 
     def __init__(
         self,
@@ -122,10 +119,10 @@ class Renderer:
         bands: Sequence[range] | None = None,
         in_memory: bool = True,
     ) -> None:
-        """Raise InputError when there is no such integrator.
+        """Choose the program. Raises InputError as `make_integrator`.
 
-        `bands` are the rows of each, from a multiple of `BAND_ROWS` on; None: `bands_of`. `in_memory`: the
-        whole picture is kept in memory, not one band.
+        `bands` are the rows of each band, which starts at a multiple of `BAND_ROWS`; None means `bands_of`. `in_memory`
+        says whether the picture stays in memory, or one band at a time.
         """
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
@@ -140,65 +137,67 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: The settings with nothing open: by these any process shades as this one does, the same bodies share light.
+        #: The settings without "auto". By these every process shades alike, with the same shapes in the cache.
         self.settings = replace(settings, shading="each", light_points=None)
-        #: What is to be told of sharing light.
-        self.remark: str | None = None
+        #: A line for the log on the irradiance cache.
+        self.cache_report: str | None = None
         if settings.shading != "each":
-            self.remark = self._share(scene, settings, rows, integrator)
-        #: Seconds of choosing how to shade, and of all calls of `prepare`.
+            self.cache_report = self._choose_cache(scene, settings, rows, integrator)
+        #: Seconds of the choice above, and of all calls of `prepare`.
         self.prepare_seconds = time.perf_counter() - started
-        #: Whether light is shared; and how open choices were decided, as metadata.
+        #: "shared" with the irradiance cache, else "each"; and all decisions on what was "auto", as metadata.
         self.shading = self.settings.shading
         self.choices: dict[str, str] = {"shading": self.shading}
 
     @property
     def _chunk(self) -> int:
         """Tiles of a chunk."""
-        most = CHUNK_SAMPLES[current_device()] // (SHARED_PARTS if self.shading == "shared" else 1)
-        return max(1, most // (self.rays * TILE_PX * TILE_PX))
+        samples = CHUNK_SAMPLES[current_device()] // (CACHE_CHUNK_DIVISOR if self.shading == "shared" else 1)
+        return max(1, samples // (self.rays * TILE_PX * TILE_PX))
 
-    def _share(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
-        """Let the program share light, where it can and is asked to; return a remark. `rows` are kept in memory."""
-        source, most, is_open = self._source, settings.light_points, settings.shading == "auto"
-        why, is_told = why_not_shared(scene, source, settings.integrator), not is_open
+    def _choose_cache(self, scene: Scene, settings: Settings, rows: int, integrator: Jit) -> str | None:
+        """Use the irradiance cache if it is possible and asked for; return a line for the log."""
+        source, points, is_auto = self._source, settings.light_points, settings.shading == "auto"
+        why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
-        if why is None and is_open:
-            # A GPU traces a ray in less time than it needs to look for what is known.
-            if len(scene.mitsuba.emitters()) < LEAST_LAMPS or current_device() == "cuda" or rays < LEAST_RAYS:
+        if why is None and is_auto:
+            # A GPU traces a ray in less time than it needs for a look into the cache.
+            if len(scene.mitsuba.emitters()) < MIN_LAMPS or current_device() == "cuda" or rays < MIN_RAYS:
                 return None
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
             # The user's limit alone: the free memory must not change a picture.
-            is_told = settings.memory_mb is not None and needed > settings.memory_mb
-            why = "--memory-mb leaves no room for it" if is_told else None
+            is_reported = settings.memory_mb is not None and needed > settings.memory_mb
+            why = "--memory-mb leaves no room for it" if is_reported else None
         if why is None:
             assert source.detail_mm is not None
-            if most is None:
-                most = min(MOST_POINTS, int(rays // RAYS_A_POINT)) if is_open else MOST_POINTS
-            light = Irradiance(scene, source.detail_mm / scene.placement.scale, most)
-            if light.points:
-                self._shared = SharedProgram(scene, source, settings.samples, integrator, settings.max_depth, light)
-                keeps, remark = self._judge_trial() if is_open else (True, None)
-                if keeps:
-                    self._program, self.settings = self._shared, replace(settings, shading="shared", light_points=most)
-                return remark
+            if points is None:
+                points = min(MAX_POINTS, int(rays // RAYS_A_POINT)) if is_auto else MAX_POINTS
+            cache = IrradianceCache(scene, source.detail_mm / scene.placement.scale, points)
+            if cache.points:
+                self._cached = CachedProgram(scene, source, settings.samples, integrator, settings.max_depth, cache)
+                is_used, report = self._judge_trial() if is_auto else (True, None)
+                if is_used:
+                    self._program = self._cached
+                    self.settings = replace(settings, shading="shared", light_points=points)
+                return report
             why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
-        return f"light is not shared: {why}" if is_told else None
+        return f"the irradiance cache is not used: {why}" if is_reported else None
 
     def _judge_trial(self) -> tuple[bool, str]:
-        """Tell whether shared light changes no part of the image by more than `SHARED_DB`, and say so in words."""
+        """Tell whether the irradiance cache keeps every part of the image within `CACHE_DB`; and a line for the log."""
         decibels = self._trial()
         if decibels is None:
-            return False, "light is not shared: most rays meet surfaces that are not plain diffuse, or too large"
-        keeps = decibels >= SHARED_DB
+            why = "most rays meet surfaces that are not plain diffuse, or too large"
+            return False, f"the irradiance cache is not used: {why}"
+        is_used = decibels >= CACHE_DB
         likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
         part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
-        verdict = f"{SHARED_DB:.0f} dB are needed, so light is {'' if keeps else 'not '}shared"
-        tried = f"shared light, tried beside each ray's own in {100 * part:.3g} % of the picture"
-        return keeps, f"{tried}: {likeness}; {verdict}"
+        verdict = f"{CACHE_DB:.0f} dB are needed, so it is {'' if is_used else 'not '}used"
+        trial = f"irradiance cache, compared with each ray's own light in {100 * part:.3g} % of the picture"
+        return is_used, f"{trial}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Let the next bands be those of the scene in another place: a pass of this number, by the same program."""
+        """Move the scene. Later bands use the new placement, and are those of pass `number`; the program is reused."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
@@ -210,7 +209,7 @@ class Renderer:
         return seconds
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
-        """Return the tiles that are tried: one anywhere in each of equal parts, for a regular grid misses columns."""
+        """Return the tiles of the trial: a random one in each of equal parts, for a regular grid would miss columns."""
         rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
         side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))
@@ -221,65 +220,61 @@ class Renderer:
         return tiles
 
     def _trial(self) -> float | None:
-        """Return the likeness, dB, of tiles all over the image with shared light to those with each sample's own.
-
-        It is that of the part of the image, of `TRIAL_PARTS` x `TRIAL_PARTS`, where they are least alike. None: most
-        samples meet surfaces without a lattice.
-        """
+        """Return the PSNR, dB, of tiles by the cache against each sample's own light; None if most are uncached."""
+        # The least of the `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
         tiles = self._trial_tiles()
         side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
-        # All at once, where the samples' numbers have 31 bits (programs take the 32nd for 0); they have not in large
-        # pictures of many samples.
+        # All at once if the samples' indices fit 31 bits (the programs need the 32nd bit to be 0), else tile by tile.
         together = (tiles.max() + 1) * rays < 1 << 31
-        # Of their own, as in `_run`: one for two of them would be another recording.
+        # Two variables, as in `_run`: with a shared one Dr.Jit would make another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
-        found = []
-        for first, ours in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            # Computed here: numpy's memory is aligned otherwise, which would be another recording.
-            lane = dr.arange(mi.UInt32, len(ours) * TILE_PX * TILE_PX * self._colours * samples)
+        trials = []
+        for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
+            # Not from numpy: its memory is aligned otherwise, which would be another recording.
+            lane = dr.arange(mi.UInt32, len(chunk) * TILE_PX * TILE_PX * self._colours * samples)
             # Of each colour of a pixel so many of its samples, far apart.
             group = lane // samples
             pixel = group // self._colours
-            tile = dr.gather(mi.UInt32, mi.UInt32(ours.astype(np.uint32)), pixel // (TILE_PX * TILE_PX))
+            tile = dr.gather(mi.UInt32, mi.UInt32(chunk.astype(np.uint32)), pixel // (TILE_PX * TILE_PX))
             sample = (lane - group * samples) * self._samples // samples
-            own = (pixel % (TILE_PX * TILE_PX) * self._colours + group % self._colours) * self._samples + sample
-            index = tile * rays + own
+            place = (pixel % (TILE_PX * TILE_PX) * self._colours + group % self._colours) * self._samples + sample
+            index = tile * rays + place
             dr.make_opaque(index)
-            found.append(self._shared.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose, samples))
-        shared, own, alone = zip(*found, strict=True)
-        if np.mean(alone) > MOST_ALONE:
+            trials.append(self._cached.trial(index, dr.opaque(mi.UInt32, int(first)), seeds, self._pose, samples))
+        cached, own, uncached = zip(*trials, strict=True)
+        if np.mean(uncached) > MAX_UNCACHED:
             return None
-        pair = np.concatenate(shared), np.concatenate(own)
+        pair = np.concatenate(cached), np.concatenate(own)
         a, b = (one.reshape(TRIAL_PARTS, side // TRIAL_PARTS, TRIAL_PARTS, -1, 3) for one in pair)
         return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance (rows, width, 3) and its lost samples by reason (`BandRenderer.render`)."""
+        """Return a band's radiance (rows, width, 3) and its lost samples; see `BandRenderer.render`."""
         planes, lost = self.draw(self.bands[number], report_rows)
         return radiance_of(planes, self._width), lost
 
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return planes of red, green and blue of some rows (Dr.Jit), and the numbers of lost samples by reason.
+        """Return some rows as red, green and blue planes (Dr.Jit), and the numbers of lost samples by reason.
 
-        Of so many tiles from the first on, or all; the others are black. `report_rows` is called as by `render`.
+        Only the first `tiles` tiles are rendered, if given; the others are black.
         """
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
-        # The mean of several passes is as good without.
+        # The mean of several passes is as good without the filter.
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Of equal size: each has a fixed cost, because Dr.Jit visits all shapes, so a small last chunk is a waste.
+        # Chunks of equal size: each has a fixed cost, because Dr.Jit visits all shapes.
         chunks = max(1, math.ceil(tiles / self._chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):
             interrupts.check()
             count = min(size, tiles - first)
             lost.append(self._run(rows, first, count, planes, sums))
-            if self.shading != "shared":  # which waits for its points, and prepares a chunk beside the one before
+            if self.shading != "shared":  # which waits for its points, and prepares a chunk during the one before
                 dr.sync_thread()
             if report_rows is not None:
                 report_rows(len(rows) * (first + count) // tiles)
@@ -289,13 +284,10 @@ class Renderer:
         return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
-        """Render tiles of some rows, numbered from their first; return the numbers of lost samples.
-
-        If there are `sums`, the samples are added to them; if not, each pixel's mean is written into the planes.
-        """
+        """Render tiles of some rows into `sums`, or else into the planes; return the numbers of lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
-        # Opaque, like all values that change from chunk to chunk: a literal would be compiled into the program.
+        # Opaque, as all values that change from chunk to chunk: a literal would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
@@ -312,24 +304,20 @@ class Renderer:
 
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
-    """Return planes of red, green and blue as an image (rows, width, 3), which may be Dr.Jit's memory.
+    """Return red, green and blue planes as an image (rows, width, 3), which may be Dr.Jit's memory.
 
-    Copy it for other threads: who lets go of it waits for Dr.Jit, which may wait for Python in the thread that renders.
+    Copy it for other threads: a thread that frees it waits for Dr.Jit, which may wait for Python in another thread.
     """
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render the image of a source of rays; `progress` is called with (rows done, rows in all).
-
-    What a trial of shared light shows goes to the log. Raises InputError when the image exceeds the memory limit, or
-    there is no such integrator.
-    """
+    """Render an image. Raises InputError as `make_integrator`, and if it exceeds the memory limit."""
     check_memory(source.width_px, source.height_px, settings, source.colours)
     renderer = Renderer(scene, source, settings)
     renderer.prepare()
-    if renderer.remark is not None:
-        logger.info("%s", renderer.remark)
+    if renderer.cache_report is not None:
+        logger.info("%s", renderer.cache_report)
     radiance, lost = np.empty((source.height_px, source.width_px, 3), np.float32), []
     started, cpu_before = time.perf_counter(), time.process_time()
     for number, rows in enumerate(renderer.bands):
@@ -358,10 +346,7 @@ def render_integral(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render the integral image of a scene for a display (see `render_rays`), with the rays of an engine.
-
-    Raises InputError as `render_rays` and `lippmann.engines.trace`; MissingLibraryError when an engine lacks a tool.
-    """
+    """Render a scene's integral image for a display. Errors as `render_rays` and `lippmann.engines.trace`."""
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
@@ -374,9 +359,10 @@ def render_view(
     pupil_mm: float = 0.0,
     focus_z_mm: float = 0.0,
 ) -> Rendered:
-    """Render the scene as an eye sees it through a window, without a display (see `render_rays`, `eye_source`)."""
+    """Render what an eye sees through a window, without a display; see `render_rays` and `eye_source`."""
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
-        # Parts of the scene behind the eye are invisible.
+        # The eye does not see what is behind it.
+
         scene = replace(scene, placement=replace(scene.placement, near_mm=eye_mm[2], far_mm=None))
     return render_rays(scene, eye_source(eye_mm, window, pupil_mm, focus_z_mm), settings)

@@ -37,45 +37,44 @@ class Lines(NamedTuple):
     direction: tuple[Jit, Jit, Jit]
     #: Which lines exist: a ray that the lenslets block has none.
     active: Jit
-    #: Which do not, for each of the reasons that the source tells apart.
+    #: Which do not exist, for each of the source's reasons.
     lost: tuple[Jit, ...] = ()
 
 
 @dataclass(frozen=True)
 class RaySource:
-    """A source of primary rays: the size of an image, and what its points see."""
+    """A source of primary rays: the size of an image, and its lines of sight."""
 
     width_px: int
     height_px: int
-    #: Returns the lines of sight; its arguments are a backend, pixel coordinates u and v (double), and for each of them
-    #: a random point of the unit square (two Floats), for the lenslets' apertures.
+    #: Returns the lines of sight. Arguments: a backend, pixel coordinates u and v (double), and for each of them a
+    #: random point of the unit square (two Floats) for the lenslet's aperture.
     lines: Callable[[DrJitBackend, Jit, Jit, tuple[Jit, Jit]], Lines]
-    #: Sub-pixels; None where a pixel emits its three colours alike.
+    #: Sub-pixels; None if a pixel emits its three colours from the same place.
     layout: Layout | None = None
     #: Whether `lines` stays in Dr.Jit, so that its program can be recorded.
     recordable: bool = True
-    #: The finest detail that an eye sees in it, mm: the lenslets' pitch; None where there are none.
+    #: Finest visible detail, mm: the lenslets' pitch; None without lenslets.
     detail_mm: float | None = None
-    #: Returns numbers (UInt32) of the lenslets that own points; its arguments are the first three of `lines`. Without
-    #: lenslets all points have the same number. Neighbouring pixels with the same owner share samples (`PixelFilter`);
-    #: with None no pixels do.
+    #: Returns a number (UInt32) for the lenslet that owns each point, by the first three arguments of `lines`.
+    #: Neighbouring pixels with the same owner share samples (`PixelFilter`); with None, no pixels do.
     owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
 
     @property
     def colours(self) -> int:
-        """How many colours have samples of their own: three where pixels have sub-pixels, else one for all."""
+        """Number of colours with samples of their own: 3 with sub-pixels, else 1."""
         return 1 if self.layout is None else 3
 
 
 def owner_number(i: Jit, j: Jit) -> Jit:
-    """Return a number (UInt32) for each lenslet (i, j); neighbouring lenslets have different ones."""
+    """Return a number (UInt32) for each lenslet (i, j), different for neighbouring ones."""
     return mi.UInt32(mi.Int32(i)) * 0x10001 + mi.UInt32(mi.Int32(j))
 
 
 def lines_from_pixels(
     b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
 ) -> Lines:
-    """Trace pixel coordinates (double) through a display's lenslets; aperture points as in `rays_from_pixels`."""
+    """Trace pixel coordinates (double) through a display's lenslets; see `rays_from_pixels`."""
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
         mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -93,11 +92,10 @@ def display_source(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> RaySource:
-    """Return the rays of a display's pixels.
+    """Return the rays of a display's pixels, traced by an engine; `fraction_bits` is for "twin" and "rtl".
 
-    `engine` traces them: "fast" inside the renderer's program, the others outside it, chunk by chunk. `fraction_bits`
-    is for "twin" and "rtl". If a pixel has several samples, "fast" places them anywhere in it; the other engines place
-    them on the same sixteenths of a pixel, which the RTL's words can express.
+    "fast" traces inside the renderer's program, the others outside it, chunk by chunk. Several samples of a pixel lie
+    anywhere in it with "fast", and with the others on sixteenths of a pixel, which the RTL's words can hold.
     """
     panel = display.panel
 
@@ -105,7 +103,7 @@ def display_source(
         aperture_points = square_to_cell(b, *square, Lattice.of(display.array)) if aperture == "full" else None
         if engine == "fast":
             return lines_from_pixels(b, display, u, v, aperture_points, model)
-        # An engine that takes and gives numpy arrays.
+        # The other engines work on numpy arrays.
         pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
         if samples > 1:
             steps = 1 << PIXEL_FRACTION
@@ -120,14 +118,14 @@ def display_source(
         return owner_number(*System.of(display).locate(b, u, v)[:2])
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
-    # The other engines are there to be compared: their pixels are plain means.
+    # The other engines serve comparison: their pixels are plain means.
     fast = engine == "fast"
     return RaySource(panel.width_px, panel.height_px, lines, layout, fast, finest, owner if fast else None)
 
 
 @dataclass(frozen=True)
 class Window:
-    """The rectangle that a view covers, in the plane z = 0 and centred on the axis."""
+    """The rectangle of a view, in the plane z = 0 and centred on the axis."""
 
     width_mm: float
     height_mm: float
@@ -144,12 +142,12 @@ def eye_source(
 ) -> RaySource:
     """Return the rays from an eye (mm) through a window, without a display.
 
-    With a pupil, a ray passes a random point of it, and the point at the depth in focus that the pupil's centre sees
-    through the pixel.
+    With a pupil, a ray joins a random point of the pupil and the point in focus on the line from its centre through the
+    pixel.
     """
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
-        # Opaque, so that another eye or window needs no compilation.
+        # Opaque: another eye or window needs no compilation.
         wide, high = (dr.opaque(mi.Float64, c) for c in (window.width_mm, window.height_mm))
         x, y = (mi.Float(c) for c in replace(window, width_mm=wide, height_mm=high).point(u, v))
         ex, ey, ez, radius, focus = (dr.opaque(mi.Float, c) for c in (*eye_mm, 0.5 * pupil_mm, focus_z_mm))
@@ -173,12 +171,12 @@ TILE_PX = 8
 
 
 def colours_of(panel: Panel) -> int:
-    """Return how many colours of a panel's pixels have samples of their own (`RaySource.colours`)."""
+    """Return `RaySource.colours` of a panel."""
     return 1 if layout_of(panel.subpixels) is None else 3
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
-    """Return the pixel number of a place in the order of tiles, and whether it lies inside the image."""
+    """Return the pixel's index at a place in the order of tiles, and whether it lies inside the image."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -193,7 +191,7 @@ def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit,
 
 @dataclass
 class Parts:
-    """The parts of pixels that are sampled (`Box`): Dr.Jit values, for each colour one for each pixel of the layout."""
+    """The sampled parts of pixels (`Box`), as Dr.Jit values: for each colour one for each pixel of the layout."""
 
     box: tuple[Jit, Jit, Jit, Jit]
     #: Whether all parts are as high as their pixels.
@@ -201,7 +199,7 @@ class Parts:
 
     @classmethod
     def of(cls, layout: Layout | None) -> Parts:
-        """Return the parts of a layout; opaque, so that other places need no compilation."""
+        """Return the parts of a layout, as opaque values: other boxes need no compilation."""
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
             boxes = [box for colour in COLOURS[:3] for box in layout.boxes(colour)]
@@ -212,18 +210,17 @@ class Parts:
 
 @dataclass
 class Seeds:
-    """Seeds of random numbers: Dr.Jit values (UInt32). No named tuple, whose values Dr.Jit would not record."""
+    """Seeds of random numbers: Dr.Jit values (UInt32). Dr.Jit would not record the values of a named tuple."""
 
-    #: Of the image.
     image: Jit
-    #: The picture's pass: how many were made before.
+    #: Number of the picture's pass, from 0.
     number: Jit
 
 
 def lines_of(
     source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
-    """Return the lines of sight of samples, by the numbers of their pixels, their own, and their colours (UInt32)."""
+    """Return the lines of sight of samples, by the indices (UInt32) of pixel, sample and colour."""
     b = DrJitBackend(current_device())
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
@@ -241,22 +238,22 @@ def lines_of(
 
 @dataclass
 class Pose:
-    """Where a scene stands, as Dr.Jit values: arguments of a program, so that a moved scene needs no other one."""
+    """A scene's placement as Dr.Jit values, which are arguments of a program: a moved scene needs no new program."""
 
     near_mm: Jit
-    #: The first three rows of `Placement.scene_from_display`; None where that is the identity.
+    #: The first three rows of `Placement.scene_from_display`; None for the identity.
     rows: list[list[Jit]] | None
 
     @classmethod
     def of(cls, placement: Placement) -> Pose:
-        """Return the pose of a placement."""
+        """Convert a placement."""
         matrix = placement.scene_from_display
         moved = not np.array_equal(matrix, np.eye(4))
         rows = [[dr.opaque(mi.Float, float(x)) for x in line] for line in matrix[:3]] if moved else None
         return cls(dr.opaque(mi.Float, placement.near_mm), rows)
 
     def ray(self, lines: Lines) -> Jit:
-        """Return the scene's rays along lines of sight, from in front of the scene towards the display."""
+        """Return rays in the scene's frame along lines of sight, from in front of the scene towards the display."""
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
@@ -271,7 +268,7 @@ class Pose:
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the scene's rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
+    """Return the rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -279,20 +276,19 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return the depth z, mm, that an eye sees at each pixel's centre, (height, width); -infinity without a surface."""
+    """Return the depth z, mm, that an eye sees at pixels' centres, (height, width); -infinity without a surface."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
     lines = lines_of(eye_source(eye_mm, window), 1, Seeds(0, 0), number, dr.zeros(mi.UInt32, 1), Parts.of(None))
     _, valid, depth = first_hit(scene, lines, front)
-    found = np.asarray(dr.select(valid, depth, -dr.inf), np.float32)
-    return found.reshape(window.height_px, window.width_px)
+    return np.asarray(dr.select(valid, depth, -dr.inf), np.float32).reshape(window.height_px, window.width_px)
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
-    """Return a sampler for integrators, by the numbers of pixels and of samples in them (UInt32).
+    """Return a sampler for integrators, by the indices (UInt32) of pixels and of samples in them.
 
-    However a picture is cut into chunks, bands and workers, it draws the same; so do the colours of a pixel.
+    Its numbers do not depend on the division into chunks, bands and workers, and are the same for a pixel's colours.
     """
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)

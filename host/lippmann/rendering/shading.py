@@ -1,4 +1,4 @@
-"""How samples get their colours: each by its own rays, or by light that they share (`Irradiance`)."""
+"""How samples get their colours: each by its own rays, or from an irradiance cache."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lippmann.base.variant import Jit, current_device, dr, mi
 from lippmann.rendering.lights import coherence_hint, has_splats
 from lippmann.rendering.sampling import Parts, Pose, RaySource, Seeds, lines_of, pixel_of, sampler_of
 from lippmann.rendering.surface_lattice import (
-    MOST_POINTS,
+    MAX_POINTS,
     NONE,
     SPHERE,
     TWO,
@@ -24,37 +24,37 @@ from lippmann.rendering.surface_lattice import (
     Place,
     corners,
     from_octahedron,
-    laid,
+    lay_lattices,
     on_octahedron,
     place_of,
 )
 from lippmann.scenes.scene import Scene
 
-#: What Dr.Jit says of a function that it cannot record or replay.
+#: Dr.Jit's words for a function that it cannot record or replay.
 NOT_RECORDED = re.compile(r"record|frozen|freez|replay")
-#: A lamp that shows a picture, as Mitsuba writes it: Dr.Jit 1.5 ends the process that replays one on a GPU.
+#: A lamp with a picture, in Mitsuba's text: Dr.Jit 1.5 crashes when it replays one on a GPU.
 PICTURE_LAMP = re.compile(r"BitmapTexture|EnvironmentMap")
 
 
 class Recorded:
     """A function of Dr.Jit values and a scene, recorded at its first call (`drjit.freeze`).
 
-    What changes from call to call must be among its arguments: numbers that it reads elsewhere become part of the
-    recording. A function that Dr.Jit cannot record, because of the scene's plugins, is traced at every call.
+    All that changes from call to call must be an argument: other numbers become part of the recording. A function that
+    Dr.Jit cannot record, because of the scene's plugins, is traced at every call.
     """
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
-        held = _Held(function, scene)
+        references = _References(function, scene)
 
         def call(*arguments: Jit) -> Jit:
-            return held.function(*arguments)
+            return references.function(*arguments)
 
-        frozen: Jit = dr.freeze(call, state_fn=lambda *_: held.scene.mitsuba)
+        frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Their Python objects belong to what tells one recording from another: made now, not in the first recording.
+        # Python objects made during the first recording would make the second call another recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
-        weakref.finalize(self, held.release, frozen)
+        weakref.finalize(self, references.release, frozen)
 
     def __call__(self, *arguments: Jit) -> Jit:
         """Return what the function returns."""
@@ -63,7 +63,7 @@ class Recorded:
                 with garbage_kept():
                     return self._frozen(*arguments)
             except RuntimeError as error:
-                # Dr.Jit wraps all that happens in the function; what it cannot record, it says so.
+                # Dr.Jit wraps the function's own errors, too.
                 cause = error if error.__cause__ is None else error.__cause__
                 if not NOT_RECORDED.search(str(cause)):
                     raise cause from None
@@ -71,27 +71,27 @@ class Recorded:
         return self._function(*arguments)
 
 
-class _Held:
-    """What a frozen function needs, one step away from it.
+class _References:
+    """The function and the scene of a frozen function, which must not refer to them itself.
 
-    What it refers to itself is compared at each call, and waits for the garbage collector, since Dr.Jit's object is
-    part of a cycle. But a scene must go in time: all programs contain the code of every shape and light that is alive.
+    Dr.Jit's object is part of a reference cycle, which only the garbage collector frees. But a scene must be freed at
+    once: programs contain the code of every shape and light that exists.
     """
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
 
     def release(self, frozen: Jit) -> None:
-        """Let go of all, and of the recordings."""
+        """Free function and scene, and the recordings."""
         del self.function, self.scene
         frozen.clear()
 
 
 @contextlib.contextmanager
 def garbage_kept() -> Iterator[None]:
-    """Keep Python from collecting garbage: Dr.Jit ends the process when a scene is freed while it records.
+    """Stop Python's garbage collection in a block: Dr.Jit crashes if a scene is freed while it records.
 
-    In a process of several threads it stops for ever when one frees a value of Dr.Jit's while another is in Dr.Jit.
+    With several threads it deadlocks if one frees a value of Dr.Jit's while another runs in Dr.Jit.
     """
     enabled = gc.isenabled()
     gc.disable()
@@ -102,83 +102,80 @@ def garbage_kept() -> Iterator[None]:
             gc.enable()
 
 
-#: Bit of the lamps' word of a point whose light is known; the others tell which lamps it sees.
-KNOWN = 1 << 31
-MOST_LAMPS = 31
-#: A spot's picture, as Mitsuba writes it; a spot without one has a uniform spectrum there.
+#: Bit of a point's lamp mask that says that its irradiance is computed; each other bit says that it sees a lamp.
+COMPUTED = 1 << 31
+MAX_LAMPS = 31
+#: A spot's picture, in Mitsuba's text; a spot without one has a uniform spectrum there.
 SPOT_PICTURE = re.compile(r"texture = (?!UniformSpectrum)")
-#: Lamps, by Mitsuba's names, whose light bends little between points.
+#: Lamps, by Mitsuba's names, whose light is almost linear between points.
 LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
 
-class Irradiance:
-    """The light on a scene's lattices, found when it is first asked for."""
+class IrradianceCache:
+    """The irradiance at the points of a scene's lattices, computed at the first look-up."""
 
-    def __init__(self, scene: Scene, spacing: float, most: int = MOST_POINTS) -> None:
-        """Lay the lattices, with points at most `spacing` apart along rows and from row to row, in units of the scene.
-
-        Of `most` points; the shapes that need most of them are left without.
-        """
-        self.lattices, self.points = laid(scene.mitsuba, spacing, most)
-        # Of each point: red, green, blue, and the lamps' word; written before it is read.
+    def __init__(self, scene: Scene, spacing: float, max_points: int = MAX_POINTS) -> None:
+        """Lay the lattices, with points at most `spacing` apart, in units of the scene; see `lay_lattices`."""
+        self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
+        # Of each point: red, green, blue, and the lamp mask; written before it is read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
-        # The lamps' words once more, where 0 means that the light is not known; and marks of points that are asked for.
-        self._lamps, self._asked = dr.zeros(mi.UInt32, 2 * self.points), dr.zeros(mi.UInt8, 2 * self.points)
+        # The lamp masks again, 0 where the irradiance is not computed; and marks of the points to compute.
+        self._lamps, self._marks = dr.zeros(mi.UInt32, 2 * self.points), dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
 
-        def lit(place: Place, known: Jit, seen: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
-            return _lit(scene.mitsuba, emitters, place, known, seen, lattices)
+        def light_at(place: Place, tested: Jit, visible: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
+            return _light_at(scene.mitsuba, emitters, place, tested, visible, lattices)
 
-        def at_points(point: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
+        def light_at_points(point: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
             place, nothing = place_of(lattices, point), point & 0
-            return lit(place, nothing, nothing, lattices)
+            return light_at(place, nothing, nothing, lattices)
 
-        self._at_points, self._lit = Recorded(at_points, scene), Recorded(lit, scene)
+        self._light_at_points, self._light_at = Recorded(light_at_points, scene), Recorded(light_at, scene)
 
     def at(self, place: Place) -> Jit:
-        """Return the light at places themselves, divided by pi."""
-        # Two, as in `between`: one for both would be another recording.
-        known, seen = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
-        light, _ = self._lit(place, known, seen, self.lattices)
+        """Return the irradiance at places, divided by pi, without the cache."""
+        # Two variables, as in `between`: a shared one would be another recording.
+        tested, visible = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
+        light, _ = self._light_at(place, tested, visible, self.lattices)
         return light
 
-    def find(self, points: list[Jit], wanted: Jit) -> None:
-        """Find the light at points (each an array of numbers), where it is not known yet."""
+    def compute(self, points: list[Jit], active: Jit) -> None:
+        """Compute the irradiance at three arrays of points, where it is missing."""
 
         # A loop within one program: three scatters in turn would be three programs.
-        def ask(corner: Jit) -> tuple[Jit]:
+        def mark(corner: Jit) -> tuple[Jit]:
             point = dr.select(corner == 0, points[0], dr.select(corner == 1, points[1], points[2]))
-            unknown = wanted & (dr.gather(mi.UInt32, self._lamps, point, wanted) == 0)
-            dr.scatter(self._asked, mi.UInt8(1), point, unknown)
+            missing = active & (dr.gather(mi.UInt32, self._lamps, point, active) == 0)
+            dr.scatter(self._marks, mi.UInt8(1), point, missing)
             return (corner + 1,)
 
-        dr.while_loop((mi.UInt32(0),), lambda corner: corner < 3, ask, mode="symbolic")
+        dr.while_loop((mi.UInt32(0),), lambda corner: corner < 3, mark, mode="symbolic")
         # Each once and in order: shadow rays of neighbours are traced side by side.
-        new = dr.compress(self._asked != 0)
+        new = dr.compress(self._marks != 0)
         if not dr.width(new):
             return
-        dr.scatter(self._asked, mi.UInt8(0), new)
-        light, lamps = self._at_points(new, self.lattices)
+        dr.scatter(self._marks, mi.UInt8(0), new)
+        light, lamps = self._light_at_points(new, self.lattices)
         dr.scatter(self._light, mi.Vector4f(*light, dr.reinterpret_array(mi.Float, lamps)), new)
         dr.scatter(self._lamps, lamps, new)
-        dr.eval(self._light, self._lamps, self._asked)
+        dr.eval(self._light, self._lamps, self._marks)
 
-    def between(self, place: Place, wanted: Jit) -> Jit:
-        """Return the light at places, divided by pi: between three points, or found there where a shadow's edge is."""
+    def between(self, place: Place, active: Jit) -> Jit:
+        """Return the irradiance at places, divided by pi: interpolated, but computed at the edges of shadows."""
         points, weights = corners(self.lattices, place)
-        self.find(points, wanted)
-        known = [dr.gather(mi.Vector4f, self._light, point, wanted) for point in points]
+        self.compute(points, active)
+        cached = [dr.gather(mi.Vector4f, self._light, point, active) for point in points]
         light = mi.Color3f(0.0)
-        for weight, one in zip(weights, known, strict=True):
+        for weight, one in zip(weights, cached, strict=True):
             light += weight * mi.Color3f(one.x, one.y, one.z)
-        a, b, c = (dr.reinterpret_array(mi.UInt32, one.w) for one in known)
+        a, b, c = (dr.reinterpret_array(mi.UInt32, one.w) for one in cached)
         differ = (a ^ b) | (b ^ c)
         dr.eval(light, differ, a)
-        edge = dr.compress(wanted & (differ != 0))
+        edge = dr.compress(active & (differ != 0))
         if dr.width(edge):
             there = Place(*(dr.gather(type(one), one, edge) for one in (place.lattice, place.u, place.v, place.back)))
-            differ, seen = dr.gather(mi.UInt32, differ, edge), dr.gather(mi.UInt32, a, edge)
-            own, _ = self._lit(there, ~differ, seen, self.lattices)
+            differ, visible = dr.gather(mi.UInt32, differ, edge), dr.gather(mi.UInt32, a, edge)
+            own, _ = self._light_at(there, ~differ, visible, self.lattices)
             dr.scatter(light, own, edge)
         return light
 
@@ -186,16 +183,16 @@ class Irradiance:
 def has_point_lamps(scene: Jit) -> bool:
     """Tell whether the lamps of a `mitsuba.Scene` are points, spots and directions without pictures, and few."""
     lamps = scene.emitters()
-    return 0 < len(lamps) <= MOST_LAMPS and all(
+    return 0 < len(lamps) <= MAX_LAMPS and all(
         lamp.class_name() in LAMPS and not SPOT_PICTURE.search(str(lamp)) for lamp in lamps
     )
 
 
-def _lit(scene: Jit, emitters: list[Jit], place: Place, known: Jit, seen: Jit, lattices: Lattices) -> tuple[Jit, Jit]:
-    """Return the light at places, divided by pi, and their lamps' words.
-
-    Of the lamps in `known` (bits) `seen` tells which are seen; to the others goes a shadow ray each.
-    """
+def _light_at(
+    scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
+) -> tuple[Jit, Jit]:
+    """Return the irradiance at places, divided by pi, and their lamp masks."""
+    # The mask `visible` is known for the lamps in the mask `tested`; the others get a shadow ray each.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
     centre, radius = dr.gather(mi.Point3f, lattices.centre, lattice), dr.gather(mi.Float, lattices.radius, lattice)
@@ -207,85 +204,81 @@ def _lit(scene: Jit, emitters: list[Jit], place: Place, known: Jit, seen: Jit, l
     ray = mi.Ray3f(centre + 2.0 * radius * outward, -outward)
     si = hit.compute_surface_interaction(ray, mi.RayFlags.All, mi.Bool(True))
     side = dr.select(place.back, -1.0, 1.0)
-    light, lamps = mi.Color3f(0.0), mi.UInt32(KNOWN)
+    light, lamps = mi.Color3f(0.0), mi.UInt32(COMPUTED)
     for bit, emitter in enumerate(emitters):
         ds, weight = emitter.sample_direction(si, mi.Point2f(0.5), mi.Bool(True))
         cosine = side * dr.dot(si.sh_frame.n, ds.d)
         value = dr.select((ds.pdf != 0.0) & (cosine > 0.0), mi.Color3f(weight) * cosine, 0.0)
-        faces, told = dr.any(value != 0.0), (known & (1 << bit)) != 0
-        hidden = scene.ray_test(si.spawn_ray_to(ds.p), faces & ~told)
-        reached = faces & dr.select(told, (seen & (1 << bit)) != 0, ~hidden)
+        faces, is_tested = dr.any(value != 0.0), (tested & (1 << bit)) != 0
+        hidden = scene.ray_test(si.spawn_ray_to(ds.p), faces & ~is_tested)
+        reached = faces & dr.select(is_tested, (visible & (1 << bit)) != 0, ~hidden)
         light += dr.select(reached, value, 0.0)
         lamps |= dr.select(reached, mi.UInt32(1 << bit), mi.UInt32(0))
     return light * (1.0 / math.pi), lamps
 
 
-#: What happens to a ray; its arguments are a sampler, rays, which of them exist, and what else the program is given.
+#: Follows rays. Arguments: the samples' indices, a sampler, the rays, which of them exist, and the program's others.
 Follow = Callable[..., tuple[Jit, ...]]
-#: What becomes of a sample by shared light: nothing to see, on a lattice, or to be traced by itself.
-BLACK, SHARED, ALONE = 0, 1, 2
+#: The fate of a sample: black, in the irradiance cache, or left to the integrator.
+BLACK, CACHED, UNCACHED = 0, 1, 2
 
 
 class Program:
-    """The program of a chunk that asks an integrator for each sample."""
+    """The program of a chunk: the integrator computes each sample."""
 
     def __init__(self, scene: Scene, source: RaySource, samples: int, integrator: Jit) -> None:
         self._parts, self._traced = Parts.of(source.layout), _colour_of_each(scene, source, samples, integrator)
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return the colours of a chunk's samples, by their numbers (UInt32), and the numbers of lost ones.
-
-        `first` is the chunk's first tile.
-        """
+        """Return the colours of samples, by their indices (UInt32) from the tile `first` on, and the lost numbers."""
         colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
 
-class SharedProgram(Program):
-    """The program that takes diffuse light from lattices, and asks an integrator where they tell nothing."""
+class CachedProgram(Program):
+    """The program that takes diffuse light from the irradiance cache; the integrator computes the other samples."""
 
     def __init__(
-        self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, light: Irradiance
+        self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, cache: IrradianceCache
     ) -> None:
         super().__init__(scene, source, samples, integrator)
-        self.light, self.samples, self._colours = light, samples, source.colours
+        self.cache, self.samples, self._colours = cache, samples, source.colours
         self._met = _of_samples(scene, source, samples, _first_diffuse(scene, max_depth))
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return what a `Program` does."""
-        weight, place, fate, *lost = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
-        shared = fate == SHARED
-        colour = dr.select(shared, weight * self.light_of(place, shared), 0.0)
-        alone = dr.compress(fate == ALONE)
-        if dr.width(alone):
-            own, _ = super().__call__(dr.gather(mi.UInt32, index, alone), first, seeds, pose)
-            dr.scatter(colour, own, alone)
+        """Return the colours and the lost numbers, as `Program`."""
+        weight, place, fate, *lost = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
+        cached = fate == CACHED
+        colour = dr.select(cached, weight * self.light_of(place, cached), 0.0)
+        uncached = dr.compress(fate == UNCACHED)
+        if dr.width(uncached):
+            own, _ = super().__call__(dr.gather(mi.UInt32, index, uncached), first, seeds, pose)
+            dr.scatter(colour, own, uncached)
         return colour, lost
 
-    def light_of(self, place: Place, shared: Jit) -> Jit:
-        """Return the light, divided by pi, that falls on the samples that are `shared`; one for each of a chunk."""
-        return self.light.between(place, shared)
+    def light_of(self, place: Place, cached: Jit) -> Jit:
+        """Return the irradiance, divided by pi, at each sample of a chunk that is `cached`."""
+        return self.cache.between(place, cached)
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
-        """Return the radiance (pixels, 3) of a chunk by shared light, and by each sample's own light.
+        """Return the radiance (pixels, 3) of a chunk by the cache, and by each sample's own light.
 
-        Samples without a lattice are black in both; the third value is their share. Each pixel, or each of its
-        colours, has so many `samples`.
+        Uncached samples are black in both; the third value is their fraction. `samples` is for each colour of a pixel.
         """
-        weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.light.lattices)
-        on = fate == SHARED
-        found = []
-        for light in (self.light.between(place, on), self.light.at(place)):
-            means = means_of(dr.select(on, weight * light, 0.0), self._colours, samples)
-            found.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
-        return found[0], found[1], float(np.mean(np.array(fate) == ALONE))
+        weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
+        cached = fate == CACHED
+        radiances = []
+        for light in (self.cache.between(place, cached), self.cache.at(place)):
+            means = means_of(dr.select(cached, weight * light, 0.0), self._colours, samples)
+            radiances.append(np.array(dr.ravel(mi.Color3f(means))).reshape(-1, 3))
+        return radiances[0], radiances[1], float(np.mean(np.array(fate) == UNCACHED))
 
 
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
-    """Return a program of samples: what `follow` returns for their rays, and how many were lost."""
+    """Return the program that gives the result of `follow` for the samples' rays, and the numbers of lost ones."""
     rays = samples * source.colours
 
-    def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *given: Jit) -> tuple[Jit, ...]:
+    def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *others: Jit) -> tuple[Jit, ...]:
         place = index // rays
         own = index - place * rays
         colour = own // samples
@@ -294,10 +287,10 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
         lines = lines_of(source, samples, seeds, pixel, sample, parts, colour)
         lost = [mask & inside for mask in lines.lost]
         sampler = sampler_of(seeds, pixel, sample)
-        found = follow(index, sampler, pose.ray(lines), lines.active & inside, *given)
+        results = follow(index, sampler, pose.ray(lines), lines.active & inside, *others)
         # Evaluated before the sums, because each sum would trace the rays again.
-        dr.eval(found, lost)
-        return *found, *(dr.count(mask) for mask in lost)
+        dr.eval(results, lost)
+        return *results, *(dr.count(mask) for mask in lost)
 
     return Recorded(trace, scene) if source.recordable else trace
 
@@ -312,10 +305,8 @@ def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: J
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Follow rays by mirrors and glass to a surface with a lattice, as the integrator `lights` does.
-
-    The function returns the share of the surface's light that is seen, the place, and what becomes of the sample.
-    """
+    """Return a `Follow`: the factor on the irradiance / pi, place and fate of each ray's first diffuse surface."""
+    # As the integrator `lights`, through mirrors and glass.
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
 
@@ -333,8 +324,8 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
             flags = bsdf.flags()
             smooth = active & mi.has_flag(flags, mi.BSDFFlags.Smooth)
             number = dr.reinterpret_array(mi.UInt32, hit.shape)
-            known = active & (number < shapes)
-            own = dr.select(known, dr.gather(mi.UInt32, lattices.of_shape, number, known), NONE)
+            listed = active & (number < shapes)
+            own = dr.select(listed, dr.gather(mi.UInt32, lattices.of_shape, number, listed), NONE)
             on = smooth & (own != NONE)
             kind = dr.gather(mi.UInt32, lattices.kind, own, on)
             sphere = (kind & SPHERE) != 0
@@ -346,9 +337,9 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
             v = dr.select(on, dr.select(sphere, round_v, hit.prim_uv.y), v)
             behind = si.wi.z <= 0.0
             back |= on & behind
-            # The back of a surface of one side is black.
-            seen = on & (~behind | ((kind & TWO) != 0))
-            fate = dr.select(seen, SHARED, dr.select(smooth & ~on, ALONE, fate))
+            # The back of a one-sided surface is black.
+            is_cached = on & (~behind | ((kind & TWO) != 0))
+            fate = dr.select(is_cached, CACHED, dr.select(smooth & ~on, UNCACHED, fate))
             throughput = dr.select(on, throughput * bsdf.eval_diffuse_reflectance(si, on), throughput)
             depth += 1
             active &= ~smooth & mi.has_flag(flags, mi.BSDFFlags.Delta) & (depth < max_depth)
@@ -372,7 +363,7 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
 
 
 def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
-    """Return the pixels' means of red, green and blue; of several colours each has the samples of its own."""
+    """Return the pixels' means of red, green and blue; with 3 `colours` each has its own samples."""
 
     def mean(values: Jit) -> Jit:
         return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)
@@ -385,12 +376,12 @@ def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
     return [dr.gather(mi.Float, means, pixel * colours + k) for k in range(colours)]
 
 
-def why_not_shared(scene: Scene, source: RaySource, integrator: str) -> str | None:
-    """Return why a scene's light cannot be shared, in words; None when it can."""
+def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | None:
+    """Return in words why the irradiance cache cannot serve a scene; None if it can."""
     if integrator != "lights":
-        return f"the integrator {integrator} draws lots"
+        return f"the integrator {integrator} uses random numbers"
     if has_splats(scene.mitsuba):
         return "splats are lit by themselves"
     if not has_point_lamps(scene.mitsuba):
-        return f"the scene has other lamps than 1 to {MOST_LAMPS} points, spots and directions without pictures"
+        return f"the scene has other lamps than 1 to {MAX_LAMPS} points, spots and directions without pictures"
     return "there are no lenslets" if source.detail_mm is None else None

@@ -1,7 +1,4 @@
-"""Where the bands of a picture go: into memory, or into files that outlast the command.
-
-The bands that are finished stay in a folder until the picture is written: an interrupted render goes on.
-"""
+"""Where the bands of a picture go: into memory, or into files, from which an interrupted render continues."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ import math
 import re
 import shutil
 import time
-import warnings
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,21 +20,21 @@ import numpy as np
 from lippmann.base.files import FolderLock, remove_stale, replacing
 from lippmann.base.images import Radiance, write_picture
 from lippmann.base.progress import Progress, RowProgress
-from lippmann.errors import InputError, LippmannWarning, NoSpaceError, input_error, path_of
+from lippmann.errors import InputError, NoSpaceError, input_error, path_of, warn_user
 from lippmann.rendering.bands import check_band_memory
 from lippmann.rendering.executors import Band, Executor, RenderedBand, render_here
 from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
 
 logger = logging.getLogger("lippmann")
-#: The name of a kept band: its picture's identity and its first row.
+#: File name of a kept band: its picture's identity and its first row.
 BAND_NAME = re.compile(r"([0-9a-f]{16})-([0-9]{5})\.npy")
 #: Bytes of the CRC-32 that follows the rows in a kept band.
 CRC_BYTES = 4
 
 
 class Sink(Protocol):
-    """What takes rendered bands."""
+    """Takes rendered bands."""
 
     @property
     def bands(self) -> Sequence[Band]:
@@ -48,14 +44,14 @@ class Sink(Protocol):
         """Return the bands that are to be rendered, in this order."""
 
     def take(self, rendered: RenderedBand) -> None:
-        """Take one of them."""
+        """Take a band."""
 
     def stop(self, done_rows: int) -> None:
-        """End after an error or an interruption, with so many rows of all taken."""
+        """End after an error or an interruption; `done_rows` rows have been taken."""
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: its wall time without compilation, all compilation, and the numbers of bands."""
+    """The cost of a render: wall time without compilation, compilation, and numbers of rays and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -64,7 +60,7 @@ class RenderTimes(NamedTuple):
     kept_bands: int
 
     def measured(self, keeps_bands: bool = False) -> dict[str, float]:
-        """Return them by name, as `IntegralImage.measured` has them; with the bands of a sink that keeps them."""
+        """Return the values of `IntegralImage.measured`; those of bands only for a sink that keeps them."""
         bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
         rate = self.rays / max(self.seconds, 1e-9)
         return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands}
@@ -73,8 +69,8 @@ class RenderTimes(NamedTuple):
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
     """Render the bands that a sink lacks; return the cost.
 
-    `progress` is called with (rows there, rows in all). Raises what the executor raises, and InputError and
-    NoSpaceError when the sink cannot store a band.
+    `progress` is called with (rows done, rows in all). Raises the executor's errors, and InputError or NoSpaceError if
+    the sink cannot store a band.
     """
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
@@ -114,7 +110,7 @@ class MemorySink:
         self.metadata = plan.metadata
 
     def missing_bands(self) -> Sequence[Band]:
-        """Return the bands that it has not taken."""
+        """Return the bands that have not been taken."""
         return list(self._missing.values())
 
     def take(self, rendered: RenderedBand) -> None:
@@ -125,29 +121,26 @@ class MemorySink:
         self._missing.pop(rendered.band.number, None)
 
     def stop(self, done_rows: int) -> None:
-        """Leave nothing."""
+        """Do nothing: the picture is lost with the process."""
 
     def write(self, path: Path) -> None:
-        """Write the picture; InputError and NoSpaceError when that fails."""
+        """Write the picture; raise InputError or NoSpaceError if that fails."""
         panel = self.plan.display.panel
         write_picture(path, self.radiance, self.metadata, panel.transfer, panel.bits)
 
     def image(self, times: RenderTimes) -> IntegralImage:
-        """Return the picture; `times` are those of its render."""
+        """Return the picture with the times of its render."""
         return IntegralImage(self.radiance, self.plan.display, self.metadata, times.measured())
 
 
 class KeptBands:
-    """A picture whose finished bands are files in a folder; like an array of rows to what writes the picture.
-
-    One command has them, until it lets go of them (`release`) or ends.
-    """
+    """A picture whose finished bands are files in a folder, which is locked for this process until `release`."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
-        """Make the folder, and remove the bands of another render from it.
+        """Make and lock the folder, and remove the bands of another render from it.
 
-        InputError when it cannot be made, another command has it, or a band exceeds the memory limit; NoSpaceError when
-        the disk has no room for the bands.
+        Raises InputError if the folder cannot be made, another command has it, or a band exceeds the memory limit;
+        NoSpaceError if the disk has no room for the bands.
         """
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, "choose another place for the picture")
@@ -169,11 +162,11 @@ class KeptBands:
             logger.info("%s: removed %d bands left by a different render", folder, len(others))
 
     def missing_bands(self) -> list[Band]:
-        """Return the bands that are not there, or damaged; a warning names those."""
+        """Return the bands that are missing or damaged; warn of the damaged ones."""
         return [band for band in self.bands if self._read(band.number, warn=True) is None]
 
     def take(self, rendered: RenderedBand) -> None:
-        """Store a band; NoSpaceError when the disk is full."""
+        """Store a band; raise NoSpaceError if the disk is full."""
         radiance = np.ascontiguousarray(rendered.radiance, np.dtype("<f4"))
         with replacing(self._path(rendered.band.number)) as partial, partial.open("wb") as stream:
             np.save(stream, radiance)
@@ -181,14 +174,14 @@ class KeptBands:
         self._checked.add(rendered.band.number)
 
     def stop(self, done_rows: int) -> None:
-        """Keep the bands for the next command, and log that they are there."""
+        """Keep the bands for the next command, and log their place."""
         self.release()
         if done_rows:
-            goes_on = "the same command goes on from there"
-            logger.info("%d of %d rows are kept in %s: %s", done_rows, self.shape[0], self.folder, goes_on)
+            message = "%d of %d rows are kept in %s: the same command goes on from there"
+            logger.info(message, done_rows, self.shape[0], self.folder)
 
     def __getitem__(self, rows: slice) -> Radiance:
-        """Return some rows, which belong to one band."""
+        """Return some rows, all of one band."""
         first, stop, _ = rows.indices(self.shape[0])
         for band in self.bands:
             if first in band.rows:
@@ -199,9 +192,9 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def write(self, path: Path) -> None:
-        """Write the picture of all bands, and remove their folder; InputError and NoSpaceError when that fails.
+        """Write the picture of all bands, and remove the bands.
 
-        The bands stay then, and the log says so.
+        If that fails, the bands stay, the log names their folder, and InputError or NoSpaceError is raised.
         """
         panel = self.plan.display.panel
         try:
@@ -212,19 +205,19 @@ class KeptBands:
         self.remove()
 
     def image(self, times: RenderTimes) -> IntegralImage:
-        """Return the picture in memory; the bands stay in their folder."""
+        """Return the picture with the times of its render; the bands stay in their folder."""
         radiance = np.concatenate([self[band.rows.start : band.rows.stop] for band in self.bands])
         self.release()
         return IntegralImage(radiance, self.plan.display, self.metadata, times.measured(keeps_bands=True))
 
     def release(self) -> None:
-        """Let another command have the folder; it goes, unless bands are in it."""
+        """Unlock the folder for other commands, and remove it if it is empty."""
         with contextlib.suppress(OSError):
             self.folder.rmdir()
         self._lock.close()
 
     def remove(self) -> None:
-        """Remove the bands, and the folder when nothing else is in it."""
+        """Remove the bands, and the folder unless something else is in it."""
         for band in self.bands:
             self._path(band.number).unlink(missing_ok=True)
         remove_stale(self.folder)
@@ -234,10 +227,8 @@ class KeptBands:
         return self.folder / f"{self.plan.identity}-{self.plan.bands[number].start:05d}.npy"
 
     def _read(self, number: int, warn: bool = False) -> Radiance | None:
-        """Return a band that is there and undamaged.
-
-        What numpy would write is compared, and nothing else is read. The checksum is compared once.
-        """
+        """Return a band, or None if it is missing or damaged."""
+        # The file must begin with the very header that numpy would write. Its checksum is compared once.
         shape = (len(self.plan.bands[number]), *self.shape[1:])
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
@@ -255,33 +246,30 @@ class KeptBands:
                     self._checked.add(number)
                     return radiance
         except OSError as error:
-            if error.errno == errno.ENOMEM:  # it is there
+            if error.errno == errno.ENOMEM:  # the file is there
                 raise MemoryError from None
             return None
         if warn:
-            warnings.warn(f"{path}: this band is damaged, and rendered again", LippmannWarning, stacklevel=2)
+            warn_user(f"{path}: this band is damaged, and rendered again")
         return None
 
 
 def render_picture(
     plan: Plan,
     executor: Executor = render_here,
-    kept: str | Path | None = None,
+    folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> IntegralImage:
-    """Render a plan and return its picture; `kept` is a folder for its finished bands. See `render_into`.
-
-    Raises InputError for an empty `kept`, too.
-    """
-    if kept == "":
+    """Render a plan and return its picture; keep finished bands in a folder, if given. Errors as `render_into`."""
+    if folder == "":
         raise InputError("kept is empty; give the path of a folder for the bands")
-    folder = None if kept is None else path_of(kept, "a folder for kept bands")
-    sink: MemorySink | KeptBands = MemorySink(plan) if folder is None else KeptBands(folder, plan)
+    path = None if folder is None else path_of(folder, "a folder for kept bands")
+    sink: MemorySink | KeptBands = MemorySink(plan) if path is None else KeptBands(path, plan)
     return sink.image(render_into(sink, executor, progress))
 
 
 def _check_disk(folder: Path, plan: Plan) -> None:
-    """Raise NoSpaceError when a disk has no room for the bands of a plan that are not there yet."""
+    """Raise NoSpaceError if the disk has no room for the missing bands of a plan."""
     there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy"))
     needed = plan.display.panel.width_px * plan.display.panel.height_px * 3 * 4 - there
     free = shutil.disk_usage(folder).free
@@ -291,12 +279,12 @@ def _check_disk(folder: Path, plan: Plan) -> None:
 
 
 def bands_folder(path: Path) -> Path:
-    """Return the folder of the kept bands of a picture's file."""
+    """Return the folder for the bands of a picture's file."""
     return path.with_name(f"{path.name}.bands")
 
 
 def log_remaining_bands(path: Path) -> None:
-    """Log where bands of an unfinished render lie beside a picture that was just written."""
+    """Log that bands of an unfinished render are still beside a picture that was just written."""
     folder = bands_folder(path)
     try:
         count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())

@@ -1,8 +1,8 @@
-"""Lattices of points over a scene's surfaces; the lenslets' lattice is `lippmann.optics.lattice`.
+"""Lattices of points over a scene's surfaces, for the irradiance cache.
 
-A triangle has points along its sides. A slender one has rows along its shortest side, up to the corner across from it,
-its apex: as many points in each row. A sphere has those of the octahedron that is folded about it. Each place lies
-between three points.
+A triangle has rows of points parallel to a side, shorter towards the corner. A slender triangle has rows along its
+shortest side, all with as many points, up to the opposite corner, its apex. A sphere has the points of an octahedron
+(octahedral mapping). Each place lies between three points.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ import numpy as np
 
 from lippmann.base.variant import Jit, dr, mi
 
-#: Diffuse surfaces, as Mitsuba writes their BSDFs: of one side, or of two alike in kind.
+#: Diffuse surfaces, in Mitsuba's text for their BSDFs: one-sided, or diffuse on both sides.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
 #: The number of a shape without a lattice.
 NONE = 0xFFFFFFFF
-#: Steps of a lattice, at least: those of a sphere keep the light's bend between points below 1 in 1,000. And at most:
-#: a place in float32 is known to a thousandth of a step.
-LEAST_STEPS, LEAST_SPHERE_STEPS, MOST_STEPS = 1, 32, 1 << 14
-#: Points of all lattices at most; each side of a surface has its own light.
-MOST_POINTS = 1 << 22
+#: Minimum steps of a lattice; on a sphere they keep the light linear between points to 1 in 1,000. Maximum steps: a
+#: place in float32 is exact to a thousandth of a step.
+MIN_STEPS, MIN_SPHERE_STEPS, MAX_STEPS = 1, 32, 1 << 14
+#: Maximum points of all lattices; each side of a surface has its own irradiance.
+MAX_POINTS = 1 << 22
 
 
 @dataclass
 class Lattices:
-    """The lattices of all triangles and spheres, numbered one after the other: Dr.Jit arrays."""
+    """The lattices of all triangles and spheres, numbered in order: Dr.Jit arrays."""
 
-    #: The first lattice of a shape, by the number of its pointer; NONE without.
+    #: The first lattice of each shape, by the number of the shape's pointer, or NONE.
     of_shape: Jit
-    #: Of each lattice: its first point, steps along a row and from row to row, shape, triangle, and the kinds (bits).
+    #: Of each lattice: its first point, steps along a row and from row to row, shape, triangle, and kind (bits).
     first: Jit
     steps: Jit
     row_steps: Jit
@@ -45,16 +45,16 @@ class Lattices:
     radius: Jit
 
 
-#: Bits of a lattice's kind: on a sphere; on a surface of two sides; on a slender triangle, whose apex is corner 0, or 1
-#: or 2 by the last bits.
+#: Bits of a lattice's kind: sphere; two-sided surface; slender triangle, whose apex is corner 0, or corner 1 or 2 with
+#: one of the last bits.
 SPHERE, TWO, FAN, APEX_1, APEX_2 = 1, 2, 4, 8, 16
-#: Kinds whose rows all have as many points.
+#: Kinds whose rows all have the same number of points.
 EVEN = SPHERE | FAN
 
 
 @dataclass
 class Place:
-    """Places on lattices: their numbers, the place on each, from 0 to 1, and whether on the surface's other side."""
+    """Places: the lattice's number, coordinates from 0 to 1, and whether it is on the surface's back."""
 
     lattice: Jit
     u: Jit
@@ -63,7 +63,7 @@ class Place:
 
 
 def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
-    """Return the three points round places on lattices, and their weights."""
+    """Return the three points around places, and their weights."""
     lattice, back = place.lattice, place.back
     steps, row_steps = (dr.gather(mi.UInt32, numbers, lattice) for numbers in (lattices.steps, lattices.row_steps))
     kind = dr.gather(mi.UInt32, lattices.kind, lattice)
@@ -74,10 +74,10 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
     last = dr.select(even, mi.Int32(steps) - 1, mi.Int32(steps) - 1 - j)
     i = dr.clip(mi.Int32(dr.floor(along)), 0, last)
     a, b = along - mi.Float(i), up - mi.Float(j)
-    # A triangle's last cell of a row is a half.
+    # A triangle's last cell of a row is half a cell.
     upper = (a + b > 1.0) & (even | (i < last))
     one = dr.select(upper, 1, 0)
-    whole = mi.UInt32(i + one), mi.UInt32(j + one)
+    corner = mi.UInt32(i + one), mi.UInt32(j + one)
     right = mi.UInt32(i + 1), mi.UInt32(j)
     above = mi.UInt32(i), mi.UInt32(j + 1)
     first, side = dr.gather(mi.UInt32, lattices.first, lattice), dr.select(back, mi.UInt32(1), mi.UInt32(0))
@@ -86,22 +86,20 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
         row = dr.select(even, y * (steps + 1), _before(y, steps))
         return 2 * (first + row + x) + side
 
-    # The upper half's: opposite sides change places.
+    # In the cell's upper half the coordinates count from the opposite corner.
     weights = [dr.select(upper, a + b - 1.0, 1.0 - a - b), dr.select(upper, 1.0 - b, a), dr.select(upper, 1.0 - a, b)]
-    return [number(*whole), number(*right), number(*above)], weights
+    return [number(*corner), number(*right), number(*above)], weights
 
 
 def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-    """Return s along a row and t from the shortest side to the apex, for the shares of a slender triangle's corners.
-
-    u and v are those of corners 1 and 2. Places of other kinds stay as they are.
-    """
+    """Return s along a row, and t from the shortest side to the apex, of a place on a slender triangle."""
+    # u and v are the barycentric coordinates of corners 1 and 2. Places of other kinds are not changed.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
-    rest = 1.0 - u - v
+    w = 1.0 - u - v
     to_apex, one, other = (
-        dr.select(apex_1, a, dr.select(apex_2, b, c)) for a, b, c in ((u, v, rest), (v, rest, u), (rest, u, v))
+        dr.select(apex_1, a, dr.select(apex_2, b, c)) for a, b, c in ((u, v, w), (v, w, u), (w, u, v))
     )
-    # At the apex itself, by rounding, neither may be left.
+    # At the apex both may be 0, by rounding.
     s = dr.clip(one / dr.maximum(one + other, 1e-30), 0.0, 1.0)
     fan = (kind & FAN) != 0
     return dr.select(fan, s, u), dr.select(fan, to_apex, v)
@@ -118,12 +116,12 @@ def _from_fan(kind: Jit, s: Jit, t: Jit) -> tuple[Jit, Jit]:
 
 
 def _before(row: Jit, steps: Jit) -> Jit:
-    """Return the number of a triangle's points before a row."""
+    """Return the number of a triangle's points in the rows before one."""
     return row * (steps + 1) - (row * (row - 1)) // 2
 
 
 def on_octahedron(direction: Jit) -> tuple[Jit, Jit]:
-    """Return the place in the unit square of a direction (octahedral mapping)."""
+    """Return the place of a direction in the unit square (octahedral mapping)."""
     x, y, z = direction.x, direction.y, direction.z
     size = dr.abs(x) + dr.abs(y) + dr.abs(z)
     x, y = x / size, y / size
@@ -147,7 +145,7 @@ def from_octahedron(u: Jit, v: Jit) -> Jit:
 
 
 def place_of(lattices: Lattices, point: Jit) -> Place:
-    """Return the places of numbered points."""
+    """Return the places of points, by their numbers."""
     back = (point & 1) != 0
     place = point >> 1
     lattice = dr.binary_search(
@@ -169,8 +167,8 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
     return Place(mi.UInt32(lattice), u, v, back)
 
 
-def laid(scene: Jit, spacing: float, most: int) -> tuple[Lattices, int]:
-    """Return the lattices of a scene's shapes, and the number of their points."""
+def lay_lattices(scene: Jit, spacing: float, max_points: int) -> tuple[Lattices, int]:
+    """Return the lattices of the shapes with the fewest points, and the number of their points (`max_points`)."""
     parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())
@@ -183,8 +181,8 @@ def laid(scene: Jit, spacing: float, most: int) -> tuple[Lattices, int]:
             part["points"] = _points(part["steps"], part["row_steps"], part["kind"])
             parts.append(part)
     parts.sort(key=lambda part: part["points"].sum())
-    kept = np.searchsorted(np.cumsum([part["points"].sum() for part in parts]), most, side="right")
-    parts = parts[:kept]
+    count = np.searchsorted(np.cumsum([part["points"].sum() for part in parts]), max_points, side="right")
+    parts = parts[:count]
     if not parts:
         return Lattices(*([None] * 9)), 0
     numbers = [int(part["shape"][0]) for part in parts]
@@ -196,14 +194,14 @@ def laid(scene: Jit, spacing: float, most: int) -> tuple[Lattices, int]:
     counts = {
         key: mi.UInt32(joined[key].astype(np.uint32)) for key in ("steps", "row_steps", "shape", "triangle", "kind")
     }
-    made = Lattices(
+    lattices = Lattices(
         of_shape=mi.UInt32(of_shape),
         first=mi.UInt32(first[:-1].astype(np.uint32)),
         centre=mi.Float(joined["centre"].astype(np.float32).ravel()),
         radius=mi.Float(joined["radius"].astype(np.float32)),
         **counts,
     )
-    return made, int(first[-1])
+    return lattices, int(first[-1])
 
 
 def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
@@ -211,10 +209,7 @@ def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
 
 
 def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
-    """Return the lattices of a triangle mesh or a sphere, by the names of `Lattices`.
-
-    None for other shapes, and for those that are too large or have corners that are no numbers.
-    """
+    """Return the lattices of a mesh or a sphere, by the names of `Lattices`; None if it cannot have any."""
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)
@@ -222,10 +217,10 @@ def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
             return None
         # In column k the side opposite corner k.
         sides = np.linalg.norm(points[np.roll(faces, 1, axis=1)] - points[np.roll(faces, 2, axis=1)], axis=2)
-        if sides.max() > MOST_STEPS * spacing:
+        if sides.max() > MAX_STEPS * spacing:
             return None
         long, short = (
-            np.maximum(np.ceil(length / spacing), LEAST_STEPS).astype(np.int64)
+            np.maximum(np.ceil(length / spacing), MIN_STEPS).astype(np.int64)
             for length in (sides.max(axis=1), sides.min(axis=1))
         )
         # Not where it saves little: the cells of a slender triangle may be oblique.
@@ -238,9 +233,9 @@ def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
         box = shape.bbox()
         low, high = np.array(box.min, np.float64).ravel(), np.array(box.max, np.float64).ravel()
         radius = 0.5 * (high - low)[0]
-        if not math.pi * radius <= MOST_STEPS * spacing:
+        if not math.pi * radius <= MAX_STEPS * spacing:
             return None
-        steps = max(math.ceil(math.pi * radius / spacing), LEAST_SPHERE_STEPS)
+        steps = max(math.ceil(math.pi * radius / spacing), MIN_SPHERE_STEPS)
         numbers = {"steps": np.array([steps]), "row_steps": np.array([steps]), "kind": np.array([SPHERE])}
         return {**numbers, "triangle": np.zeros(1), "centre": 0.5 * (low + high)[None], "radius": np.array([radius])}
     return None

@@ -1,1 +1,1 @@
-"""Scenes as they are read: Mitsuba's XML, meshes, splats, quilts, views and depth pictures, and their placement."""
+"""Reading scenes (Mitsuba's XML, meshes, splats, quilts, views, depth pictures), and their placement."""

@@ -1,6 +1,6 @@
-"""A picture and its depths (RGB-D) as a Mitsuba scene: a surface through all pixels that shows the picture.
+"""A picture and its depths (RGB-D), named by a TOML file, as a Mitsuba scene.
 
-A TOML file names both. The surface is closed: between a near thing and what is behind it, it is stretched.
+The scene is one surface through all pixels. It has no gaps: it is stretched from near objects to those behind them.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from lippmann.scenes.meshes import write_surface
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 from lippmann.scenes.window_views import Views, read_light
 
-#: Most pixels of the depths, and largest file.
-MOST_PIXELS, MOST_BYTES = 1 << 23, 1 << 28
+#: Maximum pixels of the depths, and maximum size of the file, bytes.
+MAX_PIXELS, MAX_BYTES = 1 << 23, 1 << 28
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class DepthPicture:
-    """The table `[depth_picture]`. The camera looks along -z; its middle is the picture's."""
+    """The table `[depth_picture]`. The camera looks along -z through the picture's centre."""
 
     colour: Annotated[Path, key("the picture's file")]
     depth: Annotated[
@@ -42,22 +42,19 @@ class DepthPicture:
 
 @dataclass(frozen=True)
 class DepthPictureFile:
-    """The file of a picture with depths; it may place them, too (`[placement]`)."""
+    """The file of a picture with depths; it may also have the table `[placement]`."""
 
     other_tables: ClassVar = True
     depth_picture: DepthPicture
 
 
 def is_depth_picture(path: Path) -> bool:
-    """Tell whether a file is one of a picture with depths."""
-    return path.suffix.lower() == ".toml" and b"[depth_picture]" in read_limited(path, MOST_BYTES, "give another file")
+    """Tell whether a file describes a picture with depths."""
+    return path.suffix.lower() == ".toml" and b"[depth_picture]" in read_limited(path, MAX_BYTES, "give another file")
 
 
 def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
-    """Write the scene into an empty folder; return its path. Holes that were filled are told in `notes`.
-
-    Raises InputError for files that are broken or missing, of two sizes, or without any depth.
-    """
+    """Write the scene into an empty folder; return its path. Raises InputError for unusable files."""
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)
@@ -92,17 +89,17 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
 
 
 def _depths(path: Path) -> npt.NDArray[np.float64]:
-    """Return the numbers of a picture of depths (height, width), as they are in the file."""
+    """Return the numbers in a file of depths (height, width)."""
     if path.suffix.lower() == ".exr":
         return np.asarray(read_light(path)[0][..., 0], np.float64)
-    numbers = read_numbers(path, MOST_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
+    numbers = read_numbers(path, MAX_PIXELS, "cannot be read as a picture", "give .png, .tif or .exr")
     if numbers.ndim == 3 and (numbers[..., :3] != numbers[..., :1]).any():
         raise input_error(path, "has colours, not depths", "give a picture of one channel, 16 bits or float")
     return np.asarray(numbers[..., 0] if numbers.ndim == 3 else numbers, np.float64)
 
 
 def _write_points(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:
-    """Write the surface through all pixels' points; its faces look at the camera."""
+    """Write the surface through the points of all pixels; its front is towards the camera."""
     height, width = depth.shape
     row, column = np.mgrid[:height, :width]
     x, y = column + 0.5 - 0.5 * width, 0.5 * height - row - 0.5

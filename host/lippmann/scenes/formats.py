@@ -1,4 +1,4 @@
-"""The formats of scenes, and the Mitsuba scene of a file in any of them."""
+"""The formats of scenes, and their conversion to Mitsuba scenes."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes import depth_picture, meshes, splats, window_views
 
-#: Kinds of scenes: Mitsuba's own, and those that are converted.
+#: Kinds of scenes; all but Mitsuba's own are converted.
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
-#: Longest head of a PLY file, bytes.
+#: Maximum header of a PLY file, bytes.
 PLY_HEAD = 1 << 16
-#: What may be given, in words.
 FORMATS = (
     f"give a Mitsuba scene (.xml), a mesh or splats ({', '.join(meshes.SUFFIXES)}), a quilt (NAME_qs8x6a0.75.png), "
     f"a folder with {window_views.EYES}, or a .toml with [depth_picture]"
 )
-#: Suffixes by which a misspelt name is found.
+#: Suffixes of the files that are proposed for a misspelt name.
 SUFFIXES = (".xml", *meshes.SUFFIXES)
 
 
 def kind_of(path: Path) -> Kind | None:
-    """Return what a scene's file or folder is; None: nothing that is known."""
+    """Return the kind of a scene's file or folder; None if it is unknown."""
     suffix = path.suffix.lower()
     if path.is_dir():
         return "views" if (path / window_views.EYES).is_file() else None
@@ -42,7 +41,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def usual_rotation(path: Path) -> tuple[float, float, float]:
-    """Return the rotation, degrees about x, y, z, of a scene without a placement: of STL z is up, of splats y down."""
+    """Return the rotation, degrees about x, y, z, of a scene without a placement: z is up in STL, y down in splats."""
     if kind_of(path) == "splats":
         return (180.0, 0.0, 0.0)
     return (-90.0, 0.0, 0.0) if path.suffix.lower() == ".stl" else (0.0, 0.0, 0.0)
@@ -50,10 +49,10 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Give the path of a file's Mitsuba scene; that of another tool's file is gone after the block.
+    """Yield the path of a file's Mitsuba scene; a converted scene is deleted after the block.
 
-    `scene_from_display` (3, 3) is the rotation by which lights that are added stay with the display. What the user
-    should know is added to `notes`. Raises InputError as the functions that write or read the kinds.
+    `scene_from_display` (3, 3) rotates the lights that are added, so that they stay with the display. Lines for the
+    user are added to `notes`. Raises InputError for a file that cannot be converted.
     """
     kind = kind_of(path)
     if kind == "mitsuba":

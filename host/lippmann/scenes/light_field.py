@@ -1,8 +1,7 @@
-"""Emitter `light_field`: a surface that shows another picture to each eye, as a window onto what was photographed.
+"""Emitter `light_field`: a surface that shows another picture to each eye; it lights no other surface.
 
-It lights no other surface. On a rectangle each view is a picture of the whole rectangle; a point of it has, towards a
-viewer, the colour of the view from where the line meets the plane of the eyes: linear between the two or four nearest
-eyes, of the outermost beyond them.
+Each view is a picture of the whole surface. A point's radiance towards a viewer is its colour in the view of the eye
+where the line of sight meets the plane of the eyes: linear between the two or four nearest eyes, constant beyond them.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ if TYPE_CHECKING:
 def register_light_field() -> None:
     """Register the emitter plugin `light_field` for Mitsuba's current variant.
 
-    Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height, width, 3), linear, row 0 of the
-    lowest eyes, column 0 of the leftmost; `x_mm` (columns,) and `y_mm` (rows,), the eyes' places before the window's
-    middle; `distance_mm`, theirs from its plane; `size_mm`, width and height of the window, in the unit of the eyes.
+    Parameter of the plugin: `filename`, of an .npz with `views` (rows, columns, height, width, 3), linear, of the eyes
+    from below and from the left; `x_mm` (columns,) and `y_mm` (rows,), the eyes' places from the window's centre;
+    `distance_mm` from the window's plane; `size_mm`, width and height of the window, in the unit of the eyes.
     """
 
     class LightField(mi.Emitter):  # type: ignore[misc]
@@ -66,7 +65,7 @@ def register_light_field() -> None:
 
 
 def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, active: Arr) -> Arr:
-    """Return the colour of a view of (height, width) pixels at u, v, linear between the four nearest pixels."""
+    """Return the colour of a view, `shape` pixels (height, width), at u, v: bilinear."""
     height, width = shape
     x, y = u * width - 0.5, v * height - 0.5
     x0, y0 = dr.floor(x), dr.floor(y)
@@ -82,12 +81,12 @@ def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, 
 
 
 def _neighbours(places: list[float], at: Arr) -> list[tuple[Arr, Arr]]:
-    """Return the numbers of the places on both sides of a coordinate, in rising order, and their weights."""
+    """Return the indices of the places on both sides of a coordinate, and their weights for linear interpolation."""
     if len(places) == 1:
         return [(mi.Int32(0), mi.Float(1.0))]
     table = mi.Float(places)
     before = dr.binary_search(0, len(places) - 1, lambda k: dr.gather(mi.Float, table, k) <= at)
     first = mi.Int32(dr.clip(mi.Int32(before) - 1, 0, len(places) - 2))
     start, end = (dr.gather(mi.Float, table, mi.UInt32(first + k)) for k in (0, 1))
-    share = dr.clip((at - start) / (end - start), 0.0, 1.0)
-    return [(first, 1.0 - share), (first + 1, share)]
+    weight = dr.clip((at - start) / (end - start), 0.0, 1.0)
+    return [(first, 1.0 - weight), (first + 1, weight)]

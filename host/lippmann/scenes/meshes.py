@@ -1,8 +1,7 @@
 """Meshes with materials and textures (GLB, glTF, OBJ, PLY, STL; read by trimesh) as a Mitsuba scene.
 
-The files have no lights that trimesh reads: `mitsuba_xml.LIGHTS` are added. Materials become Mitsuba's `principled`
-where they are glTF's, and `diffuse` else; colours of textures and of vertices (but glTF's) are sRGB, numbers of
-materials linear.
+`mitsuba_xml.LIGHTS` are added, as trimesh reads no lights. Materials of glTF become Mitsuba's `principled`, others
+`diffuse`. Colours of textures and vertices are sRGB, except glTF's of vertices; numbers of materials are linear.
 """
 
 from __future__ import annotations
@@ -34,19 +33,18 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
     from trimesh.visual.material import Material
 
-#: trimesh's look of a mesh, colours of vertices or faces, or a texture: what its kinds have is not common to them.
+#: trimesh's `visual` of a mesh: colours of vertices or faces, or a texture. These types have no common interface.
 Visual = Any
-#: The files' suffixes.
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-#: Largest file, and most corners of a file's faces, vertices of each instance counted.
-MOST_BYTES, MOST_CORNERS = 1 << 30, 100_000_000
-#: Pixels of a texture at most; rows of it whose colours are multiplied at once.
-MOST_PIXELS, PART_ROWS = 1 << 25, 256
-#: Albedo of a surface of which the file tells nothing.
+#: Maximum size of a file, bytes, and maximum corners of its faces, counted for each instance.
+MAX_BYTES, MAX_CORNERS = 1 << 30, 100_000_000
+#: Maximum pixels of a texture; rows of it whose colours are multiplied at once.
+MAX_PIXELS, PART_ROWS = 1 << 25, 256
+#: Albedo of a surface without a material.
 PLAIN = (0.6, 0.6, 0.6)
-#: glTF's metallic and roughness of a material that does not tell them.
-USUAL = 1.0
-#: glTF's number of float32; extensions of materials, which change only looks; those that are noted.
+#: glTF's default of metallic and roughness.
+DEFAULT_FACTOR = 1.0
+#: glTF's number of float32; prefix of the material extensions, which change only the look; ignored extensions.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
     "KHR_texture_transform",
@@ -59,26 +57,12 @@ LEFT_OUT = (
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
 )
-#: Options before the name of a texture in an MTL file, such as -s 1 1 1 or -clamp on.
+#: Options before a texture's name in an MTL file, such as -s 1 1 1 or -clamp on.
 MTL_OPTIONS = re.compile(r"^(?:-\w+(?:\s+(?:on|off|[rgbml]|[-+.\deE]+))+\s+)+")
-#: Files that a mesh may name: no other file of this machine is read.
-NAMED = (
-    ".bin",
-    ".mtl",
-    ".png",
-    ".jpg",
-    ".jpeg",
-    ".tif",
-    ".tiff",
-    ".bmp",
-    ".tga",
-    ".gif",
-    ".webp",
-    ".dds",
-    ".jp2",
-    ".ppm",
-)
-#: Words of trimesh's messages on what it leaves out.
+#: Suffixes of the files that a mesh may name: no other file of this machine is read.
+BUFFER_SUFFIXES = (".bin", ".mtl")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".tga", ".gif", ".webp", ".dds", ".jp2", ".ppm")
+#: Words of trimesh's messages on what it ignores.
 LOSSES = ("image", "materials from")
 REMEDY = "export it again, or as .glb"
 
@@ -86,15 +70,15 @@ REMEDY = "export it again, or as .glb"
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
     """Write the scene of a file, with its meshes and textures, into an empty folder; return the scene's path.
 
-    `scene_from_display` (3, 3) turns the lights. What of the file is not shown is told in `notes`.
+    `scene_from_display` (3, 3) rotates the lights. Lines on what is not shown are added to `notes`.
 
     Raises InputError for a file that is too large, broken, without faces, or lacks a texture, and for a glTF that
-    requires what is not read.
+    requires unknown extensions.
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)
     textures = _Textures(folder, path)
-    with np.errstate(all="ignore"):  # matrices of numbers that are too large are refused by their product
+    with np.errstate(all="ignore"):  # too large numbers in matrices are refused by their products
         instances = list(_instances(path, notes))
     names = unique(name for name, _, _ in instances)
     for number, (name, (_, mesh, matrix)) in enumerate(zip(names, instances, strict=True)):
@@ -106,7 +90,7 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
 
 
 def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Floats]]:
-    """Yield each mesh of a file as it stands in the scene: its name, trimesh's mesh, and a matrix (4, 4)."""
+    """Yield the name, trimesh's mesh and the matrix (4, 4) of each instance in a file."""
     loaded = _load(path, notes)
     nodes = [(str(node), *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
     if not nodes:  # a glTF may leave out its scene
@@ -117,8 +101,8 @@ def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Flo
         if not hasattr(mesh, "faces") or not len(mesh.faces):
             continue
         corners += 3 * len(mesh.faces)
-        if corners > MOST_CORNERS:
-            raise input_error(path, f"has more than {MOST_CORNERS // 3} faces", "reduce it in a mesh editor")
+        if corners > MAX_CORNERS:
+            raise input_error(path, f"has more than {MAX_CORNERS // 3} faces", "reduce it in a mesh editor")
         if not (np.isfinite(mesh.vertices).all() and np.isfinite(matrix).all()):
             raise input_error(path, f"mesh '{name}' has places that are not finite", REMEDY)
         area += float(mesh.area)
@@ -132,17 +116,17 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
     from trimesh.resolvers import FilePathResolver
 
     class Files(FilePathResolver):
-        """Finds the files that a file names, also as web addresses, with backslashes, and behind MTL's options."""
+        """Finds the files that a file names: with URL escapes, with backslashes, and after MTL's options."""
 
         def get(self, name: str) -> bytes:
             plain = MTL_OPTIONS.sub("", name.strip())
-            for one in dict.fromkeys((plain, unquote(plain), plain.replace("\\", "/"))):
-                if Path(one).suffix.lower() in NAMED and Path(self.parent, one).is_file():
-                    return read_limited(Path(self.parent, one), MOST_BYTES, "make it smaller")
+            for file in (Path(self.parent, one) for one in (plain, unquote(plain), plain.replace("\\", "/"))):
+                if file.suffix.lower() in BUFFER_SUFFIXES + IMAGE_SUFFIXES and file.is_file():
+                    return read_limited(file, MAX_BYTES, "make it smaller")
             raise FileNotFoundError(name)
 
     kind = path.suffix.lower()
-    data = read_limited(path, MOST_BYTES, "reduce it in a mesh editor")
+    data = read_limited(path, MAX_BYTES, "reduce it in a mesh editor")
     if not data:
         raise input_error(path, "is empty", REMEDY)
     if kind in (".glb", ".gltf"):
@@ -152,7 +136,7 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
             loaded = trimesh.load_scene(path, process=False, resolver=Files(str(path)))
         except MemoryError:
             raise
-        except Exception as error:  # trimesh's readers raise what they stumble over
+        except Exception as error:  # trimesh's errors have no common base
             reason = _brief(str(error)) or type(error).__name__
             raise input_error(path, f"cannot be read as {kind[1:]} ({reason})", REMEDY) from None
     if losses:
@@ -162,13 +146,13 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
 
 
 def _brief(text: str) -> str:
-    """Return a library's words in one line, cut, without the addresses of Python's objects."""
+    """Return a library's message on one line, shortened, without addresses of Python objects."""
     return " ".join(re.sub(r"<(\w+\.)*(\w+) object at 0x\w+>", "its data", text).split())[:200]
 
 
 @contextmanager
 def _recorded_losses() -> Iterator[list[str]]:
-    """Give a list of what trimesh logs of textures and materials that it leaves out without an error."""
+    """Yield a list to which trimesh's log messages on ignored textures and materials are added."""
     losses: list[str] = []
 
     def record_loss(record: logging.LogRecord) -> bool:
@@ -191,17 +175,15 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
-    """Refuse a glTF that requires what is not read, or whose accessors have more elements than any file needs.
-
-    Some accessors have no bytes in the file, and are counted before they are expanded. What is left out is noted.
-    """
+    """Refuse a glTF that requires unknown extensions or is too large; note its ignored extensions."""
+    # Accessors are counted before trimesh expands them: some have no bytes in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
         header = json.loads(head)
         counts = [int(accessor.get("count", 0)) for accessor in header.get("accessors", [])]
         required = [str(name) for name in header.get("extensionsRequired", [])]
         used = [str(name) for name in header.get("extensionsUsed", [])]
-        places = {
+        types = {
             header["accessors"][primitive["attributes"][name]]["componentType"]
             for mesh in header.get("meshes", [])
             for primitive in mesh["primitives"]
@@ -210,12 +192,12 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
         }
     except (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError, RecursionError, struct.error):
         raise input_error(path, f"is no {kind[1:]}, or cut off", "export it again") from None
-    if sum(counts) > MOST_CORNERS or min(counts, default=0) < 0:
-        raise input_error(path, f"has more than {MOST_CORNERS} numbered vertices", "reduce it in a mesh editor")
+    if sum(counts) > MAX_CORNERS or min(counts, default=0) < 0:
+        raise input_error(path, f"has more than {MAX_CORNERS} numbered vertices", "reduce it in a mesh editor")
     for name in required:
         if not name.startswith(MATERIALS):
             raise input_error(path, f"requires {name}", "export it without compression and extensions")
-    if places - {FLOAT32}:
+    if types - {FLOAT32}:
         raise input_error(path, "has places or texture coordinates in integers", "export it with 32-bit numbers")
     left_out = [name for name in used if name in LEFT_OUT]
     if left_out:
@@ -226,26 +208,22 @@ def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
 
 
 class _Textures:
-    """The textures of a scene's file: each is written once, as a PNG."""
+    """Writes each texture of a scene file once, as a PNG."""
 
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self.source = folder, source
-        #: The pictures are kept, so that no other one gets an id of theirs.
+        #: With the pictures, so that their ids are not used again.
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
-        """Write a part of a picture; return the file's name.
-
-        `part` is "colour", "alpha" or a channel's letter. Colours are multiplied by a linear factor (3,), a channel's
-        numbers by a factor (1,).
-        """
+        """Write a part of a picture ("colour", "alpha", a channel's letter) times a factor; return the file's name."""
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
         if key in self._written:
             return self._written[key][0]
-        if picture.width * picture.height > MOST_PIXELS:
-            what = f"has a texture of {picture.width} x {picture.height} pixels; {MOST_PIXELS // 1_000_000} million"
+        if picture.width * picture.height > MAX_PIXELS:
+            what = f"has a texture of {picture.width} x {picture.height} pixels; {MAX_PIXELS // 1_000_000} million"
             raise input_error(self.source, f"{what} are allowed", "make it smaller")
         try:
             pixels = np.array(picture.convert("RGBA"))
@@ -265,7 +243,7 @@ class _Textures:
 
 
 def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path) -> list[str]:
-    """Add a mesh to a scene, with its file and textures; return a line on what of it is not shown, if anything."""
+    """Add a mesh to a scene, and write its file and textures; return lines on what is not shown."""
     visual: Visual = mesh.visual
     source = textures.source
     if visual.kind == "face":
@@ -294,7 +272,7 @@ def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, texture
 
 
 def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Path) -> Trimesh:
-    """Return a mesh whose faces share no vertices, each of which has its face's colour."""
+    """Return a mesh whose faces share no vertices: each vertex has its face's colour."""
     import trimesh
 
     if len(colours) != len(mesh.faces):
@@ -306,12 +284,12 @@ def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Pat
 
 
 def _has_normals(mesh: Trimesh) -> bool:
-    """Tell whether the file has normals; asked for them else, trimesh would make some up."""
+    """Tell whether the file has normals; `mesh.vertex_normals` would compute them."""
     return "vertex_normals" in mesh._cache
 
 
 def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
-    """Return the vertices' linear colours (N, 3); None without."""
+    """Return the vertices' linear colours (N, 3), or None."""
     visual: Visual = mesh.visual
     colours = _wide_colours(mesh)
     if colours is None and visual.kind == "vertex":
@@ -326,15 +304,13 @@ def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
-    """Return the colours of more than 8 bits of a PLY file (N, 3), of which trimesh would keep 8; None without.
-
-    Numbers of 16 or 32 bits that are all below 256 are bytes in a wide type.
-    """
+    """Return the colours (N, 3) of a PLY file with more than 8 bits, of which trimesh would keep 8, or None."""
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]
     except (KeyError, ValueError, IndexError, TypeError):  # no data, none of these, or a list of rows
         return None
+    # Numbers of a wider type that are all below 256 count as 8 bits.
     wide = np.stack(columns, axis=1)
     if wide.dtype.kind not in "iu" or wide.dtype.itemsize == 1 or wide.min(initial=0) < 0:
         return None
@@ -345,9 +321,9 @@ def _write_mesh(path: Path, mesh: Trimesh, matrix: Floats, uv: Floats | None, co
     points = np.array(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     normals, faces = None, np.array(mesh.faces)
     if _has_normals(mesh):
-        turned = np.array(mesh.vertex_normals) @ np.linalg.pinv(matrix[:3, :3])
-        length = np.linalg.norm(turned, axis=1, keepdims=True)
-        normals = turned / np.where(length > 0.0, length, 1.0)
+        normals = np.array(mesh.vertex_normals) @ np.linalg.pinv(matrix[:3, :3])
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = normals / np.where(length > 0.0, length, 1.0)
     if np.linalg.det(matrix[:3, :3]) < 0.0:
         faces = faces[:, ::-1]
     if uv is not None:  # the first row of trimesh's pictures is at v = 1
@@ -359,13 +335,13 @@ def _write_mesh(path: Path, mesh: Trimesh, matrix: Floats, uv: Floats | None, co
 
 
 def _add_material(shape: Element, material: Material | None, textures: _Textures, has_uv: bool) -> None:
-    """Add trimesh's material to a shape: a BSDF, and light that it emits."""
+    """Add trimesh's material to a shape: a BSDF and an emitter."""
     from trimesh.visual.material import PBRMaterial
 
     def add(
         parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
     ) -> None:
-        """Add a parameter: a texture (`raw`: its numbers are no colours), times a factor, or the factor alone."""
+        """Add a parameter: a texture times a factor, or the factor; `raw` if it is not a colour."""
         image = getattr(material, texture, None) if has_uv else None
         if image is not None:
             bitmap = plugin(parent, "texture", "bitmap", name=parameter)
@@ -396,9 +372,9 @@ def _add_material(shape: Element, material: Material | None, textures: _Textures
     add(principled, "base_color", "baseColorTexture", "colour", factor[:3])
     for name, channel in (("metallic", "B"), ("roughness", "G")):
         number = getattr(material, f"{name}Factor")
-        share = [USUAL if number is None else float(number)]
-        add(principled, name, "metallicRoughnessTexture", channel, share, raw=True)
-    glow = np.zeros(3) if material.emissiveFactor is None else np.ravel(material.emissiveFactor)[:3]
+        weight = [DEFAULT_FACTOR if number is None else float(number)]
+        add(principled, name, "metallicRoughnessTexture", channel, weight, raw=True)
+    glow = np.ravel(0.0 if material.emissiveFactor is None else material.emissiveFactor)[:3]
     if glow.any():
         add(plugin(shape, "emitter", "area"), "radiance", "emissiveTexture", "colour", glow)
 
@@ -411,9 +387,9 @@ def write_surface(
     uv: Floats | None = None,
     colours: Floats | None = None,
 ) -> None:
-    """Write points (N, 3), faces (M, 3), and per point normals (N, 3), texture coordinates (N, 2), and colours (N, 3).
+    """Write points (N, 3), faces (M, 3), and each point's normal (N, 3), texture coordinates (N, 2), colour (N, 3).
 
-    The first row of a texture is at v = 0 in Mitsuba; colours are linear, its attribute `vertex_color`.
+    The first row of a texture is at v = 0; colours are linear, and become Mitsuba's attribute `vertex_color`.
     """
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
@@ -431,24 +407,23 @@ def write_surface(
 
 #: Names of the list of a face's vertices.
 LISTS = ("vertex_indices", "vertex_index")
-#: Longest header.
-MOST_HEADER_BYTES = 1 << 20
+MAX_HEADER_BYTES = 1 << 20
 
 
 def check_faces(path: Path) -> None:
-    """Raise InputError for a mesh with a face that names a vertex which is not there, and for no PLY file."""
+    """Raise InputError for a file that is not PLY, or in which a face names a missing vertex."""
     import plyfile
 
     try:
         with path.open("rb") as stream:
-            head, ended, _ = stream.read(MOST_HEADER_BYTES).partition(b"end_header")
-        if not ended:
+            head, end, _ = stream.read(MAX_HEADER_BYTES).partition(b"end_header")
+        if not end:
             raise ValueError("it has no header")
-        if re.search(rb"\belement\s+\S+\s+-", head):  # without properties, numpy divides by 0 and ends the process
+        if re.search(rb"\belement\s+\S+\s+-", head):  # without properties, numpy divides by 0 and crashes
             raise ValueError("an element has a negative count")
         try:
             data = plyfile.PlyData.read(str(path), known_list_len={"face": dict.fromkeys(LISTS, 3)})
-        except plyfile.PlyParseError:  # not of triangles alone: its lists are read one by one
+        except plyfile.PlyParseError:  # not only triangles: the lists are read one by one
             data = plyfile.PlyData.read(str(path), mmap=False)
         vertices = data["vertex"].count if "vertex" in data else 0
         faces = [data["face"][name] for name in LISTS if "face" in data and name in data["face"]]

@@ -1,4 +1,4 @@
-"""Loads a Mitsuba scene, with some of its shapes moved or none, and places it before the display."""
+"""Loads a scene, or a part of it, with some shapes moved, and places it for a display."""
 
 from __future__ import annotations
 
@@ -30,21 +30,19 @@ from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement, p
 if TYPE_CHECKING:
     import mitsuba as mts
 
-#: How many times as large as all others a shape is, in each direction, that counts as their surroundings.
+#: A shape that is larger than all others by this factor, in each direction, counts as their surroundings.
 SURROUNDS = 3.0
-
-#: Percentiles of the splats, and how far beyond them a scene reaches, in parts of what is between; a splat's extent.
+#: Percentiles of the splats, the margin around them in parts of their distance, and a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
-
-#: Ids that an error message lists.
+#: Maximum ids that an error message lists.
 LISTED_IDS = 8
-#: Numbers of a lamp's property at most, unless it is a picture.
+#: Maximum numbers of a lamp's property; larger ones are pictures.
 LAMP_NUMBERS = 16
 
 
 @dataclass(frozen=True)
 class Move:
-    """A similarity (4, 4), in the scene's frame, of all shapes whose id matches a pattern (`*`, `?`)."""
+    """A similarity (4, 4), in the scene's frame, of the shapes whose id matches a pattern (`*`, `?`)."""
 
     shapes: str
     matrix: Matrix
@@ -52,27 +50,25 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """The shapes of a scene whose id matches a pattern (`*`, `?`); not `kept`: all others. Lights stay."""
+    """The shapes of a scene whose id matches a pattern (`*`, `?`), or all others; and all lights."""
 
     shapes: str
-    kept: bool = True
+    matching: bool = True
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A loaded scene: its XML file, the `mitsuba.Scene`, and its placement with both depths filled in.
-
-    `integrator` is the type that the file names; `has_camera`: the file has one. Without, Mitsuba makes both up.
-    """
+    """A loaded scene: its file, the `mitsuba.Scene`, and its placement with both depths."""
 
     path: Path
     mitsuba: mts.Scene
     placement: Placement
+    #: The type of the file's integrator, and whether the file has a camera: Mitsuba adds both if they are missing.
     integrator: str | None = None
     has_camera: bool = False
-    #: How a display places it that nothing else does (`usual_arrange`).
+    #: The arrangement for a display, if the scene has no placement (`usual_arrange`).
     usual: Arrange | None = None
-    #: What the reader of its file tells the user, a line each.
+    #: Lines for the user from the reader of the file.
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -82,7 +78,7 @@ class Scene:
 
     @property
     def width_mm(self) -> float:
-        """Largest side of the placed scene's bounding box, mm; 0 without any surface."""
+        """Largest side of the placed scene's bounding box, mm; 0 without a surface."""
         low, high = self.bounds
         return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
@@ -95,11 +91,11 @@ class Scene:
         return far, near
 
     def box(self, placement: Placement) -> tuple[Matrix, Matrix]:
-        """Return the lowest and highest corner (3,), mm, of the placed scene (`bounds_of`); infinite without bounds."""
+        """Return the lowest and highest corner (3,) of the placed scene, mm; infinite without bounds."""
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; depths that it lacks are those of its box, or an InputError."""
+        """Return the scene with another placement; missing depths are its box's. Raises InputError without a box."""
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
             low, high = self.box(placement)
@@ -112,7 +108,7 @@ class Scene:
 
 
 def check_scene_file(path: str | Path) -> Path:
-    """Return the path of a scene file; raise InputError when it is missing or of no known format."""
+    """Return the path of a scene file; raise InputError if it is missing or of an unknown format."""
     path = path_of(path, "a scene")
     if not path.exists():
         raise input_error(path, "no such scene", likely_file(path, SUFFIXES) or FORMATS)
@@ -123,9 +119,9 @@ def check_scene_file(path: str | Path) -> Path:
 
 
 def _check_files(path: Path) -> None:
-    """Refuse a scene file that Mitsuba's parser would not survive, and such includes."""
+    """Refuse a scene file, or an include, that would crash Mitsuba's parser."""
     files = [path]
-    for file in files:  # which grows
+    for file in files:  # the list grows
         for include in map(_file_of, check_xml(file, "mend the scene file")):
             if include not in files and (include.is_file() or include.is_fifo()):
                 files.append(include)
@@ -135,19 +131,16 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Give the configuration and the state of Mitsuba's parser, which has read a scene file.
+    """Parse a scene file; yield the configuration and the state of Mitsuba's parser. See `as_mitsuba`.
 
-    In the block Mitsuba finds files beside the scene file, as with its own loader. Another tool's file is converted;
-    `scene_from_display` (3, 3) is then the rotation of its lights, and `notes` takes what is to be told (`as_mitsuba`).
-
-    Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture or mesh, bad XML), and for a
-    file that cannot be read.
+    In the block Mitsuba finds files beside the scene file. Raises InputError for its errors in the block (unknown
+    plugin, missing texture or mesh, bad XML), and for a file that cannot be read.
     """
     register_light_field()
     before = mi.file_resolver()
     try:
-        turn = np.eye(3) if scene_from_display is None else scene_from_display
-        with as_mitsuba(path, turn, [] if notes is None else notes) as file:
+        rotation = np.eye(3) if scene_from_display is None else scene_from_display
+        with as_mitsuba(path, rotation, [] if notes is None else notes) as file:
             resolver = mi.FileResolver(before)
             resolver.prepend(mi.filesystem.path(str(file.parent)))
             mi.set_file_resolver(resolver)
@@ -166,29 +159,27 @@ def parsed(
 
 
 def without_places(error: Exception) -> str:
-    """Return the text of an error of Mitsuba in one line, without positions in Mitsuba's source."""
+    """Return Mitsuba's error message on one line, without positions in its source."""
     return re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(str(error).split())) or type(error).__name__
 
 
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file, Mitsuba XML, or a part of it; its shapes are moved in the order of `moves`.
+    """Load a scene file, or a part of it, and move shapes in the order of `moves`.
 
-    Without a placement it stands by `placement_beside`.
-
-    Raises InputError when the file is missing or Mitsuba refuses it (see `parsed`), or when a move matches no shape, or
-    a part none or all of them.
+    A placement of None means `placement_beside`. Raises InputError if the file is missing or Mitsuba refuses it
+    (`parsed`), a move matches no shape, or a part matches none or all.
     """
     path = check_scene_file(path)
     usual, notes = None, list[str]()
     if placement is None:
         usual, placement = usual_arrange(path), placement_beside(path)
-    turn = placement.scene_from_display[:3, :3] * placement.scale
-    with parsed(path, turn, notes) as (configuration, state):
+    rotation = placement.scene_from_display[:3, :3] * placement.scale
+    with parsed(path, rotation, notes) as (configuration, state):
         kinds = mi.ObjectType.Shape, mi.ObjectType.Integrator, mi.ObjectType.Sensor
         shapes, integrators, cameras = ([node.props for node in state.nodes if node.type == kind] for kind in kinds)
-        # The parser's next step moves its nodes.
+        # The parser's next step invalidates its nodes.
         integrator = integrators[0].plugin_name() if integrators else None
         for move in moves:
             motion = mi.ScalarTransform4d(move.matrix)
@@ -209,7 +200,7 @@ def load_scene(
 
 
 def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
-    """Return the scene of a `mitsuba.Scene`, or of the dictionary of one; InputError where Mitsuba refuses it."""
+    """Return the scene of a `mitsuba.Scene` or of its dictionary; raise InputError if Mitsuba refuses it."""
     if isinstance(scene, dict):
         try:
             scene = mi.load_dict(scene)
@@ -224,7 +215,7 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
 
 
 def _check_lamps(scene: mts.Scene, where: str) -> None:
-    """Raise InputError for a lamp with a number, but in a picture, that is not finite: all would be black."""
+    """Raise InputError for a lamp with a number, outside pictures, that is not finite: all would be black."""
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
             numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
@@ -235,7 +226,7 @@ def _check_lamps(scene: mts.Scene, where: str) -> None:
 
 
 def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
-    """Remove the shapes of a parsed scene that do not belong to a part."""
+    """Remove the shapes of a parsed scene outside a part."""
     root, child = state.root.props, mi.Properties.ResolvedReference
     names = list(root.keys())
     inside = {name: state.nodes[root[name].index()] for name in names if isinstance(root[name], child)}
@@ -244,12 +235,12 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
     matches = {name for name, props in shapes.items() if props.id() in ids}
     if len(matches) == len(shapes):
         raise input_error(path, f"every shape's id matches '{part.shapes}'", "leave some for the rest")
-    for name in matches ^ (set(shapes) if part.kept else set()):
+    for name in matches ^ (set(shapes) if part.matching else set()):
         del root[name]
 
 
 def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> list[mts.Properties]:
-    """Return the shapes of a scene file whose id matches a pattern; InputError, with the ids there, without any."""
+    """Return the shapes whose id matches a pattern; raise InputError, which lists the ids, without any."""
     matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
     if not matches:
         ids = [props.id() for props in shapes if props.id()]
@@ -261,12 +252,10 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from.
+    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from, after conversion.
 
-    It covers the file, its includes, every file that a property of any name names, and the spectra, which the parser
-    has read from their files. Another tool's file is converted first: the hash is that of the conversion.
-
-    InputError as for `load_scene`.
+    It covers the file, its includes, every file that a property names, and the spectra, which the parser has read from
+    their files. Raises InputError as `load_scene`.
     """
     path = check_scene_file(path)
     digest = hashlib.sha256()
@@ -285,15 +274,15 @@ def digest_of(path: str | Path) -> str:
 
 
 def _file_of(name: str) -> Path:
-    """Return the path of the file that the parsed scene names."""
+    """Return the path of a file that the parsed scene names."""
     return Path(str(mi.file_resolver().resolve(mi.filesystem.path(name))))
 
 
 def _boxes(scene: mts.Scene) -> list[tuple[Matrix, Matrix]]:
-    """Return the lowest and the highest corner (3,) of the bounding box of each shape, scene units."""
+    """Return the lowest and the highest corner (3,) of each shape's bounding box, scene units."""
     boxes = []
     for shape in scene.shapes():
-        # Mitsuba merges rectangles of one material to a mesh, and leaves its box empty.
+        # Mitsuba merges rectangles of one material into a mesh with an empty box.
         if isinstance(shape, mi.Mesh) and not shape.bbox().valid():
             shape.recompute_bbox()
         box = shape.bbox()
@@ -303,7 +292,7 @@ def _boxes(scene: mts.Scene) -> list[tuple[Matrix, Matrix]]:
 
 
 def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> tuple[Matrix, Matrix]:
-    """Return the box of most of the splats: a capture has stray ones, far around what was photographed."""
+    """Return the box of most splats: a capture has stray ones, far from the subject."""
     data = np.array(mi.traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
     low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)
@@ -313,7 +302,7 @@ def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> tu
 
 
 def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner of boxes; of none, an empty box."""
+    """Return the box around boxes; without any, an empty box."""
     if not boxes:
         return np.full(3, np.inf), np.full(3, -np.inf)
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
@@ -322,8 +311,8 @@ def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
 def bounds_of(scene: mts.Scene) -> tuple[Matrix, Matrix]:
     """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
 
-    A closed shape that surrounds all others, at least `SURROUNDS` times as large as they are, is left out, such as a
-    studio or a sky: rays from its outside would see nothing else.
+    A closed shape around all others, such as a studio or a sky, is left out if it is `SURROUNDS` times as large: rays
+    from its outside would see nothing else.
     """
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
@@ -336,7 +325,7 @@ def bounds_of(scene: mts.Scene) -> tuple[Matrix, Matrix]:
 
 
 def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
-    """Tell whether rays outwards from all six faces of a box hit something."""
+    """Tell whether the rays outwards from all six faces of a box hit something."""
     middle, half = (low + high) / 2, (high - low) / 2
     outwards = np.concatenate([np.eye(3), -np.eye(3)])
     starts = middle + (half + 1e-3 * half.max()) * outwards
@@ -345,7 +334,7 @@ def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
 
 
 def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Matrix, Matrix]:
-    """Return the corners of `Scene.box` for a box whose corners are in the scene's units."""
+    """Return the corners (3,), mm, of the placed box of `bounds`, scene units; infinite without bounds."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
@@ -355,15 +344,12 @@ def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Mat
 
 
 def front_of(low: Matrix, high: Matrix) -> float:
-    """Return a depth z just in front of a box, by its corners (3,), so that rays do not start on a surface."""
+    """Return a depth z just in front of a box (corners (3,)), so that rays do not start on a surface."""
     return float(high[2] + 1e-3 * max(1.0, high[2] - low[2]))
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene, placed for a display. "fit" keeps the rotation of the scene's own placement, "camera" nothing.
-
-    Raises InputError for another arrangement, a scene without extent, or without a camera that can place it.
-    """
+    """Return a scene placed for a display. Raises InputError if the scene or its camera does not allow it."""
     if arrange not in get_args(Arrange):
         raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
     if arrange == "camera":
@@ -380,8 +366,8 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     """Return the placement that scales a box (corners (3,), mm) and moves it to the middle of a display's depth range.
 
-    The box becomes as large as depth range and view allow: an eye in front of the panel's middle sees its whole front.
-    Raises InputError for a box too small or large for any scale.
+    It is the largest at which the box fits into the depth range and the eye sees its whole front. Raises InputError if
+    the scale is out of range.
     """
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
@@ -399,7 +385,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
 
 
 def _filling(scene: Scene, display: Display) -> Placement:
-    """Return the placement of a flat scene that fills the panel, and is seen through it over the whole depth range."""
+    """Return the placement of a flat scene that fills the panel, with the display's depth range."""
     low, high = scene.box(Placement())
     panel, (far, near) = display.panel, display_properties(display).depth_range_mm
     width, height = (float(side) for side in (high - low)[:2])
@@ -409,10 +395,7 @@ def _filling(scene: Scene, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement with the eye where the scene's camera is, and the panel as wide as the camera's picture.
-
-    The panel's middle is on the first surface on the camera's axis; without one, at the depth of the scene's middle.
-    """
+    """Return the placement with the eye at the scene's camera, and the panel as wide as the camera's picture."""
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:
@@ -423,6 +406,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
     matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)
     origin, ahead, up = matrix[:3, 3], *(matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in (2, 1))
+    # The panel is at the first surface on the camera's axis; without one, at the depth of the scene's centre.
     hit = scene.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(ahead)))
     distance = float(np.array(hit.t).ravel()[0])
     if not math.isfinite(distance):

@@ -1,8 +1,7 @@
-"""3D Gaussian splats (.ply, as their trainers write it; read by plyfile) as a Mitsuba scene.
+"""3D Gaussian splats (.ply, as their trainers write it) as a Mitsuba scene with the shape `ellipsoids`.
 
-Mitsuba's shape `ellipsoids` shows them. Each has a centre, the logarithms of three scales, a quaternion, the logit of
-its opacity, and spherical harmonics of its colour in sRGB: f_dc_0..2, and f_rest_*, the harmonics of red first, then of
-green, then of blue.
+Each splat has a centre, the logarithms of three scales, a quaternion, the logit of its opacity, and spherical harmonics
+of its colour in sRGB: f_dc_0..2, and f_rest_*, all of red first, then of green, then of blue.
 """
 
 from __future__ import annotations
@@ -15,25 +14,25 @@ import numpy.typing as npt
 from lippmann.errors import input_error
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, value, write
 
-#: The degrees of harmonics: a file has 3 (degree + 1)^2 of them.
+#: Degrees of harmonics: a file has 3 (degree + 1)^2 coefficients.
 DEGREES = (0, 1, 2, 3)
 PLACE = ("x", "y", "z")
 NORMAL = ("nx", "ny", "nz")
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
-#: Logit of the least opacity that is shown: Mitsuba takes the extent of a splat from it, and finds none below 1 %.
-LEAST_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
-#: Largest logarithm of a size, either way.
-MOST_LOG = 30.0
-#: Largest file.
-MOST_BYTES = 2 << 30
+#: Logit of the minimum opacity: Mitsuba computes a splat's extent from it, and gets none below 1 %.
+MIN_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
+#: Maximum absolute logarithm of a size.
+MAX_LOG = 30.0
+#: Maximum size of a file.
+MAX_BYTES = 2 << 30
 REMEDY = "export it again from the trainer or an editor of splats"
 
 
 def write_scene(path: Path, folder: Path) -> Path:
     """Write the scene of a file of splats into an empty folder; return the scene's path.
 
-    Raises InputError for a file that is too large, broken, or without places, colours or shapes.
+    Raises InputError for a file that is too large, broken, or lacks positions, colours or shapes.
     """
     table = _read(path)
     file = folder / "splats.ply"
@@ -45,18 +44,18 @@ def write_scene(path: Path, folder: Path) -> Path:
 
 
 def write_table(path: Path, table: npt.NDArray[np.void]) -> None:
-    """Write the splats of a table whose columns have the properties' names."""
+    """Write a table of splats, whose columns are named as the properties."""
     import plyfile
 
     plyfile.PlyData([plyfile.PlyElement.describe(table, "vertex")], byte_order="<").write(str(path))
 
 
 def _read(path: Path) -> npt.NDArray[np.void]:
-    """Return the properties that Mitsuba reads, float32 by name, of all splats."""
+    """Return the table of the properties that Mitsuba reads, float32."""
     import plyfile
 
-    if path.stat().st_size > MOST_BYTES:
-        raise input_error(path, f"is larger than {MOST_BYTES >> 30} GiB", "reduce it in an editor of splats")
+    if path.stat().st_size > MAX_BYTES:
+        raise input_error(path, f"is larger than {MAX_BYTES >> 30} GiB", "reduce it in an editor of splats")
     try:
         vertex = plyfile.PlyData.read(str(path), mmap=False)["vertex"]
     except (plyfile.PlyParseError, KeyError, ValueError, UnicodeDecodeError, OverflowError, MemoryError) as error:
@@ -71,7 +70,7 @@ def _read(path: Path) -> npt.NDArray[np.void]:
     if len(harmonics) + 3 not in [3 * (degree + 1) ** 2 for degree in DEGREES]:
         raise input_error(path, f"has {len(harmonics)} properties f_rest_*, of no degree of harmonics", REMEDY)
     names = (*PLACE, *COLOUR, *harmonics, *SHAPE)
-    # Mitsuba wants normals, too, and does not look at them.
+    # Mitsuba requires normals, and ignores them.
     table = np.zeros(vertex.count, [(name, "<f4") for name in (*PLACE, *NORMAL, *names[len(PLACE) :])])
     for name in names:
         try:
@@ -85,8 +84,8 @@ def _read(path: Path) -> npt.NDArray[np.void]:
         what = f"{wrong.sum()} splats have numbers that are not finite"
         raise input_error(path, what, "remove them in an editor of splats")
     sizes = np.array([table[name] for name in SHAPE if name.startswith("scale")])
-    if np.abs(sizes).max() > MOST_LOG:
+    if np.abs(sizes).max() > MAX_LOG:
         what = f"has splats whose size is e to the {sizes.max():.3g}"
         raise input_error(path, what, "remove them in an editor of splats")
-    table["opacity"] = np.maximum(table["opacity"], LEAST_LOGIT)
+    table["opacity"] = np.maximum(table["opacity"], MIN_LOGIT)
     return table

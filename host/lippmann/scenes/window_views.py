@@ -1,12 +1,11 @@
-"""Views of one window, as a folder or as a quilt, and the Mitsuba scene that shows each eye another one of them.
+"""Views of one window, as a folder or as a quilt, and the Mitsuba scene that shows each eye its view.
 
-All views are pictures of one window, from eyes in a row or a grid before it, as a light-field display shows them: what
-lies in the window's plane is at one place in all of them.
+All views are pictures of one window, from eyes in a row or a grid before it: a point in the window's plane is at the
+same place in all views.
 
-A quilt has the views as tiles of one picture, by Looking Glass' rules. The first view is the leftmost eye's, at the
-bottom left; the views go on to the right, then upward; the last one, of the rightmost eye, is at the top right. The
-file's name tells the tiling and the aspect of a view: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views that are
-0.75 times as wide as high.
+A quilt has the views as tiles of one picture, by Looking Glass' rules: from the leftmost eye's view at the bottom left
+to the right, then upward, to the rightmost eye's at the top right. The file's name holds the tiling and the aspect of a
+view: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views that are 0.75 times as wide as high.
 """
 
 from __future__ import annotations
@@ -28,22 +27,22 @@ from lippmann.base.tones import decode
 from lippmann.errors import input_error
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 
-#: The file of a folder that tells where its views' eyes are.
+#: The file with the eyes of a folder's views.
 EYES = "views.json"
-#: Pictures that a quilt or view may be in.
+#: Suffixes of quilts and views.
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
-#: How far an eye may stand from its place in the grid, steps of the grid.
-ASIDE = 0.1
-MOST_VIEWS, MOST_PIXELS = 10_000, 200_000_000
-MOST_BYTES = 1 << 24
+#: Maximum distance of an eye from its place in the grid, steps of the grid.
+GRID_TOLERANCE = 0.1
+MAX_VIEWS, MAX_PIXELS = 10_000, 200_000_000
+MAX_BYTES = 1 << 24
 #: Largest half float.
-LARGEST = 65504.0
+MAX_HALF = 65504.0
 FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-30, 0, 600]}, ...]}'
 
 
 @dataclass(frozen=True)
 class Views:
-    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid before its middle."""
+    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid before its centre."""
 
     pictures: npt.NDArray[np.float16]
     x_mm: Sequence[float]
@@ -52,7 +51,7 @@ class Views:
     size_mm: tuple[float, float]
 
     def show_on(self, shape: Element, folder: Path) -> None:
-        """Let a shape of the scene in a folder show the views (the emitter `light_field`), and reflect nothing."""
+        """Give a shape of the scene in a folder the emitter `light_field` with the views, and no reflection."""
         np.savez(
             folder / "views.npz",
             views=self.pictures,
@@ -74,19 +73,16 @@ class Views:
 
 
 def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Sequence[float]], **more: object) -> str:
-    """Return the text of `EYES` for files of views of a window (mm), from eyes (mm)."""
+    """Return the text of `EYES` for files of views (`names`) of a window (mm), from eyes (mm)."""
     views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
     return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
 
 
 def read_folder(folder: Path) -> Views:
-    """Read a folder of views and their eyes, `EYES`.
-
-    Raises InputError for a file that is broken or missing, views that differ in size, and eyes off a row or grid.
-    """
+    """Read a folder of views and eyes. Raises InputError for unusable files, and for eyes off a row or grid."""
     path = folder / EYES
     try:
-        keys = json.loads(read_limited(path, MOST_BYTES, "write it again"))
+        keys = json.loads(read_limited(path, MAX_BYTES, "write it again"))
         size = (float(keys["window_mm"][0]), float(keys["window_mm"][1]))
         views = [(str(one["file"]), tuple(float(c) for c in one["eye_mm"])) for one in keys["views"]]
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
@@ -95,8 +91,8 @@ def read_folder(folder: Path) -> Views:
     eyes = np.array([eye for _, eye in views if len(eye) == 3])
     if not (min(size) > 0.0 and math.isfinite(sum(size))):
         raise input_error(path, f"window_mm is {size[0]:g} x {size[1]:g}", "give width and height above 0")
-    if not 0 < len(views) <= MOST_VIEWS:
-        raise input_error(path, f"has {len(views)} views", f"give 1 to {MOST_VIEWS}")
+    if not 0 < len(views) <= MAX_VIEWS:
+        raise input_error(path, f"has {len(views)} views", f"give 1 to {MAX_VIEWS}")
     if len(eyes) != len(views) or not np.isfinite(eyes).all():
         raise input_error(path, "has an eye_mm that is no three numbers", f"write {FORM}")
     if not eyes[:, 2].min() > 0.0 or np.ptp(eyes[:, 2]) > 1e-3 * eyes[0, 2]:
@@ -120,31 +116,31 @@ def read_folder(folder: Path) -> Views:
 
 
 def _steps(path: Path, places: npt.NDArray[np.float64]) -> tuple[list[float], npt.NDArray[np.intp]]:
-    """Return the places of a grid's lines, in rising order, and the number of the line of each eye."""
+    """Return the places of a grid's lines, in rising order, and the index of each eye's line."""
     rising = np.sort(places)
     gaps = np.diff(rising)
-    # Steps may differ; eyes that are nearer to each other than an eighth of the usual step are in one line.
+    # Steps may differ; eyes nearer to each other than an eighth of a typical step are in one line.
     steps = gaps[gaps > 1e-6 * max(1.0, float(np.abs(places).max()))]
     wide = gaps > (0.125 * float(np.quantile(steps, 0.75)) if len(steps) else math.inf)
     groups = np.split(rising, np.flatnonzero(wide) + 1)
     lines = np.array([group.mean() for group in groups])
     number = np.abs(places[:, None] - lines).argmin(axis=1)
     step = float(np.diff(lines).min()) if len(lines) > 1 else math.inf
-    if np.abs(places - lines[number]).max() > ASIDE * step:
+    if np.abs(places - lines[number]).max() > GRID_TOLERANCE * step:
         raise input_error(path, "has eyes that are off a row or grid", "give eyes in equal rows")
     return lines.tolist(), number
 
 
 def _check_size(path: Path, pixels: int) -> None:
-    if pixels > MOST_PIXELS:
-        what = f"the views have {pixels / 1e6:.0f} million pixels; {MOST_PIXELS // 1_000_000} are allowed"
+    if pixels > MAX_PIXELS:
+        what = f"the views have {pixels / 1e6:.0f} million pixels; {MAX_PIXELS // 1_000_000} are allowed"
         raise input_error(path, what, "give fewer or smaller views")
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's linear light (height, width, 3) and its metadata; `count` pictures of its size are allowed.
+    """Return a picture's linear light (height, width, 3) and its metadata.
 
-    Its size is known, and refused, before memory is taken for its pixels.
+    Raises InputError if `count` pictures of this size have too many pixels, before they are read.
     """
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
@@ -152,7 +148,7 @@ def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
             radiance, metadata = np.asarray(rows), rows.metadata
     else:
         radiance, metadata = _read_by_pillow(path, count), {}
-    return np.clip(radiance, 0.0, LARGEST, out=radiance), metadata
+    return np.clip(radiance, 0.0, MAX_HALF, out=radiance), metadata
 
 
 def _read_by_pillow(path: Path, count: int) -> Radiance:
@@ -168,20 +164,17 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
         raise input_error(path, f"cannot be read ({str(error)[:100]})", f"give {', '.join(PICTURES)}") from None
 
 
-#: The tiling in a quilt's name: columns, rows, aspect.
+#: The tiling in a quilt's name: columns, rows, aspect of a view.
 TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
-#: What a quilt of another tool does not tell, of Looking Glass' cameras: the cone of their eyes and the height of the
-#: window as an eye sees it, degrees.
+#: Looking Glass' cameras, for other tools' quilts: the cone of the eyes, and the height of the window, degrees.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
-#: The metadata that tell a quilt's eyes.
+#: Metadata key of a quilt's eyes.
 EYES_KEY = "eyes"
-#: Digits of the aspect.
-ASPECT_DIGITS = 5
 
 
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
-    """Return the path of a quilt, with its tiling in the name; InputError when the name tells another one."""
-    ending = f"_qs{columns}x{rows}a{f'{aspect:.{ASPECT_DIGITS}f}'.rstrip('0').rstrip('.')}"
+    """Return the path of a quilt with its tiling in the name; raise InputError if the name has another tiling."""
+    ending = f"_qs{columns}x{rows}a{f'{aspect:.5f}'.rstrip('0').rstrip('.')}"
     tiling = TILING.search(path.stem)
     if tiling is None:
         return path.with_name(f"{path.stem}{ending}{path.suffix}")
@@ -191,7 +184,7 @@ def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
 
 
 def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
-    """Return the quilt of views in the order of the eyes from left to right, (height, width, 3) each."""
+    """Return the quilt of views, (height, width, 3) each, in the order of the eyes from left to right."""
     quilt: Radiance | None = None
     for number, view in enumerate(views):
         if quilt is None:
@@ -203,15 +196,12 @@ def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
 
 
 def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict[str, str]:
-    """Return the metadata of a quilt that tell its window's size and its eyes, mm, which its name does not."""
+    """Return the metadata of a quilt with its window's size and its eyes, mm."""
     return {EYES_KEY: json.dumps({"window_mm": list(size_mm), "first_mm": list(eyes[0]), "last_mm": list(eyes[-1])})}
 
 
 def read_quilt(path: Path) -> Views:
-    """Read a quilt. Where its file does not tell the eyes, they are those of Looking Glass' cameras.
-
-    Raises InputError for a picture that cannot be read, or whose size has no such tiling.
-    """
+    """Read a quilt, for Looking Glass' eyes if it has none. Raises InputError for an unusable picture."""
     tiling = TILING.search(path.stem)
     assert tiling is not None
     columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
@@ -224,14 +214,14 @@ def read_quilt(path: Path) -> Views:
     # The first view is at the bottom left.
     views = tiles[::-1].transpose(0, 2, 1, 3, 4).reshape(1, rows * columns, height, width, 3)
     size, y, distance = (aspect, 1.0), 0.0, 0.5 / math.tan(math.radians(0.5 * FIELD_DEG))
-    right = math.tan(math.radians(0.5 * CONE_DEG)) * distance if rows * columns > 1 else 0.0
-    left = -right
+    last_x = math.tan(math.radians(0.5 * CONE_DEG)) * distance if rows * columns > 1 else 0.0
+    first_x = -last_x
     if EYES_KEY in metadata:
         try:
             eyes = json.loads(metadata[EYES_KEY])
             size = (float(eyes["window_mm"][0]), float(eyes["window_mm"][1]))
-            (left, y, distance), right = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
+            (first_x, y, distance), last_x = map(float, eyes["first_mm"]), float(eyes["last_mm"][0])
         except (ValueError, TypeError, KeyError, IndexError):
             raise input_error(path, "its note of the eyes is broken", "export it again") from None
-    x = np.linspace(left, right, rows * columns).tolist()
+    x = np.linspace(first_x, last_x, rows * columns).tolist()
     return Views(np.ascontiguousarray(views, np.float16), x, [y], distance, size)
