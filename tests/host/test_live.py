@@ -237,7 +237,7 @@ def test_the_window_shows_the_panels_pixels(made):
     panel = display.panel
     with screens() as shown:
         shown.open("panel", (panel.width_px, panel.height_px))
-        played = LiveShow(picture, hand, shown).run(seconds=0.0, max_samples=8)
+        played = LiveShow(picture, hand, shown).run(seconds=0.0, samples=8)
         found = pygame.surfarray.array3d(shown._windows["panel"].get_surface()).swapaxes(0, 1)
     assert played.samples == 8
     picture.quick(scene.placement)
@@ -317,7 +317,7 @@ def test_a_films_frames_are_those_of_animate(reel):
         shown.open("panel", (display.panel.width_px, display.panel.height_px))
         show = shown.show
         shown.show = lambda name, pixels, title: (given.append(np.array(pixels)), show(name, pixels, title))
-        played = LiveShow(picture, hand, shown, reel=reel).run(moving_s=5.0, seconds=5.0, max_samples=4)
+        played = LiveShow(picture, hand, shown, reel=reel).run(moving_s=5.0, seconds=5.0, samples=4)
     *frames, last = given
     assert len(frames) >= 9
     for number, frame in enumerate(frames):
@@ -380,7 +380,7 @@ def test_the_board_shows_whole_frames_and_the_last_one(made):
         sender.send = lambda pixels: (given.append(pixels.copy()), send(pixels))
         with screens() as shown:
             shown.open("panel", (panel.width_px, panel.height_px))
-            LiveShow(picture, hand, shown, send=sender.send).run(turn_deg=90.0, moving_s=1.0, seconds=1.0, max_samples=8)
+            LiveShow(picture, hand, shown, send=sender.send).run(turn_deg=90.0, moving_s=1.0, seconds=1.0, samples=8)
         sender.finish()
         assert 0 < sender.frames <= len(given)
         frames = {pixels.tobytes() for pixels in given}

@@ -434,7 +434,7 @@ def test_why_it_is_not_shared_is_told_where_it_was_asked_for(mi, display, lamps,
     made = scene(wall=wall(mi), **lamps)
     assert render_integral(made, display, "exact", settings).shading == "each"
     assert len(caplog.messages) == 1
-    assert caplog.messages[0].startswith("the irradiance cache is not used: ")
+    assert caplog.messages[0].startswith("no irradiance cache: ")
     assert why in caplog.messages[0]
     caplog.clear()
     render_integral(made, display, "exact", replace(settings, shading="auto"))
@@ -529,7 +529,7 @@ def test_why_a_trial_was_not_kept_is_told(mi, display, eager, caplog):
     made = scene(front=front, back=wall(mi), a=lamp([2, 9, 40]))
     settings = replace(SETTINGS, shading="auto")
     assert render_integral(made, display, "exact", settings).shading == "each"
-    assert caplog.messages == ["the irradiance cache is not used: most rays meet surfaces that are not plain diffuse, or too large"]
+    assert caplog.messages == ["no irradiance cache: most rays meet surfaces that are not plain diffuse, or too large"]
 
 
 @pytest.mark.parametrize("samples", [1, 5, 300])

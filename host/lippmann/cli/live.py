@@ -91,7 +91,7 @@ def command(
         shown = Screens() if window is False else stack.enter_context(screens())
         opened = _open_windows(shown, display, monitor, view)
         show = LiveShow(picture, hand, shown, view, None if sender is None else sender.send, reel)
-        played = show.run(turn_deg=turn, moving_s=turn_seconds, seconds=seconds, max_samples=samples, opened=opened)
+        played = show.run(turn_deg=turn, moving_s=turn_seconds, seconds=seconds, samples=samples, opened=opened)
         if sender is not None:
             sender.finish()
     _emit_result(scene_path, display, chosen, played, hand, port, sender)

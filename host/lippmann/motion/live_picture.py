@@ -278,10 +278,10 @@ class LiveShow:
         turn_deg: float = 0.0,
         moving_s: float | None = None,
         seconds: float | None = None,
-        max_samples: int = MAX_SAMPLES,
+        samples: int = MAX_SAMPLES,
         opened: float | None = None,
     ) -> Played:
-        """Run the loop until the user ends it, or for `seconds`, but not before the picture has `max_samples`.
+        """Run the loop until the user ends it, or for `seconds`, but not before the picture has all `samples`.
 
         The scene rotates `turn_deg` degrees a second, or the film plays, for `moving_s` seconds (None: to the end).
         `opened` is the time when the window was opened (time.perf_counter).
@@ -305,7 +305,7 @@ class LiveShow:
                 time.sleep(PAUSE_S)
             elif self._drawn != moment:  # it was shown from the cache
                 self._draw(moment)
-            elif picture.samples < max_samples:
+            elif picture.samples < samples:
                 if picture.finer(self.screens.waiting):
                     self._present(self._pictures(moving=False), f"at rest, {picture.samples} samples")
             elif seconds is not None and now - began >= seconds:

@@ -181,14 +181,14 @@ class Renderer:
                     self.settings = replace(settings, shading="shared", light_points=points)
                 return report
             why = "no surface is diffuse, or it would have too many points a lenslet's pitch apart"
-        return f"the irradiance cache is not used: {why}" if is_reported else None
+        return f"no irradiance cache: {why}" if is_reported else None
 
     def _judge_trial(self) -> tuple[bool, str]:
         """Tell whether the irradiance cache keeps every part of the image within `CACHE_DB`; and a line for the log."""
         decibels = self._trial()
         if decibels is None:
             why = "most rays meet surfaces that are not plain diffuse, or too large"
-            return False, f"the irradiance cache is not used: {why}"
+            return False, f"no irradiance cache: {why}"
         is_used = decibels >= CACHE_DB
         likeness = f"PSNR {math.floor(10 * decibels) / 10} dB" if math.isfinite(decibels) else "no difference"
         part = min(1.0, len(self._trial_tiles()) / (self._across * -(-self._height // TILE_PX)))
