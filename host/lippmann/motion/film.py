@@ -18,7 +18,6 @@ from lippmann.scenes.formats import kind_of
 from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.scenes.scene import Move
 
-#: Interpolation of a path between keys.
 Motion = Literal["smooth", "linear"]
 
 

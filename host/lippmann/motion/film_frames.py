@@ -80,10 +80,8 @@ def _bounds_at_rest(path: Path, digest: str) -> tuple[Matrix, Matrix]:
 
 
 def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
-    """Return the plans of the frames of a film, scaled about the display's centre; None fits it into the depth range.
-
-    Raises InputError if the scene or its placement cannot be read, or an unbounded scene is to be fitted.
-    """
+    """Return the plans of a film's frames. Raises InputError if the scene cannot be read, or not be fitted."""
+    # The film is scaled about the display's centre; `scale` of None fits it into the depth range.
     digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
@@ -113,11 +111,8 @@ def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
 
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
-    """Return a film's plans without "auto": with the irradiance cache if the trial at every key frame allows it.
-
-    With one way to shade, pixels at rest do not change from frame to frame. The trial's result goes to the log.
-    Errors as `FramePlan.load` and `Renderer`.
-    """
+    """Return a film's plans without "auto": with the irradiance cache if trials at all key frames allow it."""
+    # Shaded in one way, pixels at rest do not change from frame to frame. The trial's result goes to the log.
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
         return plans
@@ -143,9 +138,7 @@ def render_frame(plan: FramePlan) -> IntegralImage:
     return render_picture(plan)
 
 
-#: Start of the frames' file names.
 FRAME_STEM = "frame_"
-#: Remedy if a folder cannot be made.
 REMEDY = "choose another folder with -o"
 
 
@@ -183,7 +176,6 @@ class FrameFolder:
         self.folder, self._existed = folder, folder.exists()
         make_folder(folder, REMEDY)
         self._plans = plans
-        #: The frames that are to be rendered.
         self.missing_plans = [plan for plan in plans if not is_rendered(folder, plan)]
         self.bands = [band for plan in plans for band in bands_of_plan(plan)]
         self._pictures: dict[int, MemorySink] = {}

@@ -215,7 +215,6 @@ MAX_SAMPLES = 64
 Moment = tuple[int, tuple[float, ...]]
 #: Maximum memory for pictures of a film's frames.
 CACHE_BYTES = 1 << 30
-#: Names of the windows.
 PANEL, VIEW = "panel", "eye's view"
 #: Pause between two checks of mouse and keys while there is nothing to do, s.
 PAUSE_S = 0.01

@@ -143,12 +143,8 @@ class Screens:
     def _press(self, event: Any, hand: Hand, reel: Reel | None) -> bool:
         pygame = self._pygame
         shifted = bool(getattr(event, "mod", 0) & pygame.KMOD_SHIFT)
-        across, up = {
-            pygame.K_LEFT: (-1, 0),
-            pygame.K_RIGHT: (1, 0),
-            pygame.K_UP: (0, 1),
-            pygame.K_DOWN: (0, -1),
-        }.get(event.key, (0, 0))
+        arrows = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
+        across, up = arrows.get(event.key, (0, 0))
         if event.key in (pygame.K_ESCAPE, pygame.K_q):
             return False
         if event.key == pygame.K_r:

@@ -14,17 +14,13 @@ from lippmann.display.description import Display
 from lippmann.rendering.options import RenderOptions
 from lippmann.scenes.placement import Placement
 
-#: The libraries that a picture's pixels depend on.
 PIXEL_LIBRARIES = ("mitsuba", "drjit")
 
 
 def pixels_identity(
     digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
 ) -> str:
-    """Return the hash, 16 hexadecimal digits, of all that a picture's pixels depend on.
-
-    `digest` is the scene's (`scenes.scene.digest_of`). `others` are further values, of types that JSON can hold.
-    """
+    """Return the hash, 16 hexadecimal digits, of a scene's digest and all others that its pixels depend on."""
     arguments = asdict(options)
     del arguments["settings"]["memory_mb"]
     parts = {

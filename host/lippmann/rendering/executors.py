@@ -41,12 +41,7 @@ ALONE_S = 5.0
 STOPPED_WORKER_S = 30.0
 #: Bands submitted for each thread of the workers: one is rendered, one waits.
 AHEAD = 2
-
-#: Maximum number of workers on this machine.
 MAX_WORKERS = 64
-#: The command that starts a scheduler on this machine alone.
-SCHEDULER = "dask scheduler --host 127.0.0.1 --no-dashboard"
-
 #: A worker renders one band at a time, on all cores.
 _rendering = threading.Lock()
 
@@ -223,11 +218,8 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
         security = Security.temporary()
     except ImportError as error:
         raise missing_library(error) from None
-    with contextlib.ExitStack() as end:
-        end.enter_context(starting_python())
-        end.enter_context(
-            dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
-        )
+    no_pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+    with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():
             cluster = LocalCluster(
                 n_workers=count,
@@ -239,8 +231,8 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 silence_logs=logging.CRITICAL,
             )
-        end.enter_context(cluster)
-        yield cluster.scheduler_address, security
+        with cluster:
+            yield cluster.scheduler_address, security
 
 
 def _worker(address: str) -> str:
@@ -260,9 +252,8 @@ def _connected(address: str, security: Security | None = None) -> Client:
     try:
         client = distributed.Client(address, timeout=ANSWER_S, security=security)
     except (OSError, ValueError, TypeError):
-        raise input_error(
-            address, "no scheduler answers there", f"start one ({SCHEDULER}), or give its address, tcp://HOST:8786"
-        ) from None
+        remedy = "start one (dask scheduler --host 127.0.0.1 --no-dashboard), or give its address, tcp://HOST:8786"
+        raise input_error(address, "no scheduler answers there", remedy) from None
     try:
         client.wait_for_workers(1, timeout=ANSWER_S)
     except TimeoutError:
@@ -276,8 +267,8 @@ def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radian
 
     name = f"worker {get_worker().address}"
     if pixel_versions() != expected:
-        theirs = ", ".join(f"{key} {value}" for key, value in pixel_versions().items())
-        ours = ", ".join(f"{key} {value}" for key, value in expected.items())
+        versions = pixel_versions(), expected
+        theirs, ours = (", ".join(f"{key} {value}" for key, value in one.items()) for one in versions)
         raise input_error(name, f"has {theirs}, asked for {ours}", "install the same Lippmann everywhere")
     # Another thread's garbage may be Dr.Jit's, whose lock this thread holds.
     with _rendering, garbage_kept():

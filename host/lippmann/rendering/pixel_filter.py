@@ -36,10 +36,8 @@ def is_filter_allowed(samples: int, colours: int) -> bool:
 
 
 def noise_fraction(samples: int, colours: int) -> float:
-    """Return the fraction of the noise of independent samples that the filter leaves, about.
-
-    It is the root of the weights' mean square, 1 - 2 s / 3 along each axis. At a lenslet's border more remains.
-    """
+    """Return the fraction of the noise of independent samples that is left by the filter, about."""
+    # The root of the weights' mean square, 1 - 2 s / 3 along each axis; more is left at a lenslet's border.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
 
@@ -88,10 +86,7 @@ class PixelFilter:
         dr.eval(self._sums, self._owners)
 
     def colours(self) -> list[Jit]:
-        """Return the band's red, green and blue, row by row.
-
-        Pixels on both sides of a row that is a multiple of `BAND_ROWS` share nothing: the bands' height has no effect.
-        """
+        """Return the band's red, green and blue, row by row, which do not depend on the band's height."""
         pixel = dr.arange(mi.UInt32, self._width * len(self._rows))
         # Opaque, so that bands of other heights need no compilation.
         height, width = (dr.opaque(mi.Int32, value) for value in (len(self._rows), self._width))
@@ -99,7 +94,7 @@ class PixelFilter:
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # The neighbour on the opposite side has summed for this pixel.
+            # The neighbour on the opposite side has summed for this pixel, but not across multiples of `BAND_ROWS`.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)

@@ -50,10 +50,7 @@ class BandRenderer(Protocol):
         """Compile the program; return the seconds that it took."""
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return the radiance (rows, width, 3) of a band, and its numbers of lost samples by reason.
-
-        `report_rows` is called with the number of finished rows.
-        """
+        """Return a band's radiance (rows, width, 3), and its numbers of lost samples by reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +89,7 @@ class Plan(ABC):
 
     @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
-        """Return the renderer of this plan's bands; load what it needs.
-
-        `worker` is a worker's name. Raises InputError with it if the plan's files are missing or different there.
-        """
+        """Return the renderer of the bands. Raises InputError if a file is missing or different at a named worker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,10 +200,7 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
-    """Set Mitsuba's variant for a block, and yield the scene, loaded if it is a path. See `lippmann.load_scene`.
-
-    Raises InputError for a bad scene or device; MissingLibraryError as `start_mitsuba`.
-    """
+    """Set Mitsuba's variant for a block, and yield a loaded scene. Errors as `load_scene` and `start_mitsuba`."""
     if not isinstance(placement, Placement | None):
         raise InputError(f"placement must be a lippmann.Placement or None, not {str(placement)[:80]!r}")
     if isinstance(source, str | Path):
@@ -249,11 +240,8 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 
 def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Warn of what a placed scene's picture will lack; return the lens model for it, and log it.
-
-    The warnings that need a trial view, which takes time, are given only if the log takes INFO.
-    Raises InputError as `warn_of_unused_parts` and `resolve_model`.
-    """
+    """Warn of what a placed scene's picture will lack; choose the lens model, log and return it."""
+    # The trial view takes time, so it is made only for a log that takes INFO. Errors as `resolve_model`.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
         warn_of_view(scene, display, options.settings, options.engine)
@@ -267,16 +255,11 @@ class Job:
     scene: Scene
     display: Display
     options: RenderOptions = field(default_factory=RenderOptions)
-    #: See `place_scene`.
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Decide all that is "auto".
-
-        A `portable` plan, for other processes or for bands that are kept, identifies the scene by its files.
-        Raises InputError for a scene that cannot be placed, or that needs a file and has none; and as `choose_model`
-        and `Renderer`.
-        """
+        """Decide all "auto". Raises InputError if the scene cannot be placed, or is to be `portable` without a file."""
+        # A portable plan, for other processes or for bands that are kept, identifies the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # workers have other current folders; links stay: their neighbours are read
         if portable and not path.exists():

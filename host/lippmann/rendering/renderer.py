@@ -63,7 +63,6 @@ class Rendered:
     #: Wall time of the render, and processor time of all threads, without compilation.
     seconds: float
     cpu_seconds: float
-    #: Compilation before the render.
     prepare_seconds: float
     #: All rays, also those that were lost before the scene.
     samples_traced: int
@@ -119,11 +118,7 @@ class Renderer:
         bands: Sequence[range] | None = None,
         in_memory: bool = True,
     ) -> None:
-        """Choose the program. Raises InputError as `make_integrator`.
-
-        `bands` are the rows of each band, which starts at a multiple of `BAND_ROWS`; None means `bands_of`. `in_memory`
-        says whether the picture stays in memory, or one band at a time.
-        """
+        """Choose the program; `bands` are rows (None: `bands_of`), `in_memory` means all of them at the same time."""
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
@@ -256,10 +251,7 @@ class Renderer:
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return some rows as red, green and blue planes (Dr.Jit), and the numbers of lost samples by reason.
-
-        Only the first `tiles` tiles are rendered, if given; the others are black.
-        """
+        """Return rows, or their first tiles, as planes of red, green and blue, and the lost samples by reason."""
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
@@ -304,10 +296,8 @@ class Renderer:
 
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
-    """Return red, green and blue planes as an image (rows, width, 3), which may be Dr.Jit's memory.
-
-    Copy it for other threads: a thread that frees it waits for Dr.Jit, which may wait for Python in another thread.
-    """
+    """Return planes of red, green and blue as an image (rows, width, 3), which may be Dr.Jit's memory."""
+    # Copy it for other threads: one that frees it waits for Dr.Jit, which may wait for Python in another thread.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 

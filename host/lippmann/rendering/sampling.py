@@ -26,6 +26,8 @@ from lippmann.scenes.scene import Scene
 
 Aperture = Literal["chief", "full"]
 APERTURES: tuple[Aperture, ...] = get_args(Aperture)
+#: Side of the tiles.
+TILE_PX = 8
 
 
 class Lines(NamedTuple):
@@ -140,11 +142,7 @@ class Window:
 def eye_source(
     eye_mm: tuple[float, float, float], window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0
 ) -> RaySource:
-    """Return the rays from an eye (mm) through a window, without a display.
-
-    With a pupil, a ray joins a random point of the pupil and the point in focus on the line from its centre through the
-    pixel.
-    """
+    """Return the rays from an eye, or random points of its pupil, through a window (mm), without a display."""
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
         # Opaque: another eye or window needs no compilation.
@@ -160,14 +158,7 @@ def eye_source(
         ray = dr.normalize(mi.Vector3f(ex - x, ey - y, ez - z))
         return Lines((x, y, z), (ray.x, ray.y, ray.z), mi.Bool(True))
 
-    def owner(b: DrJitBackend, u: Jit, v: Jit) -> Jit:
-        return mi.UInt32(0)
-
-    return RaySource(window.width_px, window.height_px, lines, owner=owner)
-
-
-#: Side of the tiles.
-TILE_PX = 8
+    return RaySource(window.width_px, window.height_px, lines, owner=lambda b, u, v: mi.UInt32(0))
 
 
 def colours_of(panel: Panel) -> int:
@@ -286,10 +277,8 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
-    """Return a sampler for integrators, by the indices (UInt32) of pixels and of samples in them.
-
-    Its numbers do not depend on the division into chunks, bands and workers, and are the same for a pixel's colours.
-    """
+    """Return a sampler for integrators, by the indices (UInt32) of pixels and of samples in them."""
+    # Its numbers do not depend on chunks, bands and workers, and are the same for a pixel's colours.
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)
     state, stream = mi.sample_tea_32(first ^ sample, second, HASH_ROUNDS)

@@ -89,10 +89,8 @@ class _References:
 
 @contextlib.contextmanager
 def garbage_kept() -> Iterator[None]:
-    """Stop Python's garbage collection in a block: Dr.Jit crashes if a scene is freed while it records.
-
-    With several threads it deadlocks if one frees a value of Dr.Jit's while another runs in Dr.Jit.
-    """
+    """Stop Python's garbage collection in a block: Dr.Jit crashes if a scene is freed while it records."""
+    # With several threads it deadlocks if one frees a value of Dr.Jit's while another runs in Dr.Jit.
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -261,10 +259,8 @@ class CachedProgram(Program):
         return self.cache.between(place, cached)
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
-        """Return the radiance (pixels, 3) of a chunk by the cache, and by each sample's own light.
-
-        Uncached samples are black in both; the third value is their fraction. `samples` is for each colour of a pixel.
-        """
+        """Return the radiance (pixels, 3) by the cache and by each sample's light, and the uncached fraction."""
+        # Uncached samples are black in both. There are so many `samples` for each colour of a pixel.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
         radiances = []

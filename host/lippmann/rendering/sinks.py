@@ -67,11 +67,7 @@ class RenderTimes(NamedTuple):
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the bands that a sink lacks; return the cost.
-
-    `progress` is called with (rows done, rows in all). Raises the executor's errors, and InputError or NoSpaceError if
-    the sink cannot store a band.
-    """
+    """Render the missing bands of a sink; return the cost. Raises the errors of the executor and the sink."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -137,11 +133,7 @@ class KeptBands:
     """A picture whose finished bands are files in a folder, which is locked for this process until `release`."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
-        """Make and lock the folder, and remove the bands of another render from it.
-
-        Raises InputError if the folder cannot be made, another command has it, or a band exceeds the memory limit;
-        NoSpaceError if the disk has no room for the bands.
-        """
+        """Lock the folder. Raises InputError if that fails or a band needs too much memory, and NoSpaceError."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, "choose another place for the picture")
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
@@ -192,10 +184,7 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def write(self, path: Path) -> None:
-        """Write the picture of all bands, and remove the bands.
-
-        If that fails, the bands stay, the log names their folder, and InputError or NoSpaceError is raised.
-        """
+        """Write the picture and remove the bands; if that fails, raise InputError or NoSpaceError, and keep them."""
         panel = self.plan.display.panel
         try:
             write_picture(path, self, self.metadata, panel.transfer, panel.bits)

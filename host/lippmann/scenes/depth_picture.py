@@ -1,7 +1,4 @@
-"""A picture and its depths (RGB-D), named by a TOML file, as a Mitsuba scene.
-
-The scene is one surface through all pixels. It has no gaps: it is stretched from near objects to those behind them.
-"""
+"""A picture and its depths (RGB-D), named by a TOML file, as a Mitsuba scene: one surface without gaps."""
 
 from __future__ import annotations
 

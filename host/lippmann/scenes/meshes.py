@@ -68,12 +68,10 @@ REMEDY = "export it again, or as .glb"
 
 
 def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: list[str]) -> Path:
-    """Write the scene of a file, with its meshes and textures, into an empty folder; return the scene's path.
+    """Write the scene of a file, its meshes and textures into an empty folder; return the scene's path.
 
-    `scene_from_display` (3, 3) rotates the lights. Lines on what is not shown are added to `notes`.
-
-    Raises InputError for a file that is too large, broken, without faces, or lacks a texture, and for a glTF that
-    requires unknown extensions.
+    `scene_from_display` (3, 3) rotates the lights; `notes` get lines on what is not shown. Raises InputError for a file
+    that is too large, broken, without faces, or lacks a texture or an extension.
     """
     scene = new_scene()
     add_lights(scene, scene_from_display)
@@ -387,10 +385,8 @@ def write_surface(
     uv: Floats | None = None,
     colours: Floats | None = None,
 ) -> None:
-    """Write points (N, 3), faces (M, 3), and each point's normal (N, 3), texture coordinates (N, 2), colour (N, 3).
-
-    The first row of a texture is at v = 0; colours are linear, and become Mitsuba's attribute `vertex_color`.
-    """
+    """Write points (N, 3), faces (M, 3), and points' normals (N, 3), texture coordinates (N, 2), colours (N, 3)."""
+    # The first row of a texture is at v = 0; colours are linear, and become Mitsuba's `vertex_color`.
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )

@@ -34,10 +34,7 @@ Depth = Annotated[float | None, key("", default="the scene's bounding box")]
 @documented
 @dataclass(frozen=True)
 class Placement:
-    """A similarity from scene units to the display's frame (mm), and a depth range.
-
-    Primary rays start at `near_mm`. A depth of None means the scene's bounding box.
-    """
+    """A similarity from scene units to the display's frame (mm), and a depth range; rays start at `near_mm`."""
 
     scale: Annotated[Scale, key("mm for each scene unit")] = 1.0
     rotation_deg: Annotated[Triple, key("rotation about x, then y, then z, after the scaling")] = ORIGIN
@@ -86,10 +83,8 @@ class Placement:
         return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def keeping_depths(self, before: Placement) -> Placement:
-        """Return this placement with its missing depths from an earlier one, moved with the scene.
-
-        If the scene is tilted in between, depths stay None (the bounding box).
-        """
+        """Return this placement with its missing depths from an earlier one, moved with the scene."""
+        # Not if the scene is tilted in between: then the bounding box tells the depths.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
             return self

@@ -131,10 +131,9 @@ def _check_files(path: Path) -> None:
 def parsed(
     path: Path, scene_from_display: Matrix | None = None, notes: list[str] | None = None
 ) -> Iterator[tuple[mts.parser.ParserConfig, mts.parser.ParserState]]:
-    """Parse a scene file; yield the configuration and the state of Mitsuba's parser. See `as_mitsuba`.
+    """Yield the configuration and the state of Mitsuba's parser of a scene file, for a block in its folder.
 
-    In the block Mitsuba finds files beside the scene file. Raises InputError for its errors in the block (unknown
-    plugin, missing texture or mesh, bad XML), and for a file that cannot be read.
+    Raises InputError for Mitsuba's errors in the block (unknown plugin, missing texture, bad XML), as `as_mitsuba`.
     """
     register_light_field()
     before = mi.file_resolver()
@@ -166,10 +165,9 @@ def without_places(error: Exception) -> str:
 def load_scene(
     path: str | Path, placement: Placement | None = None, moves: Sequence[Move] = (), part: Part | None = None
 ) -> Scene:
-    """Load a scene file, or a part of it, and move shapes in the order of `moves`.
+    """Load a scene file, or a part of it, placed (None: `placement_beside`) and with shapes moved in order.
 
-    A placement of None means `placement_beside`. Raises InputError if the file is missing or Mitsuba refuses it
-    (`parsed`), a move matches no shape, or a part matches none or all.
+    Raises InputError as `parsed`, if a move matches no shape, and if a part matches no shape or all of them.
     """
     path = check_scene_file(path)
     usual, notes = None, list[str]()
@@ -252,11 +250,8 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from, after conversion.
-
-    It covers the file, its includes, every file that a property names, and the spectra, which the parser has read from
-    their files. Raises InputError as `load_scene`.
-    """
+    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from. InputError as `load_scene`."""
+    # The file after conversion, its includes, each file that a property names, and the spectra read from files.
     path = check_scene_file(path)
     digest = hashlib.sha256()
     with parsed(path) as (configuration, state):
@@ -309,11 +304,8 @@ def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
 
 
 def bounds_of(scene: mts.Scene) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner (3,) of a Mitsuba scene's bounding box, scene units.
-
-    A closed shape around all others, such as a studio or a sky, is left out if it is `SURROUNDS` times as large: rays
-    from its outside would see nothing else.
-    """
+    """Return the lowest and the highest corner (3,) of a `mitsuba.Scene`, scene units, without its surroundings."""
+    # Rays from outside of a studio or a sky, a closed shape around all others, would see nothing else.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
         (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
@@ -364,11 +356,8 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
 
 
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
-    """Return the placement that scales a box (corners (3,), mm) and moves it to the middle of a display's depth range.
-
-    It is the largest at which the box fits into the depth range and the eye sees its whole front. Raises InputError if
-    the scale is out of range.
-    """
+    """Return the placement that fits a box (corners (3,), mm) into a display's depth range and view."""
+    # An eye in front of the panel's centre sees the whole front of the box.
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)

@@ -24,16 +24,12 @@ SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", 
 MIN_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
 #: Maximum absolute logarithm of a size.
 MAX_LOG = 30.0
-#: Maximum size of a file.
 MAX_BYTES = 2 << 30
 REMEDY = "export it again from the trainer or an editor of splats"
 
 
 def write_scene(path: Path, folder: Path) -> Path:
-    """Write the scene of a file of splats into an empty folder; return the scene's path.
-
-    Raises InputError for a file that is too large, broken, or lacks positions, colours or shapes.
-    """
+    """Write the scene of a file of splats into an empty folder; return its path. InputError for unusable files."""
     table = _read(path)
     file = folder / "splats.ply"
     write_table(file, table)

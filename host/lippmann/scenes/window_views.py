@@ -29,7 +29,6 @@ from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, writ
 
 #: The file with the eyes of a folder's views.
 EYES = "views.json"
-#: Suffixes of quilts and views.
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
 #: Maximum distance of an eye from its place in the grid, steps of the grid.
 GRID_TOLERANCE = 0.1
@@ -138,10 +137,8 @@ def _check_size(path: Path, pixels: int) -> None:
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's linear light (height, width, 3) and its metadata.
-
-    Raises InputError if `count` pictures of this size have too many pixels, before they are read.
-    """
+    """Return a picture's light (height, width, 3) and metadata. InputError if `count` of them are too large."""
+    # The size is checked before memory is taken for the pixels.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
             _check_size(path, count * rows.shape[0] * rows.shape[1])
@@ -168,7 +165,6 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
 TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
 #: Looking Glass' cameras, for other tools' quilts: the cone of the eyes, and the height of the window, degrees.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
-#: Metadata key of a quilt's eyes.
 EYES_KEY = "eyes"
 
 
