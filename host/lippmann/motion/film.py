@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from msgspec import Meta
 
 from lippmann.base import toml
 from lippmann.base.toml import documented, key, values
 from lippmann.errors import InputError, input_error
+from lippmann.optics.rays import Floats
 from lippmann.scenes.formats import kind_of
 from lippmann.scenes.placement import ORIGIN, Placement, Scale, Triple
 from lippmann.scenes.scene import Move
@@ -21,9 +21,7 @@ from lippmann.scenes.scene import Move
 Motion = Literal["smooth", "linear"]
 
 
-def interpolated(
-    frames: npt.NDArray[np.float64], numbers: npt.NDArray[np.float64], motion: Motion | None, frame: float
-) -> npt.NDArray[np.float64]:
+def interpolated(frames: Floats, numbers: Floats, motion: Motion | None, frame: float) -> Floats:
     """Return the numbers (N,) at a frame, from those (K, N) at the frames (K,) of keys; constant beyond the keys."""
     from scipy.interpolate import PchipInterpolator
 

@@ -1,4 +1,4 @@
-"""Warnings, with numbers, about a scene for a display: what is not rendered, not sharp, not visible, or noisy."""
+"""Warnings about a scene for a display: what is not rendered, not sharp, not visible, or noisy."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Executors: functions that take bands and yield them rendered, in any order.
-
-This process renders the bands, or workers that it starts, or the workers of a Dask scheduler. Bands of a lost worker
-go to another one. Workers read the scene from the same path as this process.
-"""
+"""Executors, which render bands in any order: this process, workers that it starts, or those of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -90,11 +86,7 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
 
 
 def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
-    """Return the executor: `workers` processes on this machine, the workers of a scheduler, or this process.
-
-    `device` is each worker's: "auto", "llvm" or "cuda". Raises InputError for both at once, a number of workers out of
-    range, and a scheduler without workers; MissingLibraryError without Dask.
-    """
+    """Return the executor of so many workers, a scheduler's or this process. Raises InputError for bad arguments."""
     if workers is not None and scheduler is not None:
         raise InputError("workers and scheduler both say who renders; leave one out")
     if workers is not None:
@@ -120,14 +112,11 @@ def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterato
 def render_on_cluster(
     address: str, device: str, bands: Sequence[Band], security: Security | None = None
 ) -> Iterator[RenderedBand]:
-    """Render bands, submitted in their order, on the workers of a cluster; yield each as it arrives.
+    """Render bands on a scheduler's workers, which read the scene from the same path; yield each as it arrives.
 
-    `address` is the scheduler's, such as tcp://127.0.0.1:8786; `device` each worker's. `security` is for
-    `local_workers`. The log says when no worker is left.
-
-    Raises InputError if no scheduler answers, no worker has joined, or a worker lacks the scene, has another scene or
-    other versions; DeviceError if the scheduler is lost, or a band crashes several workers; MissingLibraryError without
-    Dask here, or without Lippmann on a worker.
+    Raises InputError if no scheduler answers, no worker has joined, or a worker has another scene or other versions;
+    DeviceError if the scheduler is lost, or a band crashes several workers; MissingLibraryError without Dask here, or
+    without Lippmann on a worker.
     """
     if not bands:
         return
@@ -205,12 +194,8 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start workers on this machine; yield their scheduler's address and its `Security`.
-
-    Dask runs any program that it is sent, so they listen on loopback, by TLS with a key that only these processes have.
-    They run no Python file of the current folder. A worker that dies is replaced. None has a memory limit: near it,
-    Dask would pause the worker for ever. Raises MissingLibraryError without Dask.
-    """
+    """Start workers on this machine; yield their scheduler's address and its `Security`."""
+    # Dask runs any program that it is sent, so they listen on loopback, by TLS with a key of these processes.
     try:
         import dask
         from distributed import LocalCluster, Security
@@ -221,6 +206,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
     no_pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():
+            # Without a memory limit: near one, Dask would pause a worker for ever.
             cluster = LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,

@@ -1,8 +1,4 @@
-"""The integral image: radiance, the display that it was made for, and metadata.
-
-A file carries the identity of the display, and the transfer curve and bits of its panel. `IntegralImage.load` checks
-the identity, and for a PNG, which contains panel values, also curve and bits.
-"""
+"""The integral image: radiance, the display that it was made for, which a file is checked against, and metadata."""
 
 from __future__ import annotations
 
@@ -66,7 +62,7 @@ def in_notebook() -> bool:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IntegralImage(Showable):
-    """The picture that a display's panel shows.
+    """The picture that a display's panel shows. Raises InputError for radiance of another size, or of integers.
 
     Attributes
     ----------
@@ -78,11 +74,6 @@ class IntegralImage(Showable):
         How it was made: display, identity, the panel's transfer curve and bits, model, samples, seed, versions, ...
     measured
         Figures of the render, such as `seconds`, and a capture's losses; not saved. Empty for a loaded image.
-
-    Raises
-    ------
-    InputError
-        For radiance of another size than the panel's, or of integers; and for a display that is not a Display.
     """
 
     radiance: Radiance

@@ -72,11 +72,9 @@ class Recorded:
 
 
 class _References:
-    """The function and the scene of a frozen function, which must not refer to them itself.
+    """Function and scene of a frozen function, which refers to them only through this object."""
 
-    Dr.Jit's object is part of a reference cycle, which only the garbage collector frees. But a scene must be freed at
-    once: programs contain the code of every shape and light that exists.
-    """
+    # Dr.Jit's object waits for the garbage collector. But a scene must be freed at once, or programs contain it.
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base import toml
 from lippmann.base.images import read_numbers
 from lippmann.base.limits import read_limited
 from lippmann.base.toml import documented, key
 from lippmann.errors import input_error, not_there
+from lippmann.optics.rays import Floats
 from lippmann.scenes.meshes import write_surface
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 from lippmann.scenes.window_views import Views, read_light
@@ -85,7 +85,7 @@ def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
     return write(scene, folder / "scene.xml")
 
 
-def _depths(path: Path) -> npt.NDArray[np.float64]:
+def _depths(path: Path) -> Floats:
     """Return the numbers in a file of depths (height, width)."""
     if path.suffix.lower() == ".exr":
         return np.asarray(read_light(path)[0][..., 0], np.float64)
@@ -95,7 +95,7 @@ def _depths(path: Path) -> npt.NDArray[np.float64]:
     return np.asarray(numbers[..., 0] if numbers.ndim == 3 else numbers, np.float64)
 
 
-def _write_points(path: Path, depth: npt.NDArray[np.float64], focal_px: float) -> None:
+def _write_points(path: Path, depth: Floats, focal_px: float) -> None:
     """Write the surface through the points of all pixels; its front is towards the camera."""
     height, width = depth.shape
     row, column = np.mgrid[:height, :width]

@@ -49,11 +49,8 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Yield the path of a file's Mitsuba scene; a converted scene is deleted after the block.
-
-    `scene_from_display` (3, 3) rotates the lights that are added, so that they stay with the display. Lines for the
-    user are added to `notes`. Raises InputError for a file that cannot be converted.
-    """
+    """Yield the path of a file's Mitsuba scene, converted for the block. Raises InputError if that fails."""
+    # `scene_from_display` (3, 3) rotates added lights with the display; `notes` get lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":
         yield path

@@ -1,11 +1,10 @@
 """Views of one window, as a folder or as a quilt, and the Mitsuba scene that shows each eye its view.
 
-All views are pictures of one window, from eyes in a row or a grid before it: a point in the window's plane is at the
-same place in all views.
+The eyes are in a row or a grid before the window. A point in the window's plane is at the same place in all views.
 
-A quilt has the views as tiles of one picture, by Looking Glass' rules: from the leftmost eye's view at the bottom left
-to the right, then upward, to the rightmost eye's at the top right. The file's name holds the tiling and the aspect of a
-view: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views that are 0.75 times as wide as high.
+A quilt has the views as tiles, by Looking Glass' rules: from the leftmost eye's at the bottom left to the right, then
+upward. Its name holds tiling and aspect: `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of views 0.75 times as wide as
+high.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from lippmann.base.images import LINEAR_SUFFIXES, Radiance, StoredRows
 from lippmann.base.limits import read_limited
 from lippmann.base.tones import decode
 from lippmann.errors import input_error
+from lippmann.optics.rays import Floats
 from lippmann.scenes.mitsuba_xml import new_scene, plugin, to_world, value, write
 
 #: The file with the eyes of a folder's views.
@@ -114,7 +114,7 @@ def read_folder(folder: Path) -> Views:
     return Views(pictures, x, y, float(eyes[0, 2]), size)
 
 
-def _steps(path: Path, places: npt.NDArray[np.float64]) -> tuple[list[float], npt.NDArray[np.intp]]:
+def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp]]:
     """Return the places of a grid's lines, in rising order, and the index of each eye's line."""
     rising = np.sort(places)
     gaps = np.diff(rising)
