@@ -25,8 +25,8 @@ from lippmann.rendering.options import RenderOptions
 from lippmann.rendering.plan import ScenePlan, choose_model, make_renderer
 from lippmann.rendering.sampling import colours_of
 from lippmann.rendering.sinks import MemorySink, bands_of_plan, render_picture
-from lippmann.scenes.placement import Matrix, Placement, placement_beside
-from lippmann.scenes.scene import Move, Scene, digest_of, fitting, front_of, load_scene, placed_box
+from lippmann.scenes.placement import Placement, placement_beside
+from lippmann.scenes.scene import Box, Move, Scene, digest_of, fitting, front_of, load_scene, placed_box
 
 logger = logging.getLogger("lippmann")
 
@@ -74,7 +74,7 @@ class FramePlan(ScenePlan):
 
 
 @functools.lru_cache(maxsize=1)
-def _bounds_at_rest(path: Path, digest: str) -> tuple[Matrix, Matrix]:
+def _bounds_at_rest(path: Path, digest: str) -> Box:
     """Return the bounds of the scene at rest. It is freed at once: programs contain the code of all scenes."""
     return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).bounds
 
@@ -127,7 +127,7 @@ def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
 
 
 def warn_of_frame(plan: FramePlan) -> None:
-    """Warn and log as `choose_model` does for a frame; keep the renderer for `start` in this process."""
+    """Warn and log as `choose_model` for a frame; keep the renderer for `start`."""
     scene = plan.load()
     model = choose_model(scene, plan.display, plan.options)
     plan.planned_by.append(make_renderer(scene, plan.display, replace(plan.options, model=model), plan.bands))
@@ -148,7 +148,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Raise InputError if a folder for a film's frames cannot be made, or contains frames of a longer film."""
+    """Raise InputError if a film's folder cannot be made, or contains frames of a longer film."""
     exists = folder.exists()
     make_folder(folder, REMEDY)
     if not exists:  # until there is a frame

@@ -97,7 +97,7 @@ class LayerFilm:
 
 
 def load_layer_film(path: str | Path) -> LayerFilm:
-    """Read a film of layers, or a folder of layers as a film of one frame; InputError names file, key and remedy."""
+    """Read a film of layers, or a folder of layers as one frame; InputError names file, key and remedy."""
     path = Path(path)
     if is_layers(path) or path.is_dir():
         return LayerFilm(*load_named_layers(path))
@@ -160,7 +160,7 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
 
 
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
-    """Raise InputError for a film with an impossible layer at some frame, such as behind the display's eyes."""
+    """Raise InputError for an impossible layer at some frame, such as behind the display's eyes."""
     for frame in range(film.frames):
         try:
             stack, numbers = film.at(frame)

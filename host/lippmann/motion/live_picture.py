@@ -51,7 +51,7 @@ def values_of(bits: int) -> npt.NDArray[np.uint8]:
 
 
 class Encoder:
-    """Converts planes of radiance to a panel's values of 8 bits, on the device, as `encoded_values`."""
+    """Converts planes of radiance to a panel's 8-bit values, as `encoded_values` does."""
 
     def __init__(self, panel: Panel) -> None:
         bits = min(panel.bits, 8)

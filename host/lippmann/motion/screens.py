@@ -76,7 +76,7 @@ class Hand:
 
 
 class Screens:
-    """The windows of a live picture; without `pygame` there are none, and only a board shows the picture."""
+    """The windows of a live picture; there are none without `pygame`, for a board alone."""
 
     def __init__(self, pygame: Any = None) -> None:
         self._pygame = pygame
@@ -123,7 +123,7 @@ class Screens:
         return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Handle the events of mouse and keys, which move a scene and control a film; return whether to continue."""
+        """Let mouse and keys move a scene and control a film; return whether to continue."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):

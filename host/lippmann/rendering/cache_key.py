@@ -20,7 +20,7 @@ PIXEL_LIBRARIES = ("mitsuba", "drjit")
 def pixels_identity(
     digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
 ) -> str:
-    """Return the hash, 16 hexadecimal digits, of a scene's digest and all others that its pixels depend on."""
+    """Return the hash, 16 hexadecimal digits, of all arguments: the scene's digest and what else matters."""
     arguments = asdict(options)
     del arguments["settings"]["memory_mb"]
     parts = {

@@ -86,7 +86,7 @@ def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> It
 
 
 def choose_executor(workers: int | None = None, scheduler: str | None = None, device: str = "auto") -> Executor:
-    """Return the executor of so many workers, a scheduler's or this process. Raises InputError for bad arguments."""
+    """Return the executor for workers, a scheduler, or neither. Raises InputError for bad arguments."""
     if workers is not None and scheduler is not None:
         raise InputError("workers and scheduler both say who renders; leave one out")
     if workers is not None:
@@ -172,7 +172,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 
 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
-    """Remove the workers that have sent no heartbeat for `STOPPED_WORKER_S`: their bands go to others."""
+    """Remove the workers without a heartbeat for `STOPPED_WORKER_S`: their bands go to others."""
     # Of each worker: its last heartbeat by the scheduler's clock, and the heartbeat's arrival by this machine's.
     now = time.monotonic()
     for address, state in client.scheduler_info(n_workers=-1)["workers"].items():

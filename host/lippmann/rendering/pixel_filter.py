@@ -52,7 +52,7 @@ def is_filtered(source: RaySource, samples: int) -> bool:
 
 
 class PixelFilter:
-    """Sums over the samples of a band's pixels: one for each pixel itself, and one for each of `SIDES`."""
+    """The sums over samples of a band's pixels: for each pixel itself, and for each of `SIDES`."""
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         assert source.owner is not None
@@ -63,7 +63,7 @@ class PixelFilter:
         self._owners = dr.empty(mi.UInt32, pixels)
 
     def add(self, colour: Jit, pixel: Jit, inside: Jit, seeds: Seeds) -> None:
-        """Add the samples of some pixels, ordered pixel by pixel; `pixel` holds the pixels' indices in the image."""
+        """Add samples, ordered by pixel; `pixel` holds the pixels' indices in the image."""
         soft = softness(self._samples)
         number = dr.arange(mi.UInt32, dr.width(pixel)) * self._samples
         sums = [mi.Vector4f(0.0)] * len(self._sums)

@@ -94,7 +94,7 @@ class Plan(ABC):
 
 @dataclass(frozen=True, eq=False)
 class ScenePlan(Plan):
-    """The picture of a scene. Only in a film's frame may the lens model be "auto": it depends on the frame's depths."""
+    """The picture of a scene. The lens model may be "auto" only in a film's frame, by the frame's depths."""
 
     scene: Path
     #: `digest_of` the scene; "" if no other process renders it and no band is kept.
@@ -258,7 +258,7 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Decide all "auto". Raises InputError if the scene cannot be placed, or is to be `portable` without a file."""
+        """Decide all "auto". Raises InputError if it cannot place the scene, or if `portable` lacks a file."""
         # A portable plan, for other processes or for bands that are kept, identifies the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # workers have other current folders; links stay: their neighbours are read

@@ -82,7 +82,7 @@ class Rendered:
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:
-    """Return the integrator of the settings; raise InputError if it is unknown, or does not sample single rays."""
+    """Return the integrator; raise InputError if it is unknown, or does not sample single rays."""
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
@@ -118,7 +118,7 @@ class Renderer:
         bands: Sequence[range] | None = None,
         in_memory: bool = True,
     ) -> None:
-        """Choose the program; `bands` are rows (None: `bands_of`), `in_memory` means all of them at the same time."""
+        """Choose the program. `bands` defaults to `bands_of`; `in_memory` says that all bands stay in memory."""
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
@@ -179,7 +179,7 @@ class Renderer:
         return f"no irradiance cache: {why}" if is_reported else None
 
     def _judge_trial(self) -> tuple[bool, str]:
-        """Tell whether the irradiance cache keeps every part of the image within `CACHE_DB`; and a line for the log."""
+        """Tell whether the cache keeps each part of the image within `CACHE_DB`; and a line for the log."""
         decibels = self._trial()
         if decibels is None:
             why = "most rays meet surfaces that are not plain diffuse, or too large"
@@ -192,7 +192,7 @@ class Renderer:
         return is_used, f"{trial}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Move the scene. Later bands use the new placement, and are those of pass `number`; the program is reused."""
+        """Move the scene: later bands, those of pass `number`, use the new placement and the same program."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
@@ -204,7 +204,8 @@ class Renderer:
         return seconds
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
-        """Return the tiles of the trial: a random one in each of equal parts, for a regular grid would miss columns."""
+        """Return the tiles of the trial: a random one in each of equal parts of the image."""
+        # A regular grid would miss columns.
         rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
         side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
         within = np.random.default_rng(TRIAL_SEED).random((2, side, side))

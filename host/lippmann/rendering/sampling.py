@@ -167,7 +167,7 @@ def colours_of(panel: Panel) -> int:
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
-    """Return the pixel's index at a place in the order of tiles, and whether it lies inside the image."""
+    """Return the index of a pixel by its place in the order of tiles, and whether the image has it."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -229,7 +229,7 @@ def lines_of(
 
 @dataclass
 class Pose:
-    """A scene's placement as Dr.Jit values, which are arguments of a program: a moved scene needs no new program."""
+    """A placement as Dr.Jit values, which are arguments: a moved scene needs no new program."""
 
     near_mm: Jit
     #: The first three rows of `Placement.scene_from_display`; None for the identity.
@@ -244,7 +244,7 @@ class Pose:
         return cls(dr.opaque(mi.Float, placement.near_mm), rows)
 
     def ray(self, lines: Lines) -> Jit:
-        """Return rays in the scene's frame along lines of sight, from in front of the scene towards the display."""
+        """Return rays in the scene's frame, from in front of the scene towards the display."""
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
@@ -259,7 +259,7 @@ class Pose:
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the rays from a plane backwards, which of them hit a surface, and the depths of the hits, mm."""
+    """Return the rays from a plane backwards, which of them hit a surface, and the hits' depths, mm."""
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -267,7 +267,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return the depth z, mm, that an eye sees at pixels' centres, (height, width); -infinity without a surface."""
+    """Return the depths z, mm, that an eye sees, (height, width); -infinity without a surface."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)

@@ -226,13 +226,13 @@ class Program:
         self._parts, self._traced = Parts.of(source.layout), _colour_of_each(scene, source, samples, integrator)
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return the colours of samples, by their indices (UInt32) from the tile `first` on, and the lost numbers."""
+        """Return the colours of samples, by their indices from the tile `first` on, and the lost numbers."""
         colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
 
 class CachedProgram(Program):
-    """The program that takes diffuse light from the irradiance cache; the integrator computes the other samples."""
+    """The program that takes diffuse light from the cache, and asks the integrator for all other samples."""
 
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, cache: IrradianceCache
@@ -269,7 +269,7 @@ class CachedProgram(Program):
 
 
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
-    """Return the program that gives the result of `follow` for the samples' rays, and the numbers of lost ones."""
+    """Return the program that applies `follow` to the samples' rays and counts the lost ones."""
     rays = samples * source.colours
 
     def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *others: Jit) -> tuple[Jit, ...]:

@@ -51,7 +51,7 @@ class Sink(Protocol):
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: wall time without compilation, compilation, and numbers of rays and bands."""
+    """The cost of a render: wall time without compilation, compilation, numbers of rays and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -60,14 +60,14 @@ class RenderTimes(NamedTuple):
     kept_bands: int
 
     def measured(self, keeps_bands: bool = False) -> dict[str, float]:
-        """Return the values of `IntegralImage.measured`; those of bands only for a sink that keeps them."""
+        """Return `IntegralImage.measured`; with the bands for a sink that keeps them."""
         bands = {"bands": self.bands, "bands_kept": self.kept_bands} if keeps_bands else {}
         rate = self.rays / max(self.seconds, 1e-9)
         return {"seconds": self.seconds, "prepare_seconds": self.prepare_seconds, "samples_per_second": rate, **bands}
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the missing bands of a sink; return the cost. Raises the errors of the executor and the sink."""
+    """Render the missing bands; return the cost. Raises the errors of the executor and the sink."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -130,10 +130,10 @@ class MemorySink:
 
 
 class KeptBands:
-    """A picture whose finished bands are files in a folder, which is locked for this process until `release`."""
+    """A picture whose finished bands are files in a folder, locked for this process until `release`."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
-        """Lock the folder. Raises InputError if that fails or a band needs too much memory, and NoSpaceError."""
+        """Lock the folder. Raises InputError for a locked one or too large bands, NoSpaceError for a full disk."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, "choose another place for the picture")
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
@@ -249,7 +249,7 @@ def render_picture(
     folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> IntegralImage:
-    """Render a plan and return its picture; keep finished bands in a folder, if given. Errors as `render_into`."""
+    """Render a plan and return its picture; a folder keeps the finished bands. Errors as `render_into`."""
     if folder == "":
         raise InputError("kept is empty; give the path of a folder for the bands")
     path = None if folder is None else path_of(folder, "a folder for kept bands")

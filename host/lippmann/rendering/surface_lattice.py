@@ -168,7 +168,7 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
 
 
 def lay_lattices(scene: Jit, spacing: float, max_points: int) -> tuple[Lattices, int]:
-    """Return the lattices of the shapes with the fewest points, and the number of their points (`max_points`)."""
+    """Return the lattices of the smallest shapes, of up to `max_points` points, and their points' number."""
     parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())

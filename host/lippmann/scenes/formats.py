@@ -41,7 +41,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def usual_rotation(path: Path) -> tuple[float, float, float]:
-    """Return the rotation, degrees about x, y, z, of a scene without a placement: z is up in STL, y down in splats."""
+    """Return the rotation, degrees, of a scene without a placement: z is up in STL, y down in splats."""
     if kind_of(path) == "splats":
         return (180.0, 0.0, 0.0)
     return (-90.0, 0.0, 0.0) if path.suffix.lower() == ".stl" else (0.0, 0.0, 0.0)

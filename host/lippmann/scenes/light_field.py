@@ -81,7 +81,7 @@ def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, 
 
 
 def _neighbours(places: list[float], at: Arr) -> list[tuple[Arr, Arr]]:
-    """Return the indices of the places on both sides of a coordinate, and their weights for linear interpolation."""
+    """Return the indices of the two places around a coordinate, and their weights."""
     if len(places) == 1:
         return [(mi.Int32(0), mi.Float(1.0))]
     table = mi.Float(places)

@@ -101,7 +101,7 @@ class Placement:
 
     @classmethod
     def of(cls, matrix: Matrix, scale: float) -> Placement:
-        """Return the placement, without depths, of a (4, 4) matrix of this scale from scene points to the display."""
+        """Return the placement, without depths, of a (4, 4) matrix of this scale."""
         rotation = matrix[:3, :3] / scale
         # rotation = Rz Ry Rx.
         level = math.hypot(rotation[0, 0], rotation[1, 0])
@@ -128,13 +128,13 @@ def load_placement(path: Path) -> Placement:
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene; without it, scene units are mm, rotated by `usual_rotation`."""
+    """Return the placement in NAME.toml beside a scene; without it, 1 mm per unit and `usual_rotation`."""
     file = _placement_file(path)
     return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 
 
 def usual_arrange(path: Path) -> Arrange | None:
-    """Return the arrangement of another tool's scene that has no placement beside it; None for all other scenes."""
+    """Return the arrangement of another tool's scene without a placement; None for all other scenes."""
     usual: dict[Kind | None, Arrange] = {"quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit"}
     usual["depth picture"] = "camera"
     return usual.get(kind_of(path)) if _placement_file(path) is None else None

@@ -30,6 +30,8 @@ from lippmann.scenes.placement import SCALE_RANGE, Arrange, Matrix, Placement, p
 if TYPE_CHECKING:
     import mitsuba as mts
 
+#: The lowest and the highest corner (3,).
+Box = tuple[Matrix, Matrix]
 #: A shape that is larger than all others by this factor, in each direction, counts as their surroundings.
 SURROUNDS = 3.0
 #: Percentiles of the splats, the margin around them in parts of their distance, and a splat's extent in sigmas.
@@ -72,8 +74,8 @@ class Scene:
     notes: tuple[str, ...] = ()
 
     @cached_property
-    def bounds(self) -> tuple[Matrix, Matrix]:
-        """`bounds_of` the scene, scene units."""
+    def bounds(self) -> Box:
+        """The scene's bounding box, scene units; see `bounds_of`."""
         return bounds_of(self.mitsuba)
 
     @property
@@ -90,12 +92,12 @@ class Scene:
         assert far is not None
         return far, near
 
-    def box(self, placement: Placement) -> tuple[Matrix, Matrix]:
-        """Return the lowest and highest corner (3,) of the placed scene, mm; infinite without bounds."""
+    def box(self, placement: Placement) -> Box:
+        """Return the placed scene's bounding box, mm; infinite without bounds."""
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; missing depths are its box's. Raises InputError without a box."""
+        """Return the scene with another placement; missing depths are those of its box, or an InputError."""
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
             low, high = self.box(placement)
@@ -213,7 +215,7 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
 
 
 def _check_lamps(scene: mts.Scene, where: str) -> None:
-    """Raise InputError for a lamp with a number, outside pictures, that is not finite: all would be black."""
+    """Raise InputError for a lamp with a number that is not finite: all would be black."""
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
             numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
@@ -273,8 +275,8 @@ def _file_of(name: str) -> Path:
     return Path(str(mi.file_resolver().resolve(mi.filesystem.path(name))))
 
 
-def _boxes(scene: mts.Scene) -> list[tuple[Matrix, Matrix]]:
-    """Return the lowest and the highest corner (3,) of each shape's bounding box, scene units."""
+def _boxes(scene: mts.Scene) -> list[Box]:
+    """Return each shape's bounding box, scene units."""
     boxes = []
     for shape in scene.shapes():
         # Mitsuba merges rectangles of one material into a mesh with an empty box.
@@ -286,7 +288,7 @@ def _boxes(scene: mts.Scene) -> list[tuple[Matrix, Matrix]]:
     return boxes
 
 
-def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> tuple[Matrix, Matrix]:
+def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> Box:
     """Return the box of most splats: a capture has stray ones, far from the subject."""
     data = np.array(mi.traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
@@ -296,15 +298,15 @@ def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> tu
     return np.maximum(low - beyond, lowest), np.minimum(high + beyond, highest)
 
 
-def _union(boxes: Sequence[tuple[Matrix, Matrix]]) -> tuple[Matrix, Matrix]:
+def _union(boxes: Sequence[Box]) -> Box:
     """Return the box around boxes; without any, an empty box."""
     if not boxes:
         return np.full(3, np.inf), np.full(3, -np.inf)
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def bounds_of(scene: mts.Scene) -> tuple[Matrix, Matrix]:
-    """Return the lowest and the highest corner (3,) of a `mitsuba.Scene`, scene units, without its surroundings."""
+def bounds_of(scene: mts.Scene) -> Box:
+    """Return the bounding box of a `mitsuba.Scene`, scene units, without its surroundings."""
     # Rays from outside of a studio or a sky, a closed shape around all others, would see nothing else.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
@@ -325,8 +327,8 @@ def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
     return bool(np.array(scene.ray_test(ray)).all())
 
 
-def placed_box(bounds: tuple[Matrix, Matrix], placement: Placement) -> tuple[Matrix, Matrix]:
-    """Return the corners (3,), mm, of the placed box of `bounds`, scene units; infinite without bounds."""
+def placed_box(bounds: Box, placement: Placement) -> Box:
+    """Return a box of the scene's units after a placement, mm; infinite without bounds."""
     low, high = bounds
     if not (np.isfinite(low).all() and np.isfinite(high).all() and (low <= high).all()):
         return np.full(3, -np.inf), np.full(3, np.inf)
@@ -384,7 +386,7 @@ def _filling(scene: Scene, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement with the eye at the scene's camera, and the panel as wide as the camera's picture."""
+    """Return the placement with the eye at the camera, and the panel as wide as the camera's picture."""
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:

@@ -197,7 +197,7 @@ def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict
 
 
 def read_quilt(path: Path) -> Views:
-    """Read a quilt, for Looking Glass' eyes if it has none. Raises InputError for an unusable picture."""
+    """Read a quilt; Looking Glass' eyes are the default. Raises InputError for an unusable picture."""
     tiling = TILING.search(path.stem)
     assert tiling is not None
     columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
