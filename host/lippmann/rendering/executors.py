@@ -203,7 +203,7 @@ def local_workers(count: int) -> Iterator[tuple[str, Security]]:
         security = Security.temporary()
     except ImportError as error:
         raise missing_library(error) from None
-    no_pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+    no_pages: dict[str, list[str]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with starting_python(), dask.config.set(no_pages):
         with interrupts.blocked_in_children():
             # Without a memory limit: near one, Dask would pause a worker for ever.
