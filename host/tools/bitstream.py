@@ -1,7 +1,4 @@
-"""Makes the bitstream of an FPGA board for a display: `python -m tools.bitstream` (`make bitstream`).
-
-yosys, nextpnr and ecppack are PyPI's. Seeds are tried until every clock is met; the files are in build/bitstream/.
-"""
+"""Makes the bitstream of an FPGA board for a display: `python -m tools.bitstream` (`make bitstream`)."""
 
 from __future__ import annotations
 
@@ -38,31 +35,31 @@ from tools.pll import SHIFT_CLOCKS, TOLERANCE, Pll, panel_pixel_mhz, solve
 from tools.program import program
 from tools.report_plots import draw_bar_charts, make_page
 
-#: The display, and the seeds that are tried, unless others are asked for.
+#: Default display and seeds.
 VGA = "scenes/displays/vga-square.toml"
 SEEDS = "1,2,3,4,5,6,7,8"
-#: Minutes after which a seed is given up unless told otherwise: several times what PyPI's nextpnr takes on two cores.
+#: Default time limit of a seed, minutes: several times what PyPI's nextpnr takes on two cores.
 PATIENCE_MIN = 240
-#: Words of the SDRAM, 16 bits each, of two pixels, and of a row.
+#: 16-bit SDRAM words per pair of pixels, and per row.
 PAIR_WORDS, ROW_WORDS = 3, 512
-#: Shares of the memory's clocks: the most that the panel and refreshes may take in a line, for the other clients need
-#: the rest; refreshes; and for each of the panel's words those that open and close rows.
-MOST_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
-#: How far a constraint of nextpnr, a period in whole ps, may be from the clock asked for.
+#: Fractions of the memory's clocks: the maximum for the panel and refreshes in a line, and refreshes alone. Clocks per
+#: word of the panel, with those that open and close rows.
+MAX_SHARE, REFRESH_SHARE, WORD_CLOCKS = 0.9, 0.01, 1.06
+#: Relative error of a constraint of nextpnr, a period in whole ps.
 ROUNDING = 0.002
 #: System clocks up to which nextpnr's router2 is used, MHz. It ends in minutes where router1 may stay on a few arcs for
-#: hours; its ways are longer (hd-square: 55 MHz for 81). Ways that miss their clock are routed again by --tmg-ripup: of
-#: vga-square, seed 3, the memory's clock then reaches 140 MHz for 120.
+#: hours; its routes are longer (hd-square: 55 MHz, not 81). --tmg-ripup routes those again that miss their clock
+#: (vga-square, seed 3: the memory's clock then reaches 140 MHz, not 120).
 SLOW_MHZ = 40.0
-#: Shift clocks from the clock that brings a symbol to its copy, at least (rtl/video/lipp_tmds_serialiser.sv).
+#: Minimum of shift clocks between a symbol and its copy (rtl/video/lipp_tmds_serialiser.sv).
 SYMBOL_CLOCKS = 2
-#: What the nets of clocks are called, in the top or at a port `_o` of what makes them; the oscillator's is the port's.
+#: Nets of clocks, in the top or at a port `_o` of their source. The oscillator's net has the port's name.
 CLOCK_NETS = {
     "clk": "system", "system_clk": "system", "mem_clk": "memory", "memory_clk": "memory", "shift_clk": "shift",
 }  # fmt: skip
-#: Bits of a colour that a board sends.
+#: Bits per colour of a board.
 BOARD_BITS = 8
-#: nextpnr's options of the device.
+#: nextpnr's names of devices.
 DEVICES = (
     "12k", "25k", "45k", "85k", "um-25k", "um-45k", "um-85k", "um5g-25k", "um5g-45k", "um5g-85k",
 )  # fmt: skip
@@ -72,7 +69,7 @@ PORT_CLOCK = re.compile(
 )
 UNITS_MHZ = {"HZ": 1e-6, "KHZ": 1e-3, "MHZ": 1.0}
 #: nextpnr's largest seed.
-MOST_SEED = 2**31 - 1
+MAX_SEED = 2**31 - 1
 
 
 class TimingError(LippmannError):
@@ -81,12 +78,9 @@ class TimingError(LippmannError):
     exit_code = 4
 
 
-# ---- what is built ----
-
-
 @dataclass(frozen=True)
 class Plan:
-    """A bitstream: a board, a display, what the board draws (None: nothing), its optics, and its clocks."""
+    """A bitstream: board, display, the scene's build (None: it draws nothing), optics and clocks."""
 
     board: FpgaBoard
     display: Display
@@ -103,10 +97,10 @@ class Plan:
     @property
     def clocks_mhz(self) -> dict[str, float]:
         """The clocks of its design by their roles."""
-        made = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
+        clocks = {name: float(mhz) for name, mhz in self.pll.clocks_mhz.items()}
         if self.board.video != "dvi":
-            del made["shift"]
-        return made | {"oscillator": self.board.oscillator_mhz}
+            del clocks["shift"]
+        return clocks | {"oscillator": self.board.oscillator_mhz}
 
     @property
     def parameters(self) -> dict[str, str | int]:
@@ -139,7 +133,7 @@ class Plan:
 
 
 def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = False) -> Plan:
-    """Return what is built; raise InputError for a display that the board cannot show at 60 Hz."""
+    """Plan a bitstream; raise InputError for a display that the board cannot show at 60 Hz."""
     check_board(board)
     check_panel(display)
     where = f"display '{display.name}'"
@@ -155,31 +149,29 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
         what = f"two frames take {frames_mb:.1f} MiB, the SDRAM of {board.name} has {board.memory.megabytes}"
         raise input_error(where, what, "choose a smaller panel")
     pixel = panel_pixel_mhz(panel.width_px, panel.height_px, timing)
-    wanted = [("the system", 1, board.limits.system_mhz)]
-    if board.video == "dvi":
-        wanted.insert(0, ("DVI's bits", SHIFT_CLOCKS, board.limits.shift_mhz or math.inf))
-    for name, times, most in wanted:
+    dvi = board.video == "dvi"
+    limits = [("DVI's bits", SHIFT_CLOCKS, board.limits.shift_mhz or math.inf)] if dvi else []
+    limits += [("the system", 1, board.limits.system_mhz)]
+    for name, times, limit in limits:
         mhz = float(times * pixel)
-        if mhz > most:
-            what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {most:g} at most"
+        if mhz > limit:
+            what = f"60 frames a second need a clock of {mhz:.1f} MHz for {name}, {board.name} has {limit:g} at most"
             raise input_error(where, what, "choose a smaller panel, such as scenes/displays/hd-square.toml")
     words = Fraction(PAIR_WORDS, 2) * Fraction(WORD_CLOCKS) * pixel
     # The PLL's pixel clock may be a little faster.
     words *= Fraction(panel.width_px, panel.width_px + sum(timing[:3])) * (1 + TOLERANCE)
-    least = words / Fraction(MOST_SHARE - REFRESH_SHARE)
+    least = words / Fraction(MAX_SHARE - REFRESH_SHARE)
     fastest = Fraction(min(board.memory.max_mhz, board.limits.memory_mhz))
     if least > fastest:
         share = float(words / fastest) + REFRESH_SHARE
-        what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MOST_SHARE:.0%} are there for it"
+        what = f"the panel takes {share:.0%} of the SDRAM's clocks in a line, {MAX_SHARE:.0%} are there for it"
         raise input_error(where, what, "choose a narrower panel")
-    fastest_pixel = min(Fraction(most) / times for _, times, most in wanted if most < math.inf)
+    fastest_pixel = min(Fraction(limit) / times for _, times, limit in limits if limit < math.inf)
     scene = SceneBuild(layers, bilinear=bilinear) if layers else None
     build = replace(board_build(display, scene), cross_cells=False)
+    oscillator = Fraction(board.oscillator_mhz)
     try:
-        pll = solve(
-            pixel, Fraction(board.oscillator_mhz), (least, fastest), dvi=board.video == "dvi",
-            fastest_mhz=fastest_pixel,
-        )  # fmt: skip
+        pll = solve(pixel, oscillator, (least, fastest), dvi=dvi, fastest_mhz=fastest_pixel)
     except InputError as error:
         raise InputError(f"{where} on {board.name}: {error}") from None
     try:
@@ -190,7 +182,7 @@ def plan(board: FpgaBoard, display: Display, layers: int = 4, bilinear: bool = F
 
 
 def check_board(board: FpgaBoard) -> None:
-    """Refuse a board whose file names what there is not, or contradicts its pins; raises InputError."""
+    """Raise InputError for a board file that names something missing, or contradicts the files of pins."""
     where = board.folder / FILE
     if not any((folder / f"{board.top}.sv").is_file() for folder in board.folders):
         raise input_error(f"{where}: top", f"there is no {board.top}.sv beside it", "name the top module")
@@ -204,7 +196,10 @@ def check_board(board: FpgaBoard) -> None:
             raise input_error(f"{where}: constraints", what, "copy the file there, and give its name")
         if not pins.is_file():
             raise input_error(f"{where}: constraints", f"there is no file {name}", "name files of pins (.lpf)")
-        for port, number, unit in PORT_CLOCK.findall(_lines_of(pins)):
+        # Without comments, one command per line.
+        text = re.sub(r"(#|//).*", "", pins.read_text(errors="replace"))
+        text = "\n".join(" ".join(command.split()) for command in text.split(";"))
+        for port, number, unit in PORT_CLOCK.findall(text):
             clocks[f'FREQUENCY PORT "{port}" of {name}'] = float(number) * UNITS_MHZ[unit.upper()]
     if not any(math.isclose(mhz, board.oscillator_mhz, rel_tol=1e-6) for mhz in clocks.values()):
         there = ", ".join(f"{clock} is {mhz:g} MHz" for clock, mhz in clocks.items())
@@ -219,156 +214,139 @@ def check_board(board: FpgaBoard) -> None:
         raise input_error(f"{where}: memory.grade", what, f"choose from {', '.join(grades)}")
 
 
-def _lines_of(pins: Path) -> str:
-    """Return a file of pins without its comments, a command a line."""
-    text = re.sub(r"(#|//).*", "", pins.read_text(errors="replace"))
-    return "\n".join(" ".join(command.split()) for command in text.split(";"))
-
-
 # ---- synthesis, placement, bitstream ----
 
 
 def place(
-    made: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
+    design: Plan, seeds: Sequence[int], every: bool = False, patience_min: int = PATIENCE_MIN
 ) -> list[dict[str, Any]]:
-    """Synthesise a design, place and route it until a seed meets every clock; return a row for each seed.
+    """Synthesise a design, place and route it until a seed meets every clock (`every`: all seeds); return their rows.
 
-    `every`: try all seeds. A row's `missed` is empty when every clock is met; a seed that takes longer than
-    `patience_min` is given up, since some are never routed. Netlist and results are kept by a hash of all that they
-    depend on. Raises LippmannError as `flow.run_tool`.
+    `missed` is empty when every clock is met; a seed is stopped after `patience_min`. Results are cached by their
+    inputs.
     """
-    folder = _work_folder(made)
-    netlist, counted = folder / "netlist.json", folder / "written.json"
-    written = flow.read_kept(counted)
+    folder = _work_folder(design)
+    netlist, count = folder / "netlist.json", folder / "written.json"
+    written = flow.read_kept(count)
     if written is None or not netlist.exists():
-        log(f"{made.name}: synthesis")
-        written = flow.keep(counted, flow.synthesise(made.source, netlist, folder / "yosys.log"))
+        log(f"{design.name}: synthesis")
+        written = flow.keep(count, flow.synthesise(design.source, netlist, folder / "yosys.log"))
     rows = []
     for seed in seeds:
         result = folder / f"seed-{seed}.json"
         run = flow.read_kept(result)
         if run is None or run.get("stopped_min", patience_min) < patience_min:
-            log(f"{made.name}: place and route, seed {seed}")
-            run = flow.keep(result, _route(made, netlist, written, seed, patience_min))
-        rows.append(_row(made, folder, seed, run))
+            log(f"{design.name}: place and route, seed {seed}")
+            run = flow.keep(result, _route(design, netlist, written, seed, patience_min))
+        rows.append(_row(design, folder, seed, run))
         if not rows[-1]["missed"] and not every:
             break
     return rows
 
 
-def _work_folder(made: Plan) -> Path:
-    depends = (made.parameters, made.board, TRIALS, *_router(made))
-    return flow.work_folder("bitstream/work", made.name, depends, (*made.source.files, *made.constraints))
+def _work_folder(design: Plan) -> Path:
+    inputs = (design.parameters, design.board, TRIALS, *_router(design))
+    return flow.work_folder("bitstream/work", design.name, inputs, (*design.source.files, *design.constraints))
 
 
-def _route(made: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
-    """Place and route with a seed; return the `seconds`, and `stopped_min` when it took longer than it may.
-
-    A clock that is not met is no error here.
-    """
-    top = repository()
-    fpga, folder = made.board.fpga, netlist.parent
+def _route(design: Plan, netlist: Path, written: int, seed: int, patience_min: int) -> dict[str, Any]:
+    """Place and route; return `seconds`, and `stopped_min` if stopped. A clock that is not met is not an error here."""
+    fpga, folder = design.board.fpga, netlist.parent
     configuration, record = folder / f"seed-{seed}.config", folder / f"seed-{seed}.log"
     configuration.unlink(missing_ok=True)
-    options = [f"--{fpga.device}", "--speed", str(fpga.speed), "--package", fpga.package]
-    options += [word for path in made.constraints for word in ("--lpf", str(path.relative_to(top)))]
+    options: list[str | Path] = [f"--{fpga.device}", "--speed", str(fpga.speed), "--package", fpga.package]
+    for path in design.constraints:
+        options += ["--lpf", path]
     started = time.perf_counter()
-    if "shift" in made.clocks_mhz:
+    if "shift" in design.clocks_mhz:
         anchored = folder / f"seed-{seed}.netlist.json"
         if not anchor(netlist, options, seed, anchored):
             raise LippmannError(f"{netlist}: no cell of the shift clock has got a place")
         netlist = anchored
-    options += [*_router(made), "--textcfg", str(configuration.relative_to(top))]
+    options += [*_router(design), "--textcfg", configuration]
     try:
         flow.route(netlist, written, options, seed, folder / f"seed-{seed}.report.json", record, 60.0 * patience_min)
     except flow.TooSlowError:
         return {"seconds": round(time.perf_counter() - started, 1), "stopped_min": patience_min}
     except LippmannError:
-        # After the last clock's figure nextpnr writes its configuration, also when a clock is not met. It tells clocks
-        # before it routes too, and may fail then.
+        # nextpnr writes its configuration after the last figures of the clocks, also when a clock is not met. Figures
+        # from before routing say nothing of a run that failed.
         if not configuration.exists():
             raise
-        met, missed = clocks_met(made, record.read_text())
-        if met.keys() != made.clocks_mhz.keys() or not missed:
+        met, missed = clocks_met(design, record.read_text())
+        if met.keys() != design.clocks_mhz.keys() or not missed:
             raise
     return {"seconds": round(time.perf_counter() - started, 1)}
 
 
-def _router(made: Plan) -> list[str]:
+def _router(design: Plan) -> list[str]:
     """Return nextpnr's options for the router."""
-    return ["--router", "router2", "--tmg-ripup"] if made.clocks_mhz["system"] <= SLOW_MHZ else []
+    return ["--router", "router2", "--tmg-ripup"] if design.clocks_mhz["system"] <= SLOW_MHZ else []
 
 
-def _row(made: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the row of a seed, from what `_route` returned, and nextpnr said and reported."""
+def _row(design: Plan, folder: Path, seed: int, run: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row of a seed, from the result of `_route` and nextpnr's output and report."""
     met: dict[str, float] = {}
     missed = [f"not routed after {run['stopped_min']} min"] if "stopped_min" in run else []
     if not missed:
-        met, missed = clocks_met(made, (folder / f"seed-{seed}.log").read_text())
-    row: dict[str, Any] = {"board": made.board.name, "display": made.display.name, "seed": seed}
-    for role, asked in made.clocks_mhz.items():
+        met, missed = clocks_met(design, (folder / f"seed-{seed}.log").read_text())
+    row: dict[str, Any] = {"board": design.board.name, "display": design.display.name, "seed": seed}
+    for role, target in design.clocks_mhz.items():
         mhz = met.get(role)
-        row |= {f"{role}_asked_mhz": round(asked, 2), f"{role}_mhz": mhz}
-        row[f"{role}_ratio"] = None if mhz is None else round(mhz / asked, 3)
+        row |= {f"{role}_asked_mhz": round(target, 2), f"{role}_mhz": mhz}
+        row[f"{role}_ratio"] = None if mhz is None else round(mhz / target, 3)
     report = flow.read_kept(folder / f"seed-{seed}.report.json")
     row |= {} if report is None else flow.resources(report)
     return row | {"seconds": run["seconds"], "missed": "; ".join(missed)}
 
 
-def clocks_met(made: Plan, said: str) -> tuple[dict[str, float], list[str]]:
-    """Return what nextpnr said of each clock after routing, MHz by its role, and what is not met.
-
-    A clock without the constraint that it should have is not met, and neither is the way of DVI's symbols to the shift
-    clock when it is longer than the clocks that it has.
-    """
-    last = flow.clocks(said)
+def clocks_met(design: Plan, output: str) -> tuple[dict[str, float], list[str]]:
+    """Return each clock's MHz by its role, from nextpnr's output after routing, and what is not met or constrained."""
+    last = flow.clocks(output)
     roles: dict[str, str] = {}
     missed = []
-    for clock, (_, asked) in last.items():
+    for clock, (_, constraint) in last.items():
         net = clock.removeprefix("$glbnet$").rsplit(".", 1)[-1].removesuffix("_o")
         role = CLOCK_NETS.get(net, "oscillator")
-        wanted = 0.0 if role in roles else made.clocks_mhz.get(role, 0.0)
-        if abs(asked - wanted) <= ROUNDING * wanted:
+        target = 0.0 if role in roles else design.clocks_mhz.get(role, 0.0)
+        if abs(constraint - target) <= ROUNDING * target:
             roles[role] = clock
         else:
-            known = f"the {role} clock is {wanted:g} MHz" if wanted else "is none of the board's"
-            missed.append(f"clock {clock} is constrained to {asked:g} MHz, and {known}")
-    for role, mhz in made.clocks_mhz.items():
+            what = f"the {role} clock is {target:g} MHz" if target else "is not one of the board's clocks"
+            missed.append(f"clock {clock} is constrained to {constraint:g} MHz, and {what}")
+    for role, mhz in design.clocks_mhz.items():
         if role not in roles:
             missed.append(f"nextpnr tells nothing of the {role} clock")
         elif last[roles[role]][0] < mhz:
             missed.append(f"{role} {last[roles[role]][0]:.1f} of {mhz:.1f} MHz")
     if {"shift", "system"} <= roles.keys():
-        symbols = roles["system"]
-        ends = rf"posedge {re.escape(symbols)}\s+-> posedge {re.escape(roles['shift'])}\s*: ([\d.]+) ns"
-        ways = re.findall(rf"Max delay {ends}", said)
-        most = SYMBOL_CLOCKS * 1000 / made.clocks_mhz["shift"]
-        if not ways or float(ways[-1]) > most:
-            missed.append(f"symbols take {ways[-1] if ways else 'an unknown time'} of {most:.2f} ns to the shift clock")
+        ends = rf"posedge {re.escape(roles['system'])}\s+-> posedge {re.escape(roles['shift'])}\s*: ([\d.]+) ns"
+        delays = re.findall(rf"Max delay {ends}", output)
+        limit = SYMBOL_CLOCKS * 1000 / design.clocks_mhz["shift"]
+        if not delays or float(delays[-1]) > limit:
+            delay = delays[-1] if delays else "an unknown time"
+            missed.append(f"symbols take {delay} of {limit:.2f} ns to the shift clock")
     return {role: last[clock][0] for role, clock in roles.items()}, missed
 
 
-def pack(made: Plan, seed: int) -> Path:
-    """Pack a seed that meets every clock into the bitstream; its header tells what it is for. Returns its path."""
-    top, folder = repository(), _work_folder(made)
+def pack(design: Plan, seed: int) -> Path:
+    """Pack a seed's configuration into the bitstream, whose header names its board and display; return its path."""
+    folder = _work_folder(design)
     lines = (folder / f"seed-{seed}.config").read_text().splitlines(keepends=True)
-    design = folder.name.rpartition("-")[2]
-    text = comment(made.board.name, made.display.name, made.display.identity, design, seed)
+    identity = folder.name.rpartition("-")[2]
+    text = comment(design.board.name, design.display.name, design.display.identity, identity, seed)
     lines.insert(1, f".comment {text}\n")
-    told, packed = folder / "packed.config", folder / "packed.bit"
-    told.write_text("".join(lines))
-    run_tool(["yowasp-ecppack", "--compress", *(str(path.relative_to(top)) for path in (told, packed))])
-    bit = top / "build" / "bitstream" / f"{made.name}.bit"
+    configuration, packed = folder / "packed.config", folder / "packed.bit"
+    configuration.write_text("".join(lines))
+    run_tool(["yowasp-ecppack", "--compress", configuration, packed])
+    bit = repository() / "build" / "bitstream" / f"{design.name}.bit"
     with replacing(bit) as partial:
         partial.write_bytes(sealed(packed.read_bytes()))
-    return bit.relative_to(top)
-
-
-# ---- report ----
+    return bit.relative_to(repository())
 
 
 def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
-    """Return the page of bitstreams."""
+    """Return the page about bitstreams."""
     labels = [f"{row['board']} {row['display']} {row['seed']}" for row in rows]
     charts = {
         f"{role}: met / asked": [row.get(f"{role}_ratio") or 0.0 for row in rows]
@@ -378,8 +356,8 @@ def page(origin: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Page:
     return make_page("bitstream", origin, [plot], {"bitstream": rows}, {"rows": rows})
 
 
-def _told(row: Mapping[str, Any]) -> list[str]:
-    """Return a row in lines: each clock asked and met, then the cells."""
+def describe(row: Mapping[str, Any]) -> list[str]:
+    """Describe a row in lines: each clock's target and result, then the cells."""
     clocks = [key.removesuffix("_asked_mhz") for key in row if key.endswith("_asked_mhz")]
     lines = [f"{row['board']}, {row['display']}, seed {row['seed']}, {row['seconds']:.0f} s"]
     for clock in clocks:
@@ -399,12 +377,12 @@ def _seeds(text: str) -> list[int]:
     if len(set(seeds)) < len(seeds):
         raise input_error("--seeds", f"'{text}' has a number twice", "give each once")
     for seed in seeds:
-        if not 0 <= seed <= MOST_SEED:
-            raise input_error("--seeds", f"{seed} is out of range", f"give numbers from 0 to {MOST_SEED}")
+        if not 0 <= seed <= MAX_SEED:
+            raise input_error("--seeds", f"{seed} is out of range", f"give numbers from 0 to {MAX_SEED}")
     return seeds
 
 
-#: How the options are declared that may be given more than once.
+#: Attributes of options that may be repeated.
 REPEATED: Any = {"kind": str, "multiple": True, "show_default": True}
 
 
@@ -431,35 +409,31 @@ def main(
         raise InputError("--bilinear with --layers 0: nothing is drawn; leave one of them out")
     if report is not None:
         check_output(Path(report) / "bitstream.md", (".md",))
-    numbers = [_seeds(some) for some in seeds]
+    numbers = [_seeds(text) for text in seeds]
     plans = [plan(fpga_board(board), load_display(path), layers, bilinear) for board in boards for path in displays]
-    names = [made.name for made in plans]
+    names = [design.name for design in plans]
     if double := next((name for name in names if names.count(name) > 1), None):
         raise input_error("--display", f"two files would be {double}.bit", "give each display a name of its own")
     if len(numbers) not in (1, len(plans)):
         what = f"is given {len(numbers)} times for {len(plans)} bitstreams"
         raise input_error("--seeds", what, "give it once, or once for each")
     rows, unmet = [], []
-    for made, some in zip(plans, numbers * (len(plans) // len(numbers)), strict=True):
-        tried = place(made, some, every or report is not None, patience)
-        for row in tried:
-            click.echo("\n".join(_told(row)))
-        rows += tried
-        found = next((row["seed"] for row in tried if not row["missed"]), None)
-        if found is None:
-            unmet.append(made.name)
+    for design, seeds_of_design in zip(plans, numbers * (len(plans) // len(numbers)), strict=True):
+        results = place(design, seeds_of_design, every or report is not None, patience)
+        for row in results:
+            click.echo("\n".join(describe(row)))
+        rows += results
+        good = next((row["seed"] for row in results if not row["missed"]), None)
+        if good is None:
+            unmet.append(design.name)
         else:
-            bit = pack(made, found)
-            click.echo(f"{bit}: seed {found}; program it with lippmann board program {bit}")
+            bit = pack(design, good)
+            click.echo(f"{bit}: seed {good}; program it with lippmann board program {bit}")
     if report is not None:
-        asked = "".join(
-            f" --{name} {value}"
-            for name, values in (("board", boards), ("display", displays), ("seeds", seeds))
-            for value in values
-        )
-        origin = provenance(f"python -m tools.bitstream{asked}", (), flow.versions())
+        options = (("board", boards), ("display", displays), ("seeds", seeds))
+        words = "".join(f" --{name} {value}" for name, values in options for value in values)
+        origin = provenance(f"python -m tools.bitstream{words}", (), flow.versions())
         page(origin, rows).write(Path(report))
     if unmet:
-        raise TimingError(
-            f"{', '.join(unmet)}: no seed of {' or '.join(seeds)} meets every clock; try others with --seeds"
-        )
+        what = f"no seed of {' or '.join(seeds)} meets every clock"
+        raise TimingError(f"{', '.join(unmet)}: {what}; try others with --seeds")

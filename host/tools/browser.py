@@ -21,10 +21,7 @@ SOFTWARE = ("--disable-gpu", "--enable-unsafe-swiftshader")
 
 @contextmanager
 def browser_page(width_px: int = 800, height_px: int = 600) -> Iterator[Page]:
-    """Start the installed Chromium and yield its one page, of a given size, pixels.
-
-    Raises MissingLibraryError when Chromium or Playwright is not installed.
-    """
+    """Start the installed Chromium and yield its page; raise MissingLibraryError without Chromium or Playwright."""
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
         raise MissingLibraryError("Chromium is not installed; run make setup as root, or apt-get install chromium")

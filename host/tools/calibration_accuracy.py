@@ -1,7 +1,6 @@
-"""Random displays on a bench, their photographs, and the judgement of what a calibration finds from them.
+"""Errors of the calibration of random displays whose true values are known (`tools.bench calibration`).
 
-The judge knows the display as built. Its photographs come from the exact tracer, with a camera and disturbances that a
-calibration does not know, or from POV-Ray, whose tracer is not ours.
+The photographs come from the exact tracer, with disturbances that the calibration does not know, or from POV-Ray.
 """
 
 from __future__ import annotations
@@ -54,37 +53,33 @@ from tools.simulated_povray import SolidsBench
 if TYPE_CHECKING:
     from distributed import Client
 
-#: Lenslets of the random displays, pixels.
+#: Width of the random displays' lenslets, pixels.
 LENSLET_PX = (14.0, 24.0)
-#: Their greatest errors: degrees, shares of pitch and gap.
+#: Their largest errors: degrees, and fractions of pitch and gap.
 ROTATION_DEG, PITCH, GAP = 5.0, 0.01, 0.2
-#: Deviations of the ratio of the two pitches from 1, and of the shear from 0.
+#: Standard deviations of the ratio of the two pitches, and of the shear.
 RATIO, SHEAR = 3e-4, 5e-4
 #: Distance of the cameras, in widths of the panel; angles of the first and of the others to the axis, degrees.
 DISTANCE = (2.5, 5.0)
 NEAR_AXIS_DEG, ASIDE_DEG = 5.0, (8.0, 18.0)
-#: Deviations of their lenses' point spread, pixels.
-BLUR_PX = (0.4, 0.7)
-#: What a sweep tries, each beside the defaults (`POSITIONS`, `STEPS`, noise 1): numbers of positions, phase pictures
-#: for each direction, and factors of the noise.
-SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
+#: Default number of the camera's positions.
 POSITIONS = 3
-#: A bench that the model does not have: an array bowed by 30 um, dust, and camera pixels with arbitrary values.
+#: Values of the sweep: numbers of positions, phase pictures for each direction, and factors of the noise.
+SWEPT = {"positions": (1, 2, 3, 4), "steps": (3, 4, 8, 16), "noise": (1, 2, 4, 8)}
+#: A bench outside the model: an array bowed by 30 um, dust, and camera pixels with arbitrary values.
 BOWED = Disturbances(bow_mm=0.03, hidden_lenslets=0.02, outliers=0.1)
-#: Lenslets of the largest display, width of its photographs, pixels, and its errors: degrees, shares of pitch and gap.
+#: The 8K display: lenslets, width of its photographs, pixels, and its errors: degrees, fractions of pitch and gap.
 LENSLETS, LARGE_PHOTO_PX = 100_000, 4000
 LARGE_ERRORS = 0.6, 0.003, 0.1
-#: The misalignment of the pictures that an eye compares: degrees, and a share of the pitch.
-SEEN_DEG, SEEN_PITCH = 0.3, 0.002
-#: Width of the photographs from which that is calibrated, pixels.
-VIEWS_PHOTO_PX = 2000
-#: mm for each unit of the fish, samples for each pixel of its pictures and of the reference, rays for a view's pixel.
+#: The displays that an eye looks at: errors (degrees, fraction of the pitch), and width of the photographs, pixels.
+SEEN_DEG, SEEN_PITCH, VIEWS_PHOTO_PX = 0.3, 0.002, 2000
+#: mm per unit of the fish, samples per pixel of its pictures and of the reference, rays per pixel of a view.
 SCALE, PICTURE_SAMPLES, REFERENCE_SAMPLES, EYE_SAMPLES = 0.25, 4, 16, 64
 
 
 @dataclass(frozen=True)
 class Case:
-    """A display as its file says and as it is built, and the cameras and the sensor that photograph it."""
+    """A display as its file says and as built, and the cameras and the sensor that photograph it."""
 
     name: str
     nominal: Display
@@ -93,7 +88,7 @@ class Case:
     sensor: Sensor
 
     def shoot(self, folder: Path, seed: int = 0, bench: Bench = UNDISTURBED, steps: int = STEPS) -> Path:
-        """Write `nominal.toml`, `built.toml`, and the folder `photographs` with patterns and positions; return it."""
+        """Write both display files, the patterns, and the folder `photographs`; return that folder."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "nominal.toml").write_text(display_text(self.nominal))
         (folder / "built.toml").write_text(display_text(self.built))
@@ -107,18 +102,12 @@ class Case:
 
 
 def photo_width(panel_px: int) -> int:
-    """Return the width of the photographs of a panel, pixels: some 45 for each of its smallest lenslets.
-
-    An ordinary camera has more: 4000.
-    """
+    """Return the width of a panel's photographs, pixels: about 45 per smallest lenslet."""
     return round(25.0 / 8.0 * panel_px)
 
 
 def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions: int = 3) -> Case:
-    """Return a random display as the calibration's requirement asks: the same for the same seed.
-
-    `panel_px` and `photo_px` are the widths of panel and photographs, four thirds of their heights.
-    """
+    """Return a random display; `panel_px` and `photo_px` are the widths of panel and photographs, 4/3 their heights."""
     rng = np.random.default_rng((seed, 0xCA1))
     between = rng.uniform
     pixel = math.exp(between(math.log(0.04), math.log(0.2)))
@@ -144,7 +133,7 @@ def random_case(seed: int, panel_px: int = 640, photo_px: int = 1000, positions:
 
 
 def _cameras(display: Display, rng: np.random.Generator, photo_px: int, positions: int) -> tuple[Camera, ...]:
-    """Return one camera at several positions: its lens is the same at each, its aim nearly the panel's middle."""
+    """Return one camera at several positions, with the same lens, aimed near the panel's middle."""
     between, width = rng.uniform, display.panel.width_mm
     size = photo_px, 3 * photo_px // 4
     pupil, first = width * between(0.003, 0.02), between(0.0, 2.0 * math.pi)
@@ -165,7 +154,7 @@ def _cameras(display: Display, rng: np.random.Generator, photo_px: int, position
         "k1": between(-0.15, 0.1),
         "k2": between(-0.05, 0.05),
         "vignetting": between(0.0, 0.4),
-        "blur_px": between(*BLUR_PX),
+        "blur_px": between(0.4, 0.7),
     }
     return tuple(replace(camera, **lens) for camera in cameras)
 
@@ -177,7 +166,7 @@ def _sensor(rng: np.random.Generator) -> Sensor:
 
 
 class Judgement(NamedTuple):
-    """Errors of a display that a calibration found: of lenslets' centres in panel pixels over the whole panel."""
+    """Errors of a calibrated display: lenslets' centres in panel pixels, the aperture plane's distance in per cent."""
 
     rms_px: float
     worst_px: float
@@ -188,11 +177,7 @@ class Judgement(NamedTuple):
 
 
 def judge(solved: Display, truth: Display) -> Judgement:
-    """Compare the display that a calibration found with the one that was built.
-
-    A lattice moved by whole lenslets is the same one, so each true centre is compared with the nearest one found. The
-    gap is compared as the distance D from the panel to the lenslets' aperture plane, in per cent of the true one.
-    """
+    """Compare a calibrated display with the one that was built, each true centre with the nearest one."""
     system = System.of(solved)
     _, _, x, y = system.locate(NumpyBackend(), *centres_px(truth).T)
     error = np.hypot(*np.stack(system.frame.turn(x, y), axis=1).T / np.reshape(truth.panel.pitches_mm, (2, 1)))
@@ -209,19 +194,19 @@ def judge(solved: Display, truth: Display) -> Judgement:
 
 
 def _turn_between(rotation_deg: float, truth: Display) -> float:
-    """Return the angle from a display's array to one with this rotation; a whole turn of the grid is none."""
+    """Return the angle from a display's array to one with this rotation, modulo the grid's symmetry."""
     turn = 90.0 if truth.array.grid == "square" else 60.0
     return (rotation_deg - truth.array.rotation_deg + 0.5 * turn) % turn - 0.5 * turn
 
 
 def centres_px(display: Display) -> Floats:
-    """Return the centres of the lenslets before the panel, (N, 2) panel pixels."""
+    """Return the centres of the lenslets in front of the panel, (N, 2) panel pixels."""
     i, j = _lenslets(display)
     return np.stack(PanelFrame.of(display).pixel_from_panel(*System.of(display).centre(i, j)), axis=1)
 
 
 def _lenslets(display: Display) -> tuple[Floats, Floats]:
-    """Return the indices of the lenslets whose centres are before the panel."""
+    """Return the indices of the lenslets whose centres are in front of the panel."""
     panel, lattice, frame = display.panel, Lattice.of(display.array), PanelFrame.of(display)
     corners = np.array([(u, v) for u in (0.0, panel.width_px) for v in (0.0, panel.height_px)])
     at = lattice.locate(NumpyBackend(), *frame.array_from_panel(*frame.panel_from_pixel(*corners.T)))
@@ -234,7 +219,7 @@ def _lenslets(display: Display) -> tuple[Floats, Floats]:
 
 
 def seen_px(display: Display, eye_mm: Point) -> Floats:
-    """Return the panel points (N, 2), pixels, that an eye sees through the middles of the lenslets."""
+    """Return the panel points (N, 2), pixels, that an eye sees through the lenslets' centres."""
     system, (i, j) = System.of(display), _lenslets(display)
     x, y = system.centre(i, j)
     aim = np.stack([x, y, np.zeros_like(x)], axis=1) - np.asarray(eye_mm)
@@ -244,73 +229,48 @@ def seen_px(display: Display, eye_mm: Point) -> Floats:
 
 
 def eye_difference(solved: Display, truth: Display, eye_mm: Point, solved_eye_mm: Point | None = None) -> Floats:
-    """Return how far (px) the panel points that an eye sees are from those expected by a display that was found.
-
-    `solved_eye_mm` is where the calibration has this eye: with one position of the camera, it may be elsewhere.
-    """
-    expected, seen = seen_px(solved, solved_eye_mm or eye_mm), seen_px(truth, eye_mm)
-    distance, _ = KDTree(expected).query(seen)
-    # At the panel's edge, the nearest point may be one that is just beyond it in the other display.
+    """Return the distances, px, of panel points that an eye sees from those expected by the calibrated display."""
+    expected, points = seen_px(solved, solved_eye_mm or eye_mm), seen_px(truth, eye_mm)
+    distance, _ = KDTree(expected).query(points)
+    # Near the panel's edge, the nearest point may be just off the panel in the other display.
     edge = 0.6 * truth.array.coarsest_mm / min(truth.panel.pitches_mm)
     size = truth.panel.width_px, truth.panel.height_px
-    inner = ((seen > edge) & (seen < np.subtract(size, edge))).all(axis=1)
+    inner = ((points > edge) & (points < np.subtract(size, edge))).all(axis=1)
     return np.asarray(distance[inner], np.float64)
 
 
-def deviations(found: Calibration, truth: Display) -> dict[str, float]:
-    """Return the errors of the array's numbers in units of half their 95 % intervals: beyond 1 they are outside.
-
-    The offset is compared with the nearest lenslet's true centre, along the axes of the panel.
-    """
+def deviations(result: Calibration, truth: Display) -> dict[str, float]:
+    """Return the parameters' errors, the offset's modulo the lattice, in units of half their 95 % intervals."""
     array, frame = truth.array, PanelFrame.of(truth)
-    offset = [found.parameter(f"offset_{axis}").value for axis in "xy"]
-    *_, x, y = Lattice.of(array).locate(NumpyBackend(), *frame.array_from_panel(*np.array(offset)[:, None]))
+    names = ("pitch_x", "pitch_y", "shear", "rotation", "offset_x", "offset_y", "gap")
+    value = {name: result.parameter(name).value for name in names}
+    offset = np.array([[value["offset_x"]], [value["offset_y"]]])
+    *_, x, y = Lattice.of(array).locate(NumpyBackend(), *frame.array_from_panel(*offset))
     off_x, off_y = frame.turn(x, y)
-    errors = {
-        "pitch_x": found.parameter("pitch_x").value - array.pitches_mm[0],
-        "pitch_y": found.parameter("pitch_y").value - array.pitches_mm[1],
-        "shear": found.parameter("shear").value - array.shear,
-        "rotation": _turn_between(found.parameter("rotation").value, truth),
-        "offset_x": float(off_x[0]),
-        "offset_y": float(off_y[0]),
-        "gap": found.parameter("gap").value - truth.gap_mm,
-    }
-    return {name: error / found.parameter(name).uncertainty for name, error in errors.items()}
+    errors = {"pitch_x": value["pitch_x"] - array.pitches_mm[0], "pitch_y": value["pitch_y"] - array.pitches_mm[1]}
+    errors |= {"shear": value["shear"] - array.shear, "rotation": _turn_between(value["rotation"], truth)}
+    errors |= {"offset_x": float(off_x[0]), "offset_y": float(off_y[0]), "gap": value["gap"] - truth.gap_mm}
+    return {name: error / result.parameter(name).uncertainty for name, error in errors.items()}
 
 
 def solve_case(case: Case, photographs: Path, bow: bool = False) -> dict[str, Any]:
-    """Solve a case's photographs; return the row: errors, how many numbers lie outside their intervals, seconds."""
+    """Calibrate by a case's photographs; return the row: errors, parameters outside their intervals, seconds."""
     started = time.perf_counter()
-    found = calibrate(photographs, case.nominal, bow)
+    result = calibrate(photographs, case.nominal, bow)
     seconds = time.perf_counter() - started
-    off = deviations(found, case.built)
-    bows = {"bow_um": sum(1000.0 * found.parameter(name).value for name in ("bow_xx", "bow_yy"))} if bow else {}
-    return {
-        "display": case.name,
-        "grid": case.built.array.grid,
-        "plano_side": case.built.array.plano_side,
-        "lenslets": len(centres_px(case.built)),
-        **judge(found.display, case.built)._asdict(),
-        "outside": sum(abs(one) > 1.0 for one in off.values()),
-        "numbers": len(off),
-        "most_intervals": max(map(abs, off.values())),
-        "seconds": seconds,
-        **bows,
-    }
+    off = deviations(result, case.built)
+    bows = {"bow_um": sum(1000.0 * result.parameter(name).value for name in ("bow_xx", "bow_yy"))} if bow else {}
+    array, lenslets = case.built.array, len(centres_px(case.built))
+    keys = {"display": case.name, "grid": array.grid, "plano_side": array.plano_side, "lenslets": lenslets}
+    beyond = sum(abs(one) > 1.0 for one in off.values())
+    outside = {"outside": beyond, "numbers": len(off), "most_intervals": max(map(abs, off.values()))}
+    return {**keys, **judge(result.display, case.built)._asdict(), **outside, "seconds": seconds, **bows}
 
 
 def measure(
-    folder: Path,
-    seeds: Sequence[int],
-    disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
-    solids: bool = False,
-    panel_px: int = 640,
-    jobs: int = 1,
+    folder: Path, seeds: Sequence[int], disturbances: Disturbances, solids: bool, panel_px: int, jobs: int
 ) -> Iterator[dict[str, Any]]:
-    """Photograph random displays, solve them, and yield a row for each; `solids` lets POV-Ray take the photographs.
-
-    `jobs` processes share the displays.
-    """
+    """Photograph random displays, by POV-Ray with `solids`; yield the row of each. `jobs` processes share them."""
     one = partial(measure_one, folder, disturbances=disturbances, solids=solids, panel_px=panel_px)
     if jobs == 1:
         yield from map(one, seeds)
@@ -321,20 +281,15 @@ def measure(
 
 @contextlib.contextmanager
 def _workers(count: int) -> Iterator[Client]:
-    """Yield what gives work to so many processes, which end with this one."""
+    """Start worker processes, which end with this one; yield their client."""
     from distributed import Client
 
     with local_workers(count) as (address, security), Client(address, security=security) as client:
         yield client
 
 
-def measure_one(
-    folder: Path, seed: int, disturbances: Disturbances, solids: bool = False, panel_px: int = 640
-) -> dict[str, Any]:
-    """Photograph a random display, solve it, and return its row.
-
-    A display that is refused has a row with the reason as `refused`. The photographs are removed.
-    """
+def measure_one(folder: Path, seed: int, disturbances: Disturbances, solids: bool, panel_px: int) -> dict[str, Any]:
+    """Photograph a random display and return its row: `refused` is the reason when the calibration refuses it."""
     case = random_case(seed, panel_px, photo_width(panel_px))
     place = folder / case.name
     photographs = case.shoot(place, seed, SolidsBench(seed=seed) if solids else disturbances)
@@ -347,10 +302,7 @@ def measure_one(
 
 
 def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Photograph the 8K display with `LENSLETS` lenslets, solve it in a process of its own, and yield its row.
-
-    `megapixels` and `photographs` are those of a camera of three positions, `peak_mb` is the process's memory.
-    """
+    """Calibrate the 8K display in its own process; yield its row with `megapixels`, `photographs` and `peak_mb`."""
     nominal, rng = load_display(scenes / "displays/uhd-8k.toml"), np.random.default_rng((seed, 0x8))
     pitch = math.sqrt(nominal.panel.width_mm * nominal.panel.height_mm / LENSLETS)
     nominal = replace(nominal, array=replace(nominal.array, pitch_mm=pitch))
@@ -358,8 +310,8 @@ def largest(folder: Path, scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
     built = nominal.misaligned(rotation_deg=turn, pitch_scale=1.0 + scale, gap_mm=gap * nominal.gap_mm)
     case = Case(nominal.name, nominal, built, _cameras(built, rng, LARGE_PHOTO_PX, POSITIONS), _sensor(rng))
     photographs = case.shoot(folder / case.name, seed)
-    camera = case.cameras[0]
-    size = {"megapixels": camera.width_px * camera.height_px / 1e6, "photographs": _count(photographs)}
+    megapixels = case.cameras[0].width_px * case.cameras[0].height_px / 1e6
+    size = {"megapixels": megapixels, "photographs": len(list(photographs.glob("*/*.png")))}
     with _workers(1) as client:
         yield {**client.submit(_weighed, case, photographs).result(), **size}
     shutil.rmtree(folder / case.name)
@@ -370,25 +322,15 @@ def _weighed(case: Case, photographs: Path) -> dict[str, Any]:
 
 
 def sweep(folder: Path, seeds: Sequence[int], jobs: int = 1) -> Iterator[dict[str, Any]]:
-    """Solve random displays from more and fewer photographs, positions and with more noise; yield a row for each.
-
-    `over` is what changes, `value` what it is, `photographs` their number; `eye_px` is how far (px, rms) the panel
-    points that an eye at the first camera sees are from those expected there. `jobs` processes share the solutions.
-    """
-    tried = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
+    """Calibrate with other positions, photographs and noise: yield rows of what changes (`over`) and its `value`."""
+    defaults = {"positions": POSITIONS, "steps": STEPS, "noise": 1}
+    runs = [(seed, over, value) for seed in seeds for over, values in SWEPT.items() for value in values]
+    settings = [(seed, *(defaults | {over: value}).values()) for seed, over, value in runs]
     with _workers(jobs) as client:
-        # What all three begin with is solved once.
-        found = {one: client.submit(_swept, folder, *one) for one in dict.fromkeys(map(_settings, tried))}
-        for one in tried:
-            display, over, value = f"case-{one[0]}", *one[1:]
-            yield {"display": display, "over": over, "value": value, **found[_settings(one)].result()}
-
-
-def _settings(tried: tuple[int, str, int]) -> tuple[int, int, int, int]:
-    """Return the seed, the number of positions, the pictures for each direction, and the factor of the noise."""
-    seed, over, value = tried
-    chosen = {"positions": POSITIONS, "steps": STEPS, "noise": 1} | {over: value}
-    return seed, chosen["positions"], chosen["steps"], chosen["noise"]
+        # The settings that the three sweeps share are solved once.
+        results = {one: client.submit(_swept, folder, *one) for one in dict.fromkeys(settings)}
+        for (seed, over, value), one in zip(runs, settings, strict=True):
+            yield {"display": f"case-{seed}", "over": over, "value": value, **results[one].result()}
 
 
 def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> dict[str, Any]:
@@ -398,28 +340,23 @@ def _swept(folder: Path, seed: int, positions: int, steps: int, noise: int) -> d
     )
     place = folder / f"{case.name}-{positions}-{steps}-{noise}"
     photographs = replace(case, cameras=case.cameras[:positions], sensor=sensor).shoot(place, seed, steps=steps)
-    row = {"photographs": _count(photographs)}
+    row = {"photographs": len(list(photographs.glob("*/*.png")))}
     try:
-        found = calibrate(photographs, case.nominal)
+        result = calibrate(photographs, case.nominal)
     except LippmannError as error:
         return {**row, "refused": str(error)}
     finally:
         shutil.rmtree(place)
-    x, y, z = found.cameras[0]["place_mm"]
-    eye = eye_difference(found.display, case.built, case.cameras[0].position_mm, (x, y, z))
-    return {**row, **judge(found.display, case.built)._asdict(), "eye_px": float(np.sqrt((eye**2).mean()))}
-
-
-def _count(photographs: Path) -> int:
-    return len(list(photographs.glob("*/*.png")))
+    x, y, z = result.cameras[0]["place_mm"]
+    eye = eye_difference(result.display, case.built, case.cameras[0].position_mm, (x, y, z))
+    return {**row, **judge(result.display, case.built)._asdict(), "eye_px": float(np.sqrt((eye**2).mean()))}
 
 
 def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> Iterator[dict[str, Any]]:
-    """Calibrate displays that are mounted a little wrong, and yield what an eye sees of the fish, in decibels.
+    """Calibrate misaligned displays, and yield the PSNR (dB) of an eye's view of the fish, from the first camera.
 
-    `before_db` is the picture made for the file, `after_db` for the calibrated one, `ideal_db` for the display as
-    built. All are seen through the display as built, and compared with a picture made for it with more samples. The eye
-    is at the first camera.
+    The picture for the file (`before_db`), the calibrated display and the display as built (`ideal_db`) is seen on the
+    latter.
     """
     scene = load_scene(scenes / "fish/fish.xml", Placement(SCALE))
     for name in names:
@@ -427,20 +364,20 @@ def views(folder: Path, scenes: Path, names: Sequence[str], seed: int = 0) -> It
         built = nominal.misaligned(rotation_deg=SEEN_DEG, pitch_scale=1.0 + SEEN_PITCH)
         rng = np.random.default_rng((seed, 0xF15))
         case = Case(name, nominal, built, _cameras(built, rng, VIEWS_PHOTO_PX, POSITIONS), _sensor(rng))
-        found = calibrate(case.shoot(folder / name, seed), nominal).display
+        solved = calibrate(case.shoot(folder / name, seed), nominal).display
         eye = Eye(case.cameras[0].position_mm)
-        reference = _seen(scene, built, built, eye, Settings(samples=REFERENCE_SAMPLES, seed=seed + 1))
+        reference = _view(scene, built, built, eye, Settings(samples=REFERENCE_SAMPLES, seed=seed + 1))
         settings = Settings(samples=PICTURE_SAMPLES, seed=seed)
         decibels = {
-            f"{when}_db": psnr_db(_seen(scene, display, built, eye, settings), reference)
-            for when, display in (("before", nominal), ("after", found), ("ideal", built))
+            f"{when}_db": psnr_db(_view(scene, display, built, eye, settings), reference)
+            for when, display in (("before", nominal), ("after", solved), ("ideal", built))
         }
-        yield {"display": name, **judge(found, built)._asdict(), **decibels}
+        yield {"display": name, **judge(solved, built)._asdict(), **decibels}
 
 
-def _seen(scene: Scene, made: Display, built: Display, eye: Eye, settings: Settings) -> Radiance:
-    """Return an eye's view, on a display as built, of a scene's picture that was made for another."""
-    picture = render_integral(scene, made, "exact", settings).radiance
+def _view(scene: Scene, display: Display, built: Display, eye: Eye, settings: Settings) -> Radiance:
+    """Return an eye's view of a picture that was rendered for one display and is shown on another."""
+    picture = render_integral(scene, display, "exact", settings).radiance
     return observe(np.minimum(picture, 1.0), built, eye, whole_window(built), EYE_SAMPLES).radiance
 
 
@@ -457,7 +394,7 @@ def calibration(
 ) -> tuple[Mapping[str, Any], Page]:
     """Calibrate random displays by simulated photographs, and compare with the displays as built.
 
-    A sweep tells the error over photographs, noise and positions; an eye compares pictures of the fish.
+    A sweep measures the error over photographs, noise and positions; an eye compares pictures of the fish.
 
     Example: python -m tools.bench calibration --displays 4
     """
@@ -465,9 +402,9 @@ def calibration(
         first = bench.seed
         one = partial(measure, folder, panel_px=width_px, jobs=jobs)
         measured = {
-            "rows": one(range(first, first + displays)),
-            "solids": one(range(first, first + solids), solids=True),
-            "bowed": one(range(first, first + bowed), BOWED),
+            "rows": one(range(first, first + displays), Disturbances(), solids=False),
+            "solids": one(range(first, first + solids), Disturbances(), solids=True),
+            "bowed": one(range(first, first + bowed), BOWED, solids=False),
             "large": largest(folder, bench.scenes, first) if large else (),
             "sweep": sweep(folder, range(first, first + swept), jobs),
             "views": views(folder, bench.scenes, ("vga-square", "vga-hex"), first),
@@ -479,22 +416,22 @@ def calibration(
 def accuracy_page(origin: Mapping[str, str], tables: Mapping[str, Rows], panel_px: int) -> Page:
     """Return the page of `tools.bench calibration`; `panel_px` is the width of the random displays' panels."""
     random = [*tables["rows"], *tables["solids"], *tables["bowed"]]
-    found = {name: [row for row in rows if "refused" not in row] for name, rows in tables.items()}
-    refused = [row for row in random if "refused" in row]
-    context = {**found, "sweep": tables["sweep"], "refused": refused, "tried": len(random)}
-    widths = {"panel_px": panel_px, "photo_px": photo_width(panel_px)}
-    solved = found["rows"]
+    context = {name: [row for row in rows if "refused" not in row] for name, rows in tables.items()}
+    solved = context["rows"]
+    context["sweep"] = list(tables["sweep"])
+    context["refused"] = [row for row in random if "refused" in row]
+    widths = {"tried": len(random), "panel_px": panel_px, "photo_px": photo_width(panel_px)}
     sums = {name: sum(row[name] for row in solved) for name in ("outside", "numbers")}
     labels = [f"{row['display']} {row['grid']} {row['plano_side']}" for row in solved]
     charts = {"centres, px rms": values(solved, "rms_px"), "gap, %": values(solved, "gap_percent")}
     plot = [draw_bar_charts("calibration-accuracy", labels, charts)] if solved else []
     plot += [draw_calibration_sweep(tables["sweep"])] if tables["sweep"] else []
-    kept = {"accuracy": solved, **{name: rows for name, rows in tables.items() if name != "rows"}}
-    files = {f"calibration-{name}": rows for name, rows in kept.items() if rows}
+    csv_tables = {"accuracy": solved, **{name: rows for name, rows in tables.items() if name != "rows"}}
+    files = {f"calibration-{name}": rows for name, rows in csv_tables.items() if rows}
     return make_page("calibration-accuracy", origin, plot, files, {**context, **widths, **sums})
 
 
-#: Column and label over which a calibration's errors are drawn, by what is swept.
+#: Column and label of the sweeps' horizontal axes.
 SWEPT_AXES = {
     "positions": ("value", "places of the camera"),
     "steps": ("photographs", "photographs from three places"),
@@ -503,7 +440,7 @@ SWEPT_AXES = {
 
 
 def draw_calibration_sweep(rows: Rows) -> Plot:
-    """Draw the errors of a calibration over the photographs, the positions and the noise, one picture for each."""
+    """Draw a calibration's errors over each swept quantity."""
     solved = [row for row in rows if "refused" not in row]
     kinds = groups(solved, "over")
     picture, axes = make_axes(2, len(kinds), (3.6, 2.8))

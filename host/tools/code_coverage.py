@@ -1,8 +1,6 @@
 """`make coverage`: which lines of the RTL and of the host the quick tests execute; `make toggles`: which bits toggle.
 
-The tests run as in `make test`, for toggles those of tests/rtl; the simulations and coverage.py leave their counts in
-build/coverage/. Lines that no test executes are listed, with the reasons of code_coverage_holes.toml. A file of the RTL
-without a reason is an error.
+The pages list what no test reaches, with the reasons in code_coverage_holes.toml, which a file of the RTL must have.
 """
 
 from __future__ import annotations
@@ -35,7 +33,7 @@ from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
 HOLES = Path(__file__).with_name("code_coverage_holes.toml")
-#: What coverage.py is told: every process counts, also those that a command starts and that a signal ends.
+#: Settings of coverage.py: every process counts, also those that a command starts and that a signal ends.
 SETTINGS = """[run]
 source =
     host/lippmann
@@ -45,18 +43,18 @@ parallel = true
 patch = subprocess
 sigterm = true
 """
-#: A test that counting breaks: coverage.py writes its file where the test lets nothing be written.
+#: A test that fails under coverage.py, which writes its file where the test forbids writing.
 BROKEN = "tests/host/test_images.py::test_a_file_that_does_not_fit_is_told"
 #: A key of a point of Verilator's file, with its value.
 POINT = re.compile(r"\x01([^\x02]*)\x02([^\x01']*)")
-#: Files with a bar.
-SHOWN = 15
+#: Number of bars in a plot.
+BARS = 15
 
 
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Hole:
-    """Why lines of files are not executed by the quick tests, or why their bits do not toggle."""
+    """The reason why the quick tests do not execute lines of files, or do not toggle their bits."""
 
     files: Annotated[tuple[str, ...], key("the files, from the top of the checkout")]
     why: Annotated[str, key("the reason")]
@@ -73,72 +71,54 @@ class Holes:
 
 @dataclass
 class Counted:
-    """The points of a file, and how often each was met: lines by number, toggles by name."""
+    """The counts of a file's points: lines by number, toggles by name."""
 
     lines: dict[int, int] = field(default_factory=lambda: defaultdict(int))
     toggles: dict[str, int] = field(default_factory=lambda: defaultdict(int))
 
 
 def read_rtl(files: Iterable[Path], top: Path) -> dict[str, Counted]:
-    """Add up Verilator's coverage files; return the points of each file of rtl/, by its path from the top.
-
-    A line of several branches is met when one of them is.
-    """
+    """Add up Verilator's coverage files; return the counts of each file of rtl/, by its path from the top."""
     counts: dict[bytes, int] = defaultdict(int)
-    for file in files:  # toggles make gigabytes of them, whose points are mostly the same
+    for file in files:  # toggles make gigabytes, whose points are mostly the same
         for text in file.read_bytes().splitlines():
             if text.startswith(b"C "):
                 keys, _, count = text.rpartition(b" ")
                 counts[keys] += 0 if count == b"0" else int(count)
-    found: dict[str, Counted] = defaultdict(Counted)
+    files_counted: dict[str, Counted] = defaultdict(Counted)
     for keys, met in counts.items():
         point: dict[str, str] = dict(POINT.findall(keys.decode(errors="replace")))
         path = Path(point.get("f", ""))
         if not path.is_relative_to(top / "rtl"):
             continue
-        counted = found[str(path.relative_to(top))]
+        counted = files_counted[str(path.relative_to(top))]
         if point["t"] == "toggle":
             counted.toggles[f"{point['l']}:{point['o']}"] += met
-        else:
-            for line in _lines(point.get("S", point["l"])):
+            continue
+        for part in point.get("S", point["l"]).split(","):  # such as 4-6,9, met when any branch is
+            first, _, last = part.partition("-")
+            for line in range(int(first), int(last or first) + 1):
                 counted.lines[line] += met
-    return dict(sorted(found.items()))
+    return dict(sorted(files_counted.items()))
 
 
-def _lines(text: str) -> Iterable[int]:
-    """Yield the numbers of a list such as 4-6,9."""
-    for part in text.split(","):
-        first, _, last = part.partition("-")
-        yield from range(int(first), int(last or first) + 1)
-
-
-def rtl_rows(found: Mapping[str, Counted]) -> list[dict[str, Any]]:
-    """Return a row for each file: lines and toggles, those met, and the lines that were not."""
-    return [
-        {
-            "file": name,
-            "lines": len(one.lines),
-            "met": sum(count > 0 for count in one.lines.values()),
-            "toggles": len(one.toggles),
-            "toggled": sum(count > 0 for count in one.toggles.values()),
-            "missing": _ranges(line for line, count in one.lines.items() if not count),
-        }
-        for name, one in found.items()
-    ]
+def rtl_rows(files: Mapping[str, Counted]) -> list[dict[str, Any]]:
+    """Return the row of each file: the numbers of lines and toggles, of those met, and the lines not met."""
+    rows = []
+    for name, one in files.items():
+        row = {"file": name, "lines": len(one.lines), "met": sum(map(bool, one.lines.values()))}
+        row |= {"toggles": len(one.toggles), "toggled": sum(map(bool, one.toggles.values()))}
+        rows.append({**row, "missing": _ranges(line for line, count in one.lines.items() if not count)})
+    return rows
 
 
 def host_rows(measured: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return a row for each file of coverage.py's JSON."""
-    return [
-        {
-            "file": name,
-            "lines": one["summary"]["num_statements"],
-            "met": one["summary"]["covered_lines"],
-            "missing": _ranges(one["missing_lines"]),
-        }
-        for name, one in sorted(measured["files"].items())
-        if one["summary"]["num_statements"]
-    ]
+    """Return the row of each file of coverage.py's JSON."""
+    rows = []
+    for name, one in sorted(measured["files"].items()):
+        row = {"file": name, "lines": one["summary"]["num_statements"], "met": one["summary"]["covered_lines"]}
+        rows += [{**row, "missing": _ranges(one["missing_lines"])}] if row["lines"] else []
+    return rows
 
 
 def _ranges(numbers: Iterable[int]) -> str:
@@ -153,24 +133,20 @@ def _ranges(numbers: Iterable[int]) -> str:
 
 
 def share(rows: Iterable[Mapping[str, Any]], met: str = "met", of: str = "lines") -> float:
-    """Return the share of lines, or toggles, that were met in all files, percent."""
-    some = list(rows)
-    return float(100.0 * sum(row[met] for row in some) / max(1, sum(row[of] for row in some)))
+    """Return the percentage of all files' lines, or toggles, that were met."""
+    totals = [sum(counts) for counts in zip(*((row[met], row[of]) for row in rows), strict=True)]
+    return 100.0 * totals[0] / max(1, totals[1]) if totals else 0.0
 
 
 def page(
     origin: Mapping[str, str], rtl: list[dict[str, Any]], host: list[dict[str, Any]], why: Mapping[str, str]
 ) -> Page:
-    """Return the page; `why` has the reasons by file."""
+    """Return the page of lines; `why` has the reasons by file."""
     missed = {row["file"].removeprefix("host/"): row["lines"] - row["met"] for row in (*rtl, *host)}
     plot = _draw_most("code-coverage", "lines that no quick test executes", missed)
-    context = {
-        "rtl": rtl,
-        "host": host,
-        "share": {"rtl": share(rtl), "host": share(host)},
-        "holes": [{**row, "why": why.get(row["file"], "")} for row in rtl if row["missing"]]
-        + [{**row, "why": why[row["file"]]} for row in host if row["missing"] and row["file"] in why],
-    }
+    missing = [row for row in rtl if row["missing"]] + [row for row in host if row["missing"] and row["file"] in why]
+    holes = [{**row, "why": why.get(row["file"], "")} for row in missing]
+    context = {"rtl": rtl, "host": host, "share": {"rtl": share(rtl), "host": share(host)}, "holes": holes}
     lines = [{name: value for name, value in row.items() if name not in ("toggles", "toggled")} for row in rtl]
     tables = {"code-coverage-rtl": lines, "code-coverage-host": host}
     return make_page("code-coverage", origin, [plot], tables, context)
@@ -189,12 +165,12 @@ def toggles_page(origin: Mapping[str, str], rtl: list[dict[str, Any]], why: Mapp
 
 def _draw_most(name: str, heading: str, counts: Mapping[str, int]) -> Plot:
     """Draw a bar for each of the files with the largest counts."""
-    files = sorted(counts, key=lambda file: -counts[file])[:SHOWN]
+    files = sorted(counts, key=lambda file: -counts[file])[:BARS]
     return draw_bar_charts(name, files, {heading: [float(counts[file]) for file in files]})
 
 
 def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, str]:
-    """Return why files have holes, or bits that do not toggle; raise InputError for a file that is gone."""
+    """Return the reasons for holes (`toggles`: for idle bits) by file. Raises InputError for a file that is missing."""
     read = toml.read(Holes, toml.load(path, "holes"), str(path))
     name, holes = ("still", read.still) if toggles else ("hole", read.hole)
     for number, hole in enumerate(holes):
@@ -205,15 +181,13 @@ def reasons(top: Path, path: Path = HOLES, toggles: bool = False) -> dict[str, s
 
 
 def check_reasons(files: Iterable[str], why: Mapping[str, str], name: str) -> None:
-    """Raise InputError when files with holes, or with bits that stand still, have no reason."""
-    if unexplained := [file for file in files if file not in why]:
-        raise input_error(
-            str(HOLES), f"it does not say why {', '.join(unexplained)} has holes", f"add a {name}, or a test"
-        )
+    """Raise InputError when files with holes, or with bits that never toggle, have no reason."""
+    if unexplained := ", ".join(file for file in files if file not in why):
+        raise input_error(str(HOLES), f"it does not say why {unexplained} has holes", f"add a {name}, or a test")
 
 
 def measure(folder: Path, jobs: int, toggles: bool) -> None:
-    """Run the quick tests with counters, into a folder that is emptied first; raise LippmannError when one fails."""
+    """Run the quick tests with counters into an emptied folder; raise LippmannError when a test fails."""
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "rtl").mkdir(parents=True)
     tests = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile", "--no-loadscope-reorder"]
@@ -225,8 +199,7 @@ def measure(folder: Path, jobs: int, toggles: bool) -> None:
         counted += [f"--deselect={BROKEN}"]
     environment = {**os.environ, COVERAGE: str(folder / "rtl"), "LIPPMANN_SEED": "1908"}
     environment |= {TOGGLES: "1"} if toggles else {}
-    done = subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False)
-    if done.returncode:
+    if subprocess.run([*tests, "-m", "not full", *counted], cwd=repository(), env=environment, check=False).returncode:
         raise LippmannError("tests fail: what they execute says little; mend them first")
 
 

@@ -1,12 +1,8 @@
-"""Scenes in other tools' files on a display (`tools.bench content`).
-
-One file of each kind is made from the scenes that ship: for the gallery, and to compare the eye's view of it with the
-eye's view of the scene itself.
-"""
+"""Scenes in other tools' files on a display, made from the shipped scenes (`tools.bench content`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,24 +33,22 @@ from tools.report_plots import contact_sheet, make_page
 
 #: Zeroth spherical harmonic.
 Y00 = 0.5 / np.sqrt(np.pi)
-#: Splats of the knot; their radius and thickness, mm, and the logit of their opacity.
+#: Splats of the knot: number, radii and thickness in mm, logit of the opacity.
 SPLATS, SPLAT_MM, LOGIT = 12_000, (0.7, 0.7, 0.15), 4.0
-#: Displays of the measurement and of the gallery.
-DISPLAY, GALLERY = "vga-square", "paper-square"
+#: Displays of the measurement and of the gallery, and columns of the gallery's quilt.
+DISPLAY, GALLERY, COLUMNS = "vga-square", "paper-square", 8
 #: Numbers of views that are compared, across and up.
 VIEWS = ((4, 1), (8, 1), (16, 1), (32, 1), (64, 1), (8, 5), (16, 9))
-#: Eyes that look, mm: in the middle, and aside by as much in x, y, and both.
+#: x and y of the eyes, mm, and their distance.
 EYES_MM = {"middle": (0.0, 0.0), "beside": (22.0, 0.0), "above": (0.0, 22.0), "corner": (22.0, 22.0)}
 EYE_MM, EYE_SAMPLES, SAMPLES = 600.0, 64, 16
-#: mm for each unit of the fish, for the small display.
+#: mm per unit of the fish, for the small display.
 SCALE = 0.25
-#: Columns of the gallery's quilt.
-COLUMNS = 8
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh of the project's: points, normals and places in its texture (N, 3), (N, 3), (N, 2), and faces."""
+    """A mesh: points (N, 3), normals (N, 3), texture coordinates (N, 2), faces, and the texture's file."""
 
     points: Any
     normals: Any
@@ -64,7 +58,7 @@ class Surface:
 
     @classmethod
     def read(cls, mesh: Path, texture: Path) -> Surface:
-        """Read a PLY that Mitsuba reads; v of its texture goes down."""
+        """Read a PLY by Mitsuba; v of the texture goes down."""
         parameters = mitsuba().traverse(mitsuba().load_dict({"type": "ply", "filename": str(mesh)}))
         points, normals, uv = (
             np.array(parameters[f"vertex_{name}"], np.float64).reshape(-1, size)
@@ -84,27 +78,22 @@ class Surface:
 
 
 def write_meshes(surface: Surface, folder: Path) -> list[Path]:
-    """Write a surface as GLB, glTF, OBJ, PLY with coloured vertices, and STL, by trimesh; return the paths."""
+    """Write a surface as GLB, OBJ, PLY with coloured vertices, and STL, by trimesh; return the paths."""
     import trimesh
     from PIL import Image
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-    def with_material(material: Any) -> Any:
-        visual = TextureVisuals(uv=surface.uv * (1.0, -1.0) + (0.0, 1.0), material=material)
-        return trimesh.Scene(
-            trimesh.Trimesh(surface.points, surface.faces, vertex_normals=surface.normals, visual=visual, process=False)
-        )
+    def mesh(**colours: Any) -> Any:
+        return trimesh.Trimesh(surface.points, surface.faces, vertex_normals=surface.normals, process=False, **colours)
 
     with Image.open(surface.texture) as opened:
         image = opened.convert("RGB")
-    with_material(PBRMaterial(baseColorTexture=image, metallicFactor=0.0, roughnessFactor=0.4)).export(
-        folder / "knot.glb"
-    )
-    with_material(SimpleMaterial(image=image)).export(folder / "knot.obj")
-    painted = trimesh.Trimesh(
-        surface.points, surface.faces, vertex_normals=surface.normals, vertex_colors=surface.colours(), process=False
-    )
+    glossy = PBRMaterial(baseColorTexture=image, metallicFactor=0.0, roughnessFactor=0.4)
+    for material, suffix in ((glossy, "glb"), (SimpleMaterial(image=image), "obj")):
+        visual = TextureVisuals(uv=surface.uv * (1.0, -1.0) + (0.0, 1.0), material=material)
+        trimesh.Scene(mesh(visual=visual)).export(folder / f"knot.{suffix}")
+    painted = mesh(vertex_colors=surface.colours())
     painted.export(folder / "knot.ply", vertex_normal=True)
     painted.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))  # z up, as in workshops
     painted.export(folder / "knot.stl")
@@ -112,26 +101,25 @@ def write_meshes(surface: Surface, folder: Path) -> list[Path]:
 
 
 def write_splats(surface: Surface, path: Path, seed: int) -> Path:
-    """Write splats on a surface, flat along it, as their trainers write them: y down."""
+    """Write flat splats on a surface, with y down as trainers of splats write them."""
     random = np.random.default_rng(seed)
-    chosen = random.choice(len(surface.points), min(SPLATS, len(surface.points)), replace=False)
-    # The shortest turn from z to the normal, as a quaternion.
-    x, y, z = surface.normals[chosen].T
+    points = random.choice(len(surface.points), min(SPLATS, len(surface.points)), replace=False)
+    # The shortest rotation from z to the normal, as a quaternion.
+    x, y, z = surface.normals[points].T
     turn = np.stack([1.0 + z, -y, x, np.zeros_like(x)], axis=1)
     turn[z < -1.0 + 1e-9] = (0.0, 1.0, 0.0, 0.0)
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
-    down = np.array([1.0, -1.0, -1.0])  # turned about x
+    down = np.array([1.0, -1.0, -1.0])  # rotated about x
     turn = np.stack([-turn[:, 1], turn[:, 0], -turn[:, 3], turn[:, 2]], axis=1)
     columns = {
-        **dict(zip("xyz", (surface.points[chosen] * down).T, strict=True)),
-        **dict.fromkeys(("nx", "ny", "nz"), np.zeros(len(chosen))),
-        **{f"f_dc_{k}": (surface.colours()[chosen, k] / 255.0 - 0.5) / Y00 for k in range(3)},
-        "opacity": np.full(len(chosen), LOGIT),
-        **{f"scale_{k}": np.full(len(chosen), np.log(size)) for k, size in enumerate(SPLAT_MM)},
+        **dict(zip("xyz", (surface.points[points] * down).T, strict=True)),
+        **dict.fromkeys(("nx", "ny", "nz"), np.zeros(len(points))),
+        **{f"f_dc_{k}": (surface.colours()[points, k] / 255.0 - 0.5) / Y00 for k in range(3)},
+        "opacity": np.full(len(points), LOGIT),
+        **{f"scale_{k}": np.full(len(points), np.log(size)) for k, size in enumerate(SPLAT_MM)},
         **{f"rot_{k}": turn[:, k] for k in range(4)},
     }
-    table = np.array(list(zip(*columns.values(), strict=True)), [(name, "<f4") for name in columns])
-    write_table(path, table)
+    write_table(path, np.array(list(zip(*columns.values(), strict=True)), [(name, "<f4") for name in columns]))
     return path
 
 
@@ -140,65 +128,55 @@ def write_views(
 ) -> Path:
     """Write the views of a scene from the display's viewing zone, and views.json; return the folder."""
     window = whole_window(display, width)
-    sight = scene_viewer(scene, window, Settings(samples=16, seed=seed))
+    view = scene_viewer(scene, window, Settings(samples=16, seed=seed))
     folder.mkdir()
     eyes = eyes_of(display, across, down)
-    for number, eye in enumerate(eyes):
-        write_picture(folder / f"{number}.exr", sight(Eye(eye)), {})
     names = [f"{number}.exr" for number in range(len(eyes))]
+    for name, eye in zip(names, eyes, strict=True):
+        write_picture(folder / name, view(Eye(eye)), {})
     (folder / EYES).write_text(eyes_text((window.width_mm, window.height_mm), names, eyes))
     return folder
 
 
-def write_quilt(views: Iterable[Any], sizes: Sequence[float], eyes: Sequence[Any], path: Path, columns: int) -> Path:
-    """Write the quilt of views of a window of some size (mm), from eyes from left to right; return its path."""
-    pictures = list(views)
-    height, width = pictures[0].shape[:2]
-    rows = len(pictures) // columns
-    path = quilt_path(path, columns, rows, width / height)
-    write_picture(path, tiled(pictures, columns, rows), eyes_note(sizes, eyes))
-    return path
-
-
 def write_depth_picture(scene: Scene, display: Display, folder: Path, width: int = 960, seed: int = 0) -> Path:
-    """Write what an eye before the display's middle sees of a scene, and its depths; return the file of both."""
+    """Write an eye's view of a scene, from the display's axis, and its depths; return the file that names both."""
     from PIL import Image
 
     eye = (0.0, 0.0, viewing_distance(display))
     panel = display.panel
     window = Window(panel.width_mm, panel.height_mm, width, round(width * panel.height_mm / panel.width_mm))
-    seen = render_view(scene, eye, window, Settings(samples=16, seed=seed)).radiance
-    write_picture(folder / "colour.png", seen, {})
+    view = render_view(scene, eye, window, Settings(samples=16, seed=seed)).radiance
+    write_picture(folder / "colour.png", view, {})
     steps = np.round(10.0 * (eye[2] - first_depths(scene, eye, window)))
     there = np.isfinite(steps) & (steps > 0.0) & (steps < 65536.0)
     Image.fromarray(np.where(there, steps, 0.0).astype(np.uint16)).save(folder / "depth.png")
-    fov = 2.0 * np.degrees(np.arctan(0.5 * panel.width_mm / eye[2]))
+    fov = float(2.0 * np.degrees(np.arctan(0.5 * panel.width_mm / eye[2])))
+    files = 'colour = "colour.png"\ndepth = "depth.png"\n'
     path = folder / "picture.toml"
-    path.write_text(
-        f'[depth_picture]\ncolour = "colour.png"\ndepth = "depth.png"\nunit_mm = 0.1\nfov_deg = {float(fov)!r}\n'
-    )
+    path.write_text(f"[depth_picture]\n{files}unit_mm = 0.1\nfov_deg = {fov!r}\n")
     return path
 
 
 def measure(folder: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure views and a picture with depths of the fish against the fish.
-
-    Columns: `source`, `across`, `down`, and the PSNR (dB) of the view of each eye of `EYES_MM`.
-    """
+    """Yield each eye's PSNR (dB) for views of the fish, and for its picture with depths, against the fish."""
     display = load_display(folder / f"displays/{DISPLAY}.toml")
     scene = load_scene(folder / "fish/fish.xml", Placement(SCALE))
-    wanted = _seen(scene, display, seed)
+    truth = _views(scene, display, seed)
+
+    def decibels(other: Scene, seed: int) -> dict[str, float]:
+        views = _views(other, display, seed)
+        return {f"{name}_db": psnr_db(views[name], view) for name, view in truth.items()}
+
     for across, down in VIEWS:
-        made = write_views(scene, display, scratch / f"views-{across}x{down}", across, down, seed=seed)
-        yield {"source": "views", "across": across, "down": down, **_decibels(made, display, wanted, seed)}
-    made = write_depth_picture(scene, display, scratch, seed=seed)
-    yield {"source": "depth picture", "across": 1, "down": 1, **_decibels(made, display, wanted, seed)}
-    yield {"source": "the scene, another seed", "across": None, "down": None,
-           **_apart(_seen(scene, display, seed + 1), wanted)}  # fmt: skip
+        path = write_views(scene, display, scratch / f"views-{across}x{down}", across, down, seed=seed)
+        yield {"source": "views", "across": across, "down": down, **decibels(_placed(path, display), seed)}
+    path = write_depth_picture(scene, display, scratch, seed=seed)
+    yield {"source": "depth picture", "across": 1, "down": 1, **decibels(_placed(path, display), seed)}
+    yield {"source": "the scene, another seed", "across": None, "down": None, **decibels(scene, seed + 1)}
 
 
-def _seen(scene: Scene, display: Display, seed: int) -> dict[str, Radiance]:
-    """Return what each eye sees of a scene on a display."""
+def _views(scene: Scene, display: Display, seed: int) -> dict[str, Radiance]:
+    """Return each eye's view of a scene on a display."""
     options = RenderOptions(model="exact", settings=Settings(SAMPLES, seed=seed))
     image = render_picture(Job(scene, display, options).plan())
     window = whole_window(display)
@@ -208,44 +186,33 @@ def _seen(scene: Scene, display: Display, seed: int) -> dict[str, Radiance]:
     }
 
 
-def _decibels(path: Path, display: Display, wanted: dict[str, Radiance], seed: int) -> dict[str, float]:
-    return _apart(_seen(_placed(path, display), display, seed), wanted)
-
-
-def _apart(seen: dict[str, Radiance], wanted: dict[str, Radiance]) -> dict[str, float]:
-    return {f"{name}_db": psnr_db(seen[name], view) for name, view in wanted.items()}
-
-
 def _placed(path: Path, display: Display) -> Scene:
     scene = load_scene(path)
     return scene if scene.usual is None else arranged(scene, display, scene.usual)
 
 
 def gallery(folder: Path, scratch: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return what an eye sees of each kind of content, and captions."""
+    """Return an eye's view of each kind of content, and captions."""
     display = load_display(folder / f"displays/{GALLERY}.toml")
     knot = Surface.read(folder / "knot/knot.ply", folder / "knot/skin.png")
     fish = load_scene(folder / "fish/fish.xml")
     paths = [*write_meshes(knot, scratch), write_splats(knot, scratch / "splats.ply", seed)]
     views = write_views(fish, display, scratch / "views", 2 * COLUMNS, seed=seed)
-    eyes = eyes_of(display, 2 * COLUMNS)
-    window = whole_window(display)
+    eyes, window = eyes_of(display, 2 * COLUMNS), whole_window(display)
     pictures = [read_picture(views / f"{number}.exr").radiance for number in range(len(eyes))]
-    paths += [views, write_quilt(pictures, (window.width_mm, window.height_mm), eyes, scratch / "quilt.png", COLUMNS)]
-    paths += [write_depth_picture(fish, display, scratch, seed=seed)]
-    found, captions = [], []
-    for path in paths:
-        image = render_picture(
-            Job(_placed(path, display), display, RenderOptions(model="pinhole", settings=Settings(4, seed=seed))).plan()
-        )
-        found.append(observe(image.radiance, display, Eye((10.0, 5.0, EYE_MM)), window, 16).radiance)
-        captions.append(path.name + "/" * path.is_dir())
-    return found, captions
+    quilt = quilt_path(scratch / "quilt.png", COLUMNS, 2, pictures[0].shape[1] / pictures[0].shape[0])
+    write_picture(quilt, tiled(pictures, COLUMNS, 2), eyes_note((window.width_mm, window.height_mm), eyes))
+    paths += [views, quilt, write_depth_picture(fish, display, scratch, seed=seed)]
+    options = RenderOptions(model="pinhole", settings=Settings(4, seed=seed))
+    images = (render_picture(Job(_placed(path, display), display, options).plan()) for path in paths)
+    eye = Eye((10.0, 5.0, EYE_MM))
+    gallery_views = [observe(image.radiance, display, eye, window, 16).radiance for image in images]
+    return gallery_views, [path.name + "/" * path.is_dir() for path in paths]
 
 
 @measurement(page="content")
 def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure what an eye sees of views and depth pictures against the scene; picture each kind of content.
+    """Compare eyes' views of views and depth pictures with those of the scene; picture each kind of content.
 
     Example: python -m tools.bench content
     """
@@ -258,8 +225,5 @@ def content(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 def content_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
     """Return the page of `tools.bench content`; `views` are the pictures of its sheet, and captions."""
-    context = {
-        "rows": rows, "display": DISPLAY, "gallery": GALLERY,
-        "samples": SAMPLES, "eye_mm": round(EYE_MM),
-    }  # fmt: skip
+    context = {"rows": rows, "display": DISPLAY, "gallery": GALLERY, "samples": SAMPLES, "eye_mm": round(EYE_MM)}
     return make_page("content", origin, contact_sheet("content", views, 4, 2), {"content": rows}, context)

@@ -1,30 +1,31 @@
 """Lists and checks the clock crossings of a netlist: `python -m tools.crossings NETLIST.json`.
 
-The netlist is what yosys writes with `-json` after `synth_ecp5`, flattened. From every input that a clock samples the
-check goes back through the logic to the registers, memories and pins that drive it. Two clocks are one domain only if
-they are one net. A crossing is good if it is one of these, which are found by their shape, and by the names of the
-registers that lipp_bit_sync and lipp_reset_sync keep:
+The netlist is yosys' JSON after `synth_ecp5`, flattened. From every input that a clock samples the check goes back
+through the logic to the registers, memories and pins that drive it. Two clocks are one domain only if they are one net.
+A good crossing is one of these, recognised by its shape, and by the names of the registers in lipp_bit_sync and
+lipp_reset_sync:
 
 | kind | rule |
 |---|---|
 | bit | A register, or a pin, drives the first register of a lipp_bit_sync with no logic between: no glitch is sampled. The registers of the row share one clock and read each other only; the first is read by the second alone. |
 | pulse | The same both ways: lipp_pulse_sync's level and its acknowledgement. |
-| Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable, of which the logic before changes exactly one with each step, over the whole period. Each goes through a lipp_bit_sync of its own. |
-| memory | What lipp_async_fifo's memory holds is sampled under an enable that depends on all bits of the written pointer as the reader's clock sees them, and is written under one that depends on the read pointer so seen. |
-| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one table, in which a register of the sampling clock chooses. It is high only at a place that is counted from a synchronised bit (`i_turn`), which changes with the symbols. That the symbols are still at that place follows from the ratio of the clocks, five to one. |
-| reset | An asynchronous reset comes from a register of the clock of what it resets; only the rows of lipp_reset_sync, whose first register reads a constant, are reset from elsewhere. |
+| Gray | The bits of a pointer of lipp_async_fifo: registers of one clock and one enable. The logic before them changes exactly one with each step, over the complete period. Each goes through its own lipp_bit_sync. |
+| memory | The content of lipp_async_fifo's memory is sampled under an enable that depends on all bits of the written pointer, synchronised to the reader's clock, and is written under one that depends on the synchronised read pointer. |
+| held | lipp_tmds_serialiser's symbols: each is sampled by a register behind one table, in which a register of the sampling clock chooses. It is high only at a place that is counted from a synchronised bit (`i_turn`), which changes with the symbols. That the symbols are stable at that place follows from the ratio of the clocks, five to one. |
+| reset | An asynchronous reset comes from a register of the clock of what it resets. Only the rows of lipp_reset_sync, whose first register reads a constant, are reset from elsewhere. |
 
-Bits of one register that cross side by side through several lipp_bit_syncs are refused, and so are two bits of one clock
-that meet again in one register's logic: they may arrive in different clocks. Pins that a register samples directly are
-refused unless `--timed` names them: pins with a clock of their own, such as a memory chip's.
+Refused: bits of one register that cross through several lipp_bit_syncs side by side; two bits of one clock that meet
+again in one register's logic, since they may arrive in different clocks; and pins that a register samples directly,
+unless `--timed` names them: pins with a clock of their own, such as a memory chip's.
 """  # noqa: E501
 
 from __future__ import annotations
 
 import fnmatch
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
@@ -37,8 +38,10 @@ from lippmann.errors import LippmannError
 from tools.gates import Bit, Netlist, Pin, Register, Sampled, read_netlist
 from tools.program import program
 
-#: Most bits of a pointer whose whole period is tried.
-MOST_POINTER_BITS = 14
+#: Maximum bits of a pointer, whose complete period is tried.
+MAX_POINTER_BITS = 14
+#: The fault of bits that cross one by one.
+_SIDE_BY_SIDE = "they may arrive in different clocks; take a lipp_async_fifo"
 
 
 class CrossingError(LippmannError):
@@ -58,16 +61,8 @@ class Crossing(NamedTuple):
 
 
 @dataclass
-class Found:
-    """What the check found: crossings, and one line for each that is wrong."""
-
-    crossings: list[Crossing] = field(default_factory=list)
-    wrong: list[str] = field(default_factory=list)
-
-
-@dataclass
 class Row:
-    """The registers of a lipp_bit_sync or a lipp_reset_sync in a row: cells, first to last, and their outputs."""
+    """The registers of a lipp_bit_sync or a lipp_reset_sync, first to last: cells and outputs."""
 
     place: str
     cells: list[str]
@@ -77,41 +72,36 @@ class Row:
 
     @property
     def last(self) -> Bit:
-        """The output of the last register."""
+        """The last register's output."""
         return self.outputs[-1]
 
 
 class Check:
-    """The check of one netlist; `timed` are patterns of names of pins that registers may sample."""
+    """The check of a netlist: its `crossings`, a line for each `wrong` one. Pins that match `timed` may be sampled."""
 
     def __init__(self, netlist: Netlist, timed: Sequence[str] = ()) -> None:
-        """Find the rows of registers of the synchronisers."""
-        self.net, self.timed, self.found = netlist, timed, Found()
+        self.net, self.timed = netlist, timed
+        self.crossings: list[Crossing] = []
+        self.wrong: list[str] = []
         #: Registers that sample a pin directly, by the pin's and the clock's name.
         self.pins: dict[tuple[str, str], list[str]] = {}
-        self.rows: list[Row] = []
-        for name, bits in sorted(netlist.synchronisers.items()):
-            row = self._row(name, bits)
-            if row is not None:
-                self.rows.append(row)
-        self.firsts = {row.cells[0]: row for row in self.rows if not row.is_reset}
-        self.of_reset = {cell for row in self.rows if row.is_reset for cell in row.cells}
-        #: For each FIFO and direction its rows, by bit.
+        rows = [self._row(name, bits) for name, bits in sorted(netlist.synchronisers.items())]
+        self.firsts = {row.cells[0]: row for row in rows if row is not None and not row.is_reset}
+        self.of_reset = {cell for row in rows if row is not None and row.is_reset for cell in row.cells}
+        #: The rows of each FIFO and direction, by bit.
         self.pointers: dict[tuple[str, str], dict[int, Row]] = {}
         for row in self.firsts.values():
             pointer = _pointer(row)
             if pointer is not None:
                 self.pointers.setdefault(pointer[:2], {})[pointer[2]] = row
 
-    def run(self) -> Found:
-        """Check everything."""
-        groups: dict[tuple[str, str, str, str], int] = {}
+    def run(self) -> Check:
+        """Check everything, and return the check."""
+        groups: Counter[tuple[str, str, str, str]] = Counter()
         for one in self.net.sampled():
             others = self.net.clocks.get(one.bit, frozenset()) - {one.clock}
-            if isinstance(one.clock, str) or not others:
-                continue
-            for source, target, kind, place in self._crossing(one):
-                groups[source, target, kind, place] = groups.get((source, target, kind, place), 0) + 1
+            if not isinstance(one.clock, str) and others:
+                groups.update(self._crossing(one))
         for (pin, target), cells in sorted(self.pins.items()):
             more = f" and {len(cells) - 1} more" if len(cells) > 1 else ""
             where = self.net.described(cells[0])
@@ -121,27 +111,35 @@ class Check:
             if self._is_read_of_fifo(name, reader, self.net.cells[name].bit("CEB")):
                 groups[*clocks, "memory", _place(name)] = 1
             else:
-                self._is_wrong(f"the memory {name} is written by {clocks[0]} and read by {clocks[1]}; {_ENABLES}")
+                what = f"the memory {name} is written by {clocks[0]} and read by {clocks[1]}"
+                self._is_wrong(f"{what}; only a lipp_async_fifo's pointers may rule that")
         for row in self.firsts.values():
             self._check_row(row)
         for (fifo, side), rows in sorted(self.pointers.items()):
             self._check_pointer(fifo, side, rows)
         self._check_arrays()
         self._check_meetings()
-        for (source, target, place), bits in sorted(self._resets().items()):
-            groups[source, target, "reset", place] = bits
+        groups.update(self._resets())
         self._check_clocks()
-        self.found.crossings = [Crossing(*key, bits) for key, bits in sorted(groups.items())]
-        self.found.wrong = list(dict.fromkeys(self.found.wrong))
-        return self.found
+        self.crossings = [Crossing(*key, bits) for key, bits in sorted(groups.items())]
+        self.wrong = list(dict.fromkeys(self.wrong))
+        return self
+
+    def report(self) -> None:
+        """Print the crossings; raise CrossingError when one is wrong."""
+        for one in self.crossings:
+            click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
+        for line in self.wrong[1:20]:
+            log(line)
+        if self.wrong:
+            more = f" (and {len(self.wrong) - 1} more)" if len(self.wrong) > 1 else ""
+            raise CrossingError(f"{self.wrong[0]}{more}")
 
     def _is_wrong(self, line: str) -> None:
-        self.found.wrong.append(line)
-
-    # ---- rows of registers ----
+        self.wrong.append(line)
 
     def _row(self, name: str, bits: Sequence[Bit]) -> Row | None:
-        """Return the row of registers of a synchroniser; None, and a line, when it is none."""
+        """Return a synchroniser's row of registers; None, and a line, when it is not one."""
         place = name.rpartition(".")[0]
         registers = [*filter(None, map(self.net.register, bits))]
         if len(registers) != len(bits) or len(bits) < 2:
@@ -159,7 +157,7 @@ class Check:
         return Row(place, [register.name for register in registers], list(bits), clocks.pop(), is_reset)
 
     def _check_row(self, row: Row) -> None:
-        """Check that a row samples no glitch, and that nothing reads a register of it that may be metastable."""
+        """Check that a row samples no glitch, and that only the row reads its registers before the last."""
         for k, bit in enumerate(row.outputs[:-1]):
             others = [pin for pin in self.net.readers.get(bit, []) if pin != Pin(row.cells[k + 1], "DI")]
             if others or bit in self.net.outputs:
@@ -167,10 +165,11 @@ class Check:
                 self._is_wrong(f"{row.place}: its register {k} is read by {where}; only the next one may read it")
         source = self.net.straight(self.net.cells[row.cells[0]].bit("DI"))
         if self.net.register(source) is None and self.net.before(source)[0]:
-            self._is_wrong(f"{row.place}: logic before its first register, at {self.net.name(source)}: {_GLITCH}")
+            where = f"logic before its first register, at {self.net.name(source)}"
+            self._is_wrong(f"{row.place}: {where}: a glitch may be sampled")
 
     def _check_arrays(self) -> None:
-        """Refuse synchronisers side by side: the bits of a bus may arrive in different clocks."""
+        """Refuse synchronisers side by side, whose bits may arrive in different clocks."""
         arrays: dict[str, list[Row]] = {}
         for row in self.firsts.values():
             if self._source(row) is not None and (_pointer(row) or ("", "", 0))[:2] not in self.pointers:
@@ -180,7 +179,7 @@ class Check:
                 self._is_wrong(f"{place}: {len(rows)} bits side by side through bit synchronisers: {_SIDE_BY_SIDE}")
 
     def _check_meetings(self) -> None:
-        """Refuse bits of one clock that come over one by one, and meet in the logic before a register."""
+        """Refuse bits of one clock that cross one by one, and meet in the logic before a register."""
         lone = {
             row.cells[-1]: (row, source.clock)
             for row in self.firsts.values()
@@ -193,47 +192,40 @@ class Check:
             met = reached.get(bit, frozenset())
             for (one, clock), (other, clock_of_other) in combinations([lone[cell] for cell in lone if cell in met], 2):
                 if clock == clock_of_other and one.clock == other.clock:
-                    self._is_wrong(
-                        f"{one.place} and {other.place} bring bits of one clock that meet before {pin.cell}: "
-                        f"{_SIDE_BY_SIDE}"
-                    )
+                    both = f"{one.place} and {other.place}"
+                    self._is_wrong(f"{both} bring bits of one clock that meet before {pin.cell}: {_SIDE_BY_SIDE}")
 
     def _source(self, row: Row) -> Register | None:
         """Return the register that a row reads."""
         return self.net.register(self.net.straight(self.net.cells[row.cells[0]].bit("DI")))
 
-    # ---- crossings ----
-
     def _crossing(self, one: Sampled) -> Iterator[tuple[str, str, str, str]]:
         """Yield the crossings to an input: both clocks' names, kind and place."""
-        target = self.net.name(one.clock)
-        row = self.firsts.get(one.pin.cell) if one.pin.port == "DI" else None
+        target, cell = self.net.name(one.clock), one.pin.cell
+        row = self.firsts.get(cell) if one.pin.port == "DI" else None
         for source in self.net.sources([one.bit]):
             if source.clock == one.clock:
                 continue
             name = "pin" if source.clock is None else self.net.name(source.clock)
             if row is not None:
-                yield name, target, self._kind(row), _fifo_of(row)
+                pointer = _pointer(row)
+                kind = "pulse" if self._is_pulse(row) else "bit"
+                if pointer is not None and pointer[:2] in self.pointers:
+                    kind = "Gray"
+                place = re.sub(r"\.i_(there|back)$", "", row.place) if pointer is None else " ".join(pointer[:2])
+                yield name, target, kind, place
             elif source.clock is None:
                 if any(fnmatch.fnmatchcase(source.name, pattern) for pattern in self.timed):
                     yield name, target, "timed", re.sub(r"\[\d+\]$", "", source.name)
                 else:
-                    self.pins.setdefault((source.name, target), []).append(one.pin.cell)
+                    self.pins.setdefault((source.name, target), []).append(cell)
             elif source.memory and self._samples_fifo(one, source.name):
                 yield name, target, "memory", _place(source.name)
-            elif (held := self._held(one, source.name)) is not None:
-                yield name, target, "held", held
+            elif (serialiser := self._serialiser(one, source.name)) is not None:
+                yield name, target, "held", serialiser
             else:
-                self._is_wrong(
-                    f"{source.name} ({name}) reaches {one.pin.port} of {self.net.described(one.pin.cell)} ({target}) "
-                    "without a synchroniser"
-                )
-
-    def _kind(self, row: Row) -> str:
-        pointer = _pointer(row)
-        if pointer is not None and pointer[:2] in self.pointers:
-            return "Gray"
-        return "pulse" if self._is_pulse(row) else "bit"
+                where = f"{one.pin.port} of {self.net.described(cell)} ({target})"
+                self._is_wrong(f"{source.name} ({name}) reaches {where} without a synchroniser")
 
     def _is_pulse(self, row: Row) -> bool:
         """Tell whether a row is one of a lipp_pulse_sync's two, which answer each other."""
@@ -247,8 +239,6 @@ class Check:
             return False
         before = self.net.sources([level.data, level.cell.bit("CE")])
         return answer.data == there.last and any(source.name == self.net.name(back.last) for source in before)
-
-    # ---- FIFOs ----
 
     def _check_pointer(self, fifo: str, side: str, rows: dict[int, Row]) -> None:
         """Check that a pointer of a FIFO crosses as registers of Gray code."""
@@ -266,9 +256,9 @@ class Check:
             self._is_wrong(f"{where} {wrong}")
 
     def _gray(self, outputs: list[Bit], control: tuple[Bit, str, Bit]) -> str:
-        """Step registers through their whole period; return why they are no counter in Gray code, or nothing."""
-        if len(outputs) > MOST_POINTER_BITS:
-            return f"has more than {MOST_POINTER_BITS} bits"
+        """Step registers through their complete period; return why they are no counter in Gray code, or ""."""
+        if len(outputs) > MAX_POINTER_BITS:
+            return f"has more than {MAX_POINTER_BITS} bits"
         # The registers that the next state depends on, all with the same clock and enable.
         state: dict[Bit, Register] = {}
         todo = list(outputs)
@@ -281,15 +271,15 @@ class Check:
                 state[bit] = register
                 todo += self.net.ends([register.data])
         values: dict[Bit, int] = {bit: int(one.cell.choice("REGSET") == "SET") for bit, one in state.items()}
-        seen = set()
+        words = set()
         for step in range(1 << len(outputs)):
             word = tuple(values[bit] for bit in outputs)
-            if word in seen:
+            if word in words:
                 return f"comes back after {step} steps"
-            seen.add(word)
-            known = dict(values)
+            words.add(word)
+            evaluated = dict(values)
             try:
-                values = {bit: self.net.value(register.data, known) for bit, register in state.items()}
+                values = {bit: self.net.value(register.data, evaluated) for bit, register in state.items()}
             except KeyError as error:
                 return f"depends on {error.args[0]}"
             changed = sum(values[bit] != old for bit, old in zip(outputs, word, strict=True))
@@ -304,7 +294,7 @@ class Check:
         return enabled and self._is_read_of_fifo(memory, one.clock, cell.bit("CE"))
 
     def _is_read_of_fifo(self, memory: str, clock: Bit, enable: Bit) -> bool:
-        """Tell whether a FIFO's memory is read by a clock under an enable, both sides ruled by the pointers."""
+        """Tell whether the pointers rule a FIFO's memory: its enable to read by a clock, and that to write."""
         fifo = _place(memory)
         written, read = self.pointers.get((fifo, "written"), {}), self.pointers.get((fifo, "read"), {})
         if not written or not read or any(row.clock != clock for row in written.values()):
@@ -318,24 +308,21 @@ class Check:
 
     def _depends(self, bits: Iterable[Bit], rows: Iterable[Row]) -> bool:
         """Tell whether logic depends on the last registers of all rows."""
-        before = self.net.ends(bits)
-        return all(row.last in before for row in rows)
+        return {row.last for row in rows} <= self.net.ends(bits).keys()
 
-    # ---- held words ----
-
-    def _held(self, one: Sampled, source: str) -> str | None:
+    def _serialiser(self, one: Sampled, source: str) -> str | None:
         """Return the serialiser whose held symbols an input samples, or None."""
         pin = self.net.driver.get(one.bit)
         if one.pin.port != "DI" or pin is None or self.net.cells[pin.cell].kind != "LUT4":
             return None
         table = self.net.cells[pin.cell]
         ports = {port: table.bit(port) for port in "ABCD"}
-        held = [port for port, bit in ports.items() if self.net.name(bit) == source]
+        symbol = [port for port, bit in ports.items() if self.net.name(bit) == source]
         for port, bit in ports.items():
             register = self.net.register(bit)
-            if port in held or register is None or register.clock != one.clock:
+            if port in symbol or register is None or register.clock != one.clock:
                 continue
-            if any(not _depends_on(table.number("INIT"), held, port, choice) for choice in (0, 1)):
+            if any(not _depends_on(table.number("INIT"), symbol, port, choice) for choice in (0, 1)):
                 place = self._counted_from(bit, one.clock)
                 if place is not None:
                     return place
@@ -344,24 +331,20 @@ class Check:
     def _counted_from(self, bit: Bit, clock: Bit) -> str | None:
         """Return the place of the `i_turn` that a register depends on through registers of its own clock."""
         turns = {row.last: row.place for row in self.firsts.values() if row.place.endswith("i_turn")}
-        todo, seen = [bit], {bit}
+        todo, visited = [bit], {bit}
         while todo:
             one = todo.pop()
             if one in turns:
                 return turns[one].removesuffix("i_turn").rstrip(".")
             register = self.net.register(one)
-            if register is None or register.clock != clock:
-                continue
-            new = self.net.ends([register.data]).keys() - seen
-            seen |= new
-            todo += new
+            if register is not None and register.clock == clock:
+                new = self.net.ends([register.data]).keys() - visited
+                visited |= new
+                todo += new
         return None
 
-    # ---- resets and clocks ----
-
-    def _resets(self) -> dict[tuple[str, str, str], int]:
-        """Check the asynchronous resets; return the number of registers that each resets, by where it comes from."""
-        found: dict[tuple[str, str, str], int] = {}
+    def _resets(self) -> Iterator[tuple[str, str, str, str]]:
+        """Check the asynchronous resets; yield clocks, kind and place for each register that is reset."""
         for one in self.net.asynchronous_resets():
             bit = self.net.straight(one.bit)
             if isinstance(bit, str):
@@ -371,13 +354,10 @@ class Check:
             clock = None if register is None else register.clock
             if clock != one.clock and one.pin.cell not in self.of_reset:
                 what = "logic" if self.net.before(bit)[0] else "another clock" if register is not None else "a pin"
-                self._is_wrong(
-                    f"{self.net.described(one.pin.cell)} ({target}) is reset by {self.net.name(bit)}, {what}; take a "
-                    "lipp_reset_sync's reset"
-                )
-            key = ("pin" if clock is None else self.net.name(clock), target, self.net.name(bit))
-            found[key] = found.get(key, 0) + 1
-        return found
+                where = f"{self.net.described(one.pin.cell)} ({target})"
+                name = self.net.name(bit)
+                self._is_wrong(f"{where} is reset by {name}, {what}; take a lipp_reset_sync's reset")
+            yield "pin" if clock is None else self.net.name(clock), target, "reset", self.net.name(bit)
 
     def _check_clocks(self) -> None:
         """Refuse clocks that logic makes."""
@@ -386,23 +366,10 @@ class Check:
                 self._is_wrong(f"the clock {self.net.name(one.clock)} of {one.pin.cell} is made by logic")
 
 
-_GLITCH = "a glitch may be sampled"
-_ENABLES = "only a lipp_async_fifo's pointers may rule that"
-_SIDE_BY_SIDE = "they may arrive in different clocks; take a lipp_async_fifo"
-
-
 def _pointer(row: Row) -> tuple[str, str, int] | None:
     """Return the FIFO, the direction and the bit of a row that has the name of a FIFO's pointer."""
-    found = re.fullmatch(r"(?:(.*)\.)?gen_bit\[(\d+)\]\.i_(written|read)", row.place)
-    return (found[1] or "", found[3], int(found[2])) if found else None
-
-
-def _fifo_of(row: Row) -> str:
-    """Return the place of a crossing: the FIFO or the pulse synchroniser, or the row alone."""
-    pointer = _pointer(row)
-    if pointer is not None:
-        return f"{pointer[0]} {pointer[1]}"
-    return re.sub(r"\.i_(there|back)$", "", row.place)
+    name = re.fullmatch(r"(?:(.*)\.)?gen_bit\[(\d+)\]\.i_(written|read)", row.place)
+    return (name[1] or "", name[3], int(name[2])) if name else None
 
 
 def _place(memory: str) -> str:
@@ -410,10 +377,10 @@ def _place(memory: str) -> str:
     return re.sub(r"\.words\..*", "", memory)
 
 
-def _depends_on(table: int, held: Sequence[str], choice: str, value: int) -> bool:
-    """Tell whether a table of four inputs depends on the held ones while the choosing input has a value."""
+def _depends_on(table: int, ports: Sequence[str], choice: str, value: int) -> bool:
+    """Tell whether a table of four inputs depends on some ports while the choosing port has a value."""
     places = {port: 1 << k for k, port in enumerate("ABCD")}
-    mask = sum(places[port] for port in held)
+    mask = sum(places[port] for port in ports)
     outputs: dict[int, set[int]] = {}
     for at in range(16):
         if bool(at & places[choice]) == bool(value):
@@ -421,7 +388,7 @@ def _depends_on(table: int, held: Sequence[str], choice: str, value: int) -> boo
     return any(len(some) > 1 for some in outputs.values())
 
 
-def check(netlist: Netlist, timed: Sequence[str] = ()) -> Found:
+def check(netlist: Netlist, timed: Sequence[str] = ()) -> Check:
     """Check all crossings of a netlist."""
     return Check(netlist, timed).run()
 
@@ -438,11 +405,4 @@ def main(
 
     Example: python -m tools.crossings build/netlist.json --timed 'sdram_d*'
     """
-    found = check(read_netlist(netlist, top), timed)
-    for one in found.crossings:
-        click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
-    for line in found.wrong[1:20]:
-        log(line)
-    if found.wrong:
-        more = f" (and {len(found.wrong) - 1} more)" if len(found.wrong) > 1 else ""
-        raise CrossingError(f"{found.wrong[0]}{more}")
+    check(read_netlist(netlist, top), timed).report()

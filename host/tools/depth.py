@@ -1,13 +1,12 @@
 """Depths that the founding paper's set-ups show, by the parallax of a moving eye (`tools.bench depth`).
 
-A soft bright mark on the axis, at the depth of each object of the fish scene, is captured and shown. An eye moves along
-x, and the centre of its view is followed across the plane of the display. A point at depth z moves by -z / (E - z) for
-each mm that an eye at distance E moves: the slope of the fitted line gives the depth.
+A soft bright mark on the axis, at the depth of each object of the fish scene, is captured and shown. An eye at distance
+E moves along x; the centre of its view of a point at depth z then moves by -z / (E - z) per mm, so that the slope of
+a fitted line gives the depth.
 
-There are three eyes. The first sees each lenslet through its centre and stays near the axis, as the lens equations
-assume. The second sees through whole, exact lenslets: where the gap is not their focal length, they spread its view
-over a wide part of the imaging lens, whose spherical aberration adds an error. The third sees through the centres and
-moves far.
+The first eye sees through the lenslets' centres and stays near the axis, as the lens equations assume. The second sees
+through complete, exact lenslets; where the gap is not their focal length, its view spreads over a wide part of the
+imaging lens, whose spherical aberration adds an error. The third sees through the centres and moves far.
 """
 
 from __future__ import annotations
@@ -39,25 +38,21 @@ from tools.report_plots import contact_sheet, make_page
 OBJECTS = {"fish": 6.0, "stem 1": -20.0, "stem 2": -45.0, "stem 3": -70.0, "stem 4": -100.0, "stem 5": -115.0}
 SETUPS = ("fig8a", "fig8b", "fig8c", "fig8d")
 EYE_DISTANCE_MM = 600.0
-#: The eye's places along x, mm: so near the axis that rays stay in the middle of the imaging lens.
-EYES_MM = np.linspace(-5.0, 5.0, 9)
-#: Places of an eye that moves as far as viewers do: its rays reach the outer parts of the imaging lens.
-WIDE_EYES_MM = np.linspace(-30.0, 30.0, 9)
-#: The part of the display that shows a mark, in lenslets, and the pixels across each lenslet: a whole number, so that
-#: rotation is exact, and finer than the print's, where such a small move of an eye shifts the view by a pixel or two.
+#: x of the eye, mm: near the axis, so that rays stay in the middle of the imaging lens; and as far as viewers move.
+EYES_MM, WIDE_EYES_MM = np.linspace(-5.0, 5.0, 9), np.linspace(-30.0, 30.0, 9)
+#: The part of the display that shows a mark, in lenslets, and the pixels across a lenslet: an integer, so that rotation
+#: is exact, and finer than the print's, where a small move of the eye shifts the view by a pixel or two.
 STRIP, PIXELS = (25, 1), 240
-#: Where rays to marks start, mm before the object's centre: one plane for all marks, so that one program renders all.
+#: Start of the rays to marks, mm before the object's centre: one plane for all marks, so that one program renders all.
 NEAR_MM = 100.0
-#: Standard deviation of a mark's image, mm: small, yet too smooth for lenslets of 1 mm to alias it; and where it ends.
-MARK_MM = 0.8
-MARK_SIGMAS = 3.5
-MARK_TEXELS = 256
-#: Bound on the error of a depth, as a share of its magnitude.
+#: Standard deviation of a mark's image, mm, too smooth for lenslets of 1 mm to alias; its edge in deviations; texels.
+MARK_MM, MARK_SIGMAS, MARK_TEXELS = 0.8, 3.5, 256
+#: Maximum error of a depth, as a fraction of its magnitude.
 SHARE = 0.05
-#: The eye's places for the views of the fish, mm.
+#: x of the eyes for the views of the fish, mm.
 VIEW_EYES_MM = (-10.0, 10.0)
 
-#: A moving eye: it sees through the lenslets' centres ("pinhole") or whole lenslets ("exact"), from places on x, mm.
+#: A moving eye: the model by which it sees through lenslets, and its places along x, mm.
 Look = tuple[Model, Floats]
 CENTRES: Look = ("pinhole", EYES_MM)
 LENSLETS: Look = ("exact", EYES_MM)
@@ -65,16 +60,13 @@ WIDE: Look = ("pinhole", WIDE_EYES_MM)
 
 
 def judged(row: dict[str, Any]) -> dict[str, Any]:
-    """Add to a depth the errors, per cent of its magnitude, of the eye near the axis and of the one that moves far.
-
-    `kept` tells whether the depth near the axis has the right sign and a magnitude within the bound.
-    """
+    """Add the errors, per cent, of the eyes near the axis and moving far; `kept`: the former is within `SHARE`."""
     error, wide = (100.0 * (row[key] / row["theory_mm"] - 1.0) for key in ("centres_mm", "wide_mm"))
     return {**row, "error_percent": error, "wide_error_percent": wide, "kept": abs(error) <= 100.0 * SHARE}
 
 
 def mark_scene(setup: Setup, z_mm: float) -> Scene:
-    """Return a scene of one soft mark on the axis at a depth (below NEAR_MM) of the object's frame, facing the lens."""
+    """Return a scene of a soft mark on the axis, facing the lens, at a depth (below NEAR_MM) of the object's frame."""
     mi = mitsuba()
     x = (np.arange(MARK_TEXELS) + 0.5) * (2.0 / MARK_TEXELS) - 1.0
     profile = np.exp(-0.5 * (MARK_SIGMAS * x) ** 2).astype(np.float32)
@@ -92,11 +84,7 @@ def mark_scene(setup: Setup, z_mm: float) -> Scene:
 def measure_depths(
     setup: Setup, z_mm: float, rotated: bool, looks: tuple[Look, ...] = (CENTRES,), seed: int = 0
 ) -> list[float]:
-    """Return the depth (mm, positive in front of the display) at which each of some moving eyes sees a captured point.
-
-    The point is on the axis, at `z_mm` in the object's frame; the set-up's display shows its picture. `rotated` tells
-    whether elemental images are rotated by 180 degrees.
-    """
+    """Return the depth, mm in front of the display, at which each eye sees a captured point on the axis at `z_mm`."""
     settings = Settings(integrator="direct", seed=seed)
     picture = capture(mark_scene(setup, z_mm), setup, settings, rotated).radiance
     display = setup.display
@@ -115,7 +103,7 @@ def measure_depths(
 
 
 def strip_of(setup: Setup) -> Setup:
-    """Return the set-up with a strip from the middle of its display, in finer pixels."""
+    """Return the set-up with a strip of its display, in finer pixels."""
     width_px, height_px = (count * PIXELS for count in STRIP)
     pitch_mm = setup.display.array.pitches_mm[0] / PIXELS
     panel = replace(setup.display.panel, width_px=width_px, height_px=height_px, pixel_pitch_mm=pitch_mm)
@@ -123,35 +111,22 @@ def strip_of(setup: Setup) -> Setup:
 
 
 def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure every object in every set-up, with elemental images rotated and as captured.
-
-    Depths of images are in mm before the display: by the lens equations, and for each of the eyes.
-    """
+    """Yield the depths of every object in every set-up, with elemental images rotated and as captured."""
     for name in SETUPS:
         setup = strip_of(load_setup(folder / f"setups/{name}.toml"))
         placement = setup.subject.placement
         for rotated, (thing, z) in itertools.product((True, False), OBJECTS.items()):
             z_mm = placement.scale * z + placement.offset_mm[2]
             centres_mm, lenslets_mm, wide_mm = measure_depths(setup, z_mm, rotated, (CENTRES, LENSLETS, WIDE), seed)
-            yield judged(
-                {
-                    "setup": name,
-                    "array_position_mm": setup.position_mm,
-                    "gap_mm": setup.display.gap_mm,
-                    "rotated": rotated,
-                    "thing": thing,
-                    "object_mm": setup.subject.distance_mm - z_mm,
-                    "image_mm": float(setup.image_distance(z_mm)),
-                    "theory_mm": float(shown_depth(setup, z_mm, rotated)),
-                    "centres_mm": centres_mm,
-                    "lenslets_mm": lenslets_mm,
-                    "wide_mm": wide_mm,
-                }
-            )
+            row = {"setup": name, "array_position_mm": setup.position_mm, "gap_mm": setup.display.gap_mm}
+            row |= {"rotated": rotated, "thing": thing, "object_mm": setup.subject.distance_mm - z_mm}
+            row |= {"image_mm": float(setup.image_distance(z_mm))}
+            row |= {"theory_mm": float(shown_depth(setup, z_mm, rotated))}
+            yield judged({**row, "centres_mm": centres_mm, "lenslets_mm": lenslets_mm, "wide_mm": wide_mm})
 
 
 def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return two eyes' views of the fish in every set-up, once also without rotation; and captions."""
+    """Return two eyes' views of the fish in every set-up, and in the first without rotation; and captions."""
     path = folder / "fish/fish.xml"
     views, captions = [], []
     for name, rotated in (*((name, True) for name in SETUPS), ("fig8a", False)):
@@ -160,10 +135,9 @@ def fish_views(folder: Path, seed: int) -> tuple[list[Radiance], list[str]]:
         picture = capture(scene, setup, Settings(samples=2, seed=seed), rotated).radiance
         window = whole_window(setup.display)  # one pixel for each lenslet
         for x in VIEW_EYES_MM:
-            seen = observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance
-            views.append(seen)
-            note = "" if rotated else ", not rotated"
-            captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{note}")
+            views.append(observe(picture, setup.display, Eye((x, 0.0, EYE_DISTANCE_MM)), window, 64).radiance)
+            suffix = "" if rotated else ", not rotated"
+            captions.append(f"{name}: array {setup.position_mm:+.0f} mm, eye {x:+.0f} mm{suffix}")
     return views, captions
 
 
@@ -179,23 +153,18 @@ def depth(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 
 def depth_page(origin: Mapping[str, str], rows: Rows, views: tuple[list[Radiance], list[str]] | None = None) -> Page:
-    """Return the page of `tools.bench depth`; `views` are the pictures of its sheet, and captions."""
+    """Return the page of `tools.bench depth`; `views` are the pictures and captions of its sheet."""
     sheet = contact_sheet("depth", views, 2)
     moved = [{**row, "shift": row["wide_mm"] - row["theory_mm"]} for row in rows]
     setups = []
     for group in groups(moved, "setup", "rotated"):
         nearer, shifts = np.diff(values(group, "centres_mm")) < 0.0, values(group, "shift")
-        setups.append(
-            {
-                **group[0],
-                "images": "rotated" if group[0]["rotated"] else "as captured",
-                "relief": "orthoscopic" if nearer.all() else "neither" if nearer.any() else "pseudoscopic",
-                "range": f"{group[0]['theory_mm']:+.1f} to {group[-1]['theory_mm']:+.1f}",
-                "error": max(abs(row["error_percent"]) for row in group),
-                "lenslets": max(abs(row["lenslets_mm"] - row["theory_mm"]) for row in group),
-                "shift": f"{min(shifts):+.1f} to {max(shifts):+.1f}",
-            }
-        )
+        setup = {**group[0], "images": "rotated" if group[0]["rotated"] else "as captured"}
+        setup["relief"] = "orthoscopic" if nearer.all() else "neither" if nearer.any() else "pseudoscopic"
+        setup["range"] = f"{group[0]['theory_mm']:+.1f} to {group[-1]['theory_mm']:+.1f}"
+        setup["error"] = max(abs(row["error_percent"]) for row in group)
+        setup["lenslets"] = max(abs(row["lenslets_mm"] - row["theory_mm"]) for row in group)
+        setups.append({**setup, "shift": f"{min(shifts):+.1f} to {max(shifts):+.1f}"})
     near, far = (f"{eyes[0]:+.0f} to {eyes[-1]:+.0f}" for eyes in (EYES_MM, WIDE_EYES_MM))
     rotated = where(moved, rotated=True)
     signs = sum(row["lenslets_mm"] * row["theory_mm"] > 0 for row in rotated)

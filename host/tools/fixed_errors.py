@@ -1,18 +1,14 @@
-"""Error of the fixed-point pipeline against golden, over easy and adversarial sets of rays (`tools.bench fixed`).
-
-The twin is measured: the RTL gives the same words, bit for bit. Golden traces the rays that the words represent: pixel
-coordinates in 1/16 pixel, aperture points in the configuration's own words.
-"""
+"""Error of the fixed-point twin against golden, over easy and adversarial sets of rays (`tools.bench fixed`)."""
 
 from __future__ import annotations
 
 import dataclasses
-import logging
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from lippmann.conformance import ray_sets
+from lippmann.conformance.engine_report import logger
 from lippmann.display.description import Display
 from lippmann.engines import trace
 from lippmann.fixed.build import Build
@@ -28,16 +24,11 @@ from lippmann.optics.system import System
 
 from tools.named_builds import Named
 
-logger = logging.getLogger("lippmann.report")
 #: Rays of each adversarial set, and of the budget.
 ADVERSARIAL, BUDGET = 200_000, 200_000
-#: Panels up to this many pixels are traced whole.
-WHOLE = 2400 * 2400
-#: Rays traced at a time.
-CHUNK = 250_000
-#: Rays of the sample of a panel that is not traced whole.
-SAMPLE = 2_000_000
-#: Displacements that are tried in search of an edge: from 1/64 of the stated error to 64 times it.
+#: Pixels up to which all of a panel is traced; rays in the sample of a larger panel; rays traced at once.
+WHOLE, SAMPLE, CHUNK = 2400 * 2400, 2_000_000, 250_000
+#: Displacements in search of an edge, in units of the stated error.
 REACHES = tuple(2.0**k for k in range(-6, 7))
 
 
@@ -56,20 +47,17 @@ class Comparison(NamedTuple):
     #: Rays whose status differs; rays whose first or last lenslet differs.
     status_differs: Bools
     lenslet_differs: Bools
-    #: Rays too slanted for the words. The twin calls them missed; they are not compared.
+    #: Rays too slanted for the words: missed by the twin, and not compared.
     refused: Bools
 
 
 def stated_nm(fraction_bits: int) -> float:
-    """Return the exit point's stated error, nm: 2 at the widest, twice that for each bit less."""
+    """Return the exit point's stated error, nm: 2 at the widest, doubled for each bit less."""
     return float(2 ** (1 + WIDEST - fraction_bits))
 
 
-# ---- comparison ----
-
-
 def compare(display: Display, build: Build, words: Words) -> Comparison:
-    """Trace rays with the twin and with golden; return how they differ."""
+    """Trace rays with the twin and with golden, and compare them."""
     model, f = build.model, build.fraction_bits
     config = configuration(display, build, model)
     pixel = pixels_of_words(display, words.u, words.v)
@@ -93,92 +81,73 @@ def compare(display: Display, build: Build, words: Words) -> Comparison:
 
 
 def exit_cosine(display: Display, rays: Rays, domes: bool) -> Floats:
-    """Return the cosine between exit rays and the last face's normal, (N,): the dome's, or else the axis."""
+    """Return the cosine between exit rays and the last face's normal, (N,)."""
     if not domes or display.array.plano_side == "viewer":
         return np.abs(rays.direction[:, 2])
     normal = rays.local_mm / display.array.radius_mm + (0.0, 0.0, 1.0)
-    cosine: Floats = np.abs((normal * rays.direction).sum(axis=1))
-    return cosine
+    return np.asarray(np.abs((normal * rays.direction).sum(axis=1)))
 
 
-def measure(named: Named, display: Display, rays_of: str, chunks: Iterator[Words]) -> dict[str, Any]:
+def measure(variant: Named, display: Display, rays_of: str, chunks: Iterator[Words]) -> dict[str, Any]:
     """Measure a row of the report over chunks of a set of rays.
 
-    `refused` counts the rays that were not compared. The errors of direction (microradian; `weighted`: times
-    min(1, 2 cos theta_t)) and exit point (nm) are over the rays that leave by the same lenslet in both.
-    `status_differs` and `lenslet_differs` count the others. Of these, `lost` counts rays that the twin calls missed
-    because they would meet more domes than the build tries. `edge_nm` is the distance of the farthest of the rest from
-    the edge where golden's fate changes to the twin's (infinite: farther than was tried). `kept` tells whether the
-    errors stay within the configuration's promise; None when it has none.
+    `refused` rays were not compared. The errors of direction (microradian; `weighted`: times min(1, 2 cos theta_t)) and
+    exit point (nm) are over the rays that leave by the same lenslet in both; `status_differs` and `lenslet_differs`
+    count the others. The twin calls `lost` ones missed because they would meet more domes than the build tries.
+    `edge_nm` is the largest distance of the remaining ones from the edge where golden's fate changes to the twin's.
+    `kept`: the errors are within the configuration's promise (None: it has none).
     """
-    parts = [_chunk(named.build, display, words) for words in chunks]
-    found = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}
+    parts = [_chunk(variant.build, display, words) for words in chunks]
+    row = {key: (max if key in MAXIMA else sum)(part[key] for part in parts) for key in parts[0]}
+    alive = max(row.pop("alive"), 1)
     for key in ("rms_direction_urad", "rms_point_nm"):
-        found[key] = float(np.sqrt(found[key] / max(found["alive"], 1)))
-    del found["alive"]
-    kept = None
-    if named.promise_urad is not None:
-        point = stated_nm(named.build.fraction_bits) if named.promise_nm is None else named.promise_nm
-        kept = (
-            max(found["max_point_nm"], found["edge_nm"]) <= point and found["max_weighted_urad"] <= named.promise_urad
-        )
-    largest = found["max_direction_urad"], found["max_point_nm"]
-    logger.info("%s, %s, %s: %.3g urad, %.3g nm", named.name, display.name, rays_of, *largest)
-    return {
-        "configuration": named.name,
-        "fraction_bits": named.build.fraction_bits,
-        "display": display.name,
-        "rays_of": rays_of,
-        **found,
-        "promise_urad": named.promise_urad,
-        "promise_nm": named.promise_nm,
-        "kept": kept,
-    }
+        row[key] = float(np.sqrt(row[key] / alive))
+    is_kept = None
+    if variant.promise_urad is not None:
+        point = stated_nm(variant.build.fraction_bits) if variant.promise_nm is None else variant.promise_nm
+        is_kept = max(row["max_point_nm"], row["edge_nm"]) <= point and row["max_weighted_urad"] <= variant.promise_urad
+    largest = row["max_direction_urad"], row["max_point_nm"]
+    logger.info("%s, %s, %s: %.3g urad, %.3g nm", variant.name, display.name, rays_of, *largest)
+    keys = {"configuration": variant.name, "fraction_bits": variant.build.fraction_bits, "display": display.name}
+    promise = {"promise_urad": variant.promise_urad, "promise_nm": variant.promise_nm, "kept": is_kept}
+    return {**keys, "rays_of": rays_of, **row, **promise}
 
 
-#: Columns of `measure` whose largest counts over several sets of rays. The others are counts, or root mean squares.
+#: Columns of `measure` that are combined by their maximum over several sets of rays, not by their sum.
 MAXIMA = ("max_direction_urad", "max_weighted_urad", "max_point_nm", "edge_nm")
 
 
 def _chunk(build: Build, display: Display, words: Words) -> dict[str, Any]:
-    """Return the columns of `measure` of one chunk, for each root mean square the sum of squares."""
-    found = compare(display, build, words)
-    turn, shift, weight = found.turn_urad[found.alive], found.shift_nm[found.alive], found.weight[found.alive]
-    differs = np.flatnonzero(found.status_differs | found.lenslet_differs)
+    """Return the columns of `measure` of one chunk; root mean squares as sums of squares."""
+    result = compare(display, build, words)
+    turn, shift, weight = (column[result.alive] for column in (result.turn_urad, result.shift_nm, result.weight))
+    differs = np.flatnonzero(result.status_differs | result.lenslet_differs)
     lost, edge = 0, 0.0
     if len(differs):
-        some, others = Words(*(column[differs] for column in words)), rows_of(found.twin, differs)
+        some, others = Words(*(column[differs] for column in words)), rows_of(result.twin, differs)
         stated = stated_nm(build.fraction_bits)
         away = edge_distance_nm(display, build, some, others, stated)
         far = (away > stated) & (others.status == int(Status.MISSED)) & (build.aims or build.viewer or build.converge)
         lost, edge = int(far.sum()), float(away[~far].max(initial=0.0))
-    return {
-        "rays": len(words.u),
-        "refused": int(found.refused.sum()),
-        "max_direction_urad": float(turn.max(initial=0.0)),
-        "rms_direction_urad": float((turn**2).sum()),
-        "max_weighted_urad": float((turn * weight).max(initial=0.0)),
-        "max_point_nm": float(shift.max(initial=0.0)),
-        "rms_point_nm": float((shift**2).sum()),
-        "status_differs": int(found.status_differs.sum()),
-        "lenslet_differs": int(found.lenslet_differs.sum()),
-        "lost": lost,
-        "edge_nm": edge,
-        "alive": len(turn),
-    }
+    row: dict[str, Any] = {"rays": len(words.u), "refused": int(result.refused.sum())}
+    row |= {"max_direction_urad": float(turn.max(initial=0.0))}
+    row |= {"rms_direction_urad": float((turn**2).sum()), "max_weighted_urad": float((turn * weight).max(initial=0.0))}
+    row |= {"max_point_nm": float(shift.max(initial=0.0)), "rms_point_nm": float((shift**2).sum())}
+    row |= {"status_differs": int(result.status_differs.sum()), "lenslet_differs": int(result.lenslet_differs.sum())}
+    return {**row, "lost": lost, "edge_nm": edge, "alive": len(turn)}
 
 
 def rows_of(rays: Rays, rows: Ints) -> Rays:
-    """Return some of the rays."""
+    """Select rays by their indices."""
     return Rays(*(getattr(rays, column.name)[rows] for column in dataclasses.fields(rays)))
 
 
 def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Words]]:
-    """Return the sets of rays: the frame (of a panel of more than `WHOLE` pixels a sample), and adversarial rays."""
-    whole = display.panel.width_px * display.panel.height_px <= WHOLE
+    """Return the sets of rays: the frame (a sample of a panel of more than `WHOLE` pixels), and adversarial rays."""
+    is_small = display.panel.width_px * display.panel.height_px <= WHOLE
     count = min(ADVERSARIAL, WHOLE)
     sets = {
-        "frame" if whole else "sample": frame_words(display, build, seed, WHOLE),
+        "frame" if is_small else "sample": frame_words(display, build, seed, WHOLE),
         "edges": iter([edge_words(display, build, seed + 1, count)]),
     }
     if build.aims:
@@ -187,11 +156,8 @@ def sets_of(build: Build, display: Display, seed: int) -> dict[str, Iterator[Wor
     return sets
 
 
-# ---- budget ----
-
-
 class Words(NamedTuple):
-    """Rays in the pipeline's words, each (N,): pixels (u, v), and aperture points (a, b), 0 for chief rays."""
+    """Rays in the pipeline's words, (N,) each: pixels (u, v), and aperture points (a, b), 0 for chief rays."""
 
     u: Ints
     v: Ints
@@ -199,26 +165,23 @@ class Words(NamedTuple):
     b: Ints
 
 
-def frame_words(display: Display, build: Build, seed: int, most: int) -> Iterator[Words]:
-    """Yield a panel's pixel centres in chunks: all, or `SAMPLE` random ones of a panel of more than `most` pixels.
-
-    A build with aims gets a random point of the lenslet's cell for each.
-    """
+def frame_words(display: Display, build: Build, seed: int, max_pixels: int) -> Iterator[Words]:
+    """Yield words of all pixel centres in chunks, or of `SAMPLE` random ones if there are more than `max_pixels`."""
     random = np.random.default_rng(seed)
     panel = display.panel
     count = panel.width_px * panel.height_px
-    whole = count <= most
-    total = count if whole else min(SAMPLE, most)
+    is_small = count <= max_pixels
+    total = count if is_small else min(SAMPLE, max_pixels)
     for start in range(0, total, CHUNK):
         size = min(CHUNK, total - start)
-        index = np.arange(start, start + size) if whole else random.integers(0, count, size)
+        index = np.arange(start, start + size) if is_small else random.integers(0, count, size)
         row, column = np.divmod(index, panel.width_px)
         u, v = words_of_pixels(display, np.stack([column, row], axis=1) + 0.5)
         yield Words(u, v, *cell_aims(display, build, random, size))
 
 
 def edge_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return pixels on the edges and vertices of cells, within 1/16 pixel, and aims on edges and vertices likewise."""
+    """Return pixels within 1/16 pixel of edges and vertices of cells, and aims near edges and vertices."""
     random = np.random.default_rng(seed)
     lenslets, _ = located(display, pixels_of_words(display, *random_pixels(display, random, count)))
     edge, aimed = (ray_sets.edge_points(display, random, count, vertices=0.25) for _ in range(2))
@@ -241,11 +204,7 @@ def wide_words(display: Display, build: Build, seed: int, count: int) -> Words:
 
 
 def boundary_words(display: Display, build: Build, seed: int, count: int) -> Words:
-    """Return rays on both sides of boundaries of golden's fates, down to one word of the aim.
-
-    For random pixels, the segment between two aims of different fates is bisected. It ends at a cell's edge on the
-    dome, at the critical angle, or at any other boundary of a fate.
-    """
+    """Return rays one word of the aim apart, on both sides of boundaries of golden's fates, found by bisection."""
     random = np.random.default_rng(seed)
     reach = 3 << (build.fraction_bits - 1)
     u, v = random_pixels(display, random, count)
@@ -255,18 +214,17 @@ def boundary_words(display: Display, build: Build, seed: int, count: int) -> Wor
     def fates_of(a: Ints, b: Ints) -> Ints:
         return fates(display, build.model, pixel, aims_of_words(display, a, b, build.fraction_bits))
 
-    wanted = fates_of(*low)
+    fate_of_low = fates_of(*low)
     for _ in range(build.fraction_bits + 2):
         middle = (low + high) >> 1
-        like_low = (fates_of(*middle) == wanted).all(axis=1)
-        low = np.where(like_low, middle, low)
-        high = np.where(like_low, high, middle)
-    differ = (fates_of(*high) != wanted).any(axis=1)
+        like_low = (fates_of(*middle) == fate_of_low).all(axis=1)
+        low, high = np.where(like_low, (middle, high), (low, middle))
+    differ = (fates_of(*high) != fate_of_low).any(axis=1)
     return Words(*np.tile([u[differ], v[differ]], 2), *np.concatenate([low[:, differ], high[:, differ]], axis=1))
 
 
 def random_pixels(display: Display, random: np.random.Generator, count: int) -> tuple[Ints, Ints]:
-    """Return random words of pixels, anywhere on the panel."""
+    """Return words of random pixels."""
     return words_of_pixels(display, ray_sets.random_pixels(display, random, count))
 
 
@@ -277,10 +235,9 @@ def cell_aims(display: Display, build: Build, random: np.random.Generator, count
 
 
 def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
-    """Tell which rays the words cannot hold: the pipeline calls them missed by definition (rtl/optics/lipp_aim.sv).
+    """Tell which rays exceed the words, and are missed by definition (rtl/optics/lipp_aim.sv).
 
-    The start is 2 pitches or rows or more from the aim, or from the centre of the lenslet aimed at. In a build with
-    `converge` the latter alone counts, of the point that the line to the eye has in the cell.
+    Their start is 2 pitches or rows or more from the aim (without `converge`), or from its lenslet's centre.
     """
     if not build.aims:
         return np.zeros(len(words.u), np.bool_)
@@ -291,13 +248,13 @@ def too_slanted(display: Display, build: Build, words: Words) -> ray_sets.Bools:
     centre = np.stack(lattice.centre(i, j), axis=1)
     if build.converge:
         aim = centre
-    # The outermost word may go either way.
+    # The last word may go either way.
     limit = (2.0 - np.ldexp(1.0, 2 - build.fraction_bits)) * np.array([array.pitches_mm[0], array.row_pitch_mm])
     apart = centre - start
-    found = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit
-    # Behind `shear` the words hold four times as much, and points are measured upright.
+    beyond = np.abs(apart - np.outer(apart[:, 1], (array.shear, 0.0))) >= limit
+    # After the step `shear` the words hold four times as much, and points are measured upright.
     upright = 4.0 * limit if build.shear else limit
-    return np.asarray((found | (np.abs(apart) >= upright) | (np.abs(aim - start) >= upright)).any(axis=1))
+    return np.asarray((beyond | (np.abs(apart) >= upright) | (np.abs(aim - start) >= upright)).any(axis=1))
 
 
 def aims_of(display: Display, build: Build, words: Words) -> Floats | None:
@@ -328,18 +285,18 @@ def golden_start(display: Display, pixel: Floats) -> Ints:
 def edge_distance_nm(
     display: Display, build: Build, words: Words, twin: Rays, stated: float, model: Model | None = None
 ) -> Floats:
-    """Return how far rays are, by golden, from the edge where their fate changes to the twin's, (N,), nm.
+    """Return the distances, nm (N,), of rays from the edge where golden's fate changes to the twin's.
 
     Each ray is moved on the panel, at the aperture, or both, in eight directions, until golden gives it the twin's
-    fate: the distance to a cell's edge, or to the critical angle, as a length. Golden calls next to no ray missed: a
-    ray that the twin calls missed is moved until golden gives it any other fate. The distance is infinite where a
-    displacement of 64 times the stated error changes nothing. `model` is the build's by default.
+    fate: across a cell's edge, or the critical angle. Golden misses almost no ray, so a ray that the twin calls missed
+    is moved until golden's fate changes at all. The distance is infinite where the largest displacement changes
+    nothing. `model` is the build's by default.
     """
     pixel = pixels_of_words(display, words.u, words.v)
     aims = aims_of(display, build, words)
     model = model or build.model
     own = fates(display, model, pixel, aims)
-    wanted = np.column_stack([twin.status, twin.lenslet, *twin_start(display, build, words.u, words.v)])
+    theirs = np.column_stack([twin.status, twin.lenslet, *twin_start(display, build, words.u, words.v)])
     lost = twin.status == int(Status.MISSED)
     distance = np.full(len(pixel), np.inf)
     turn = np.radians(22.5 + 45.0 * np.arange(8))
@@ -347,11 +304,11 @@ def edge_distance_nm(
     for reach in REACHES:
         step_mm = reach * stated * 1e-6
         for angle in turn:
-            way = np.array([np.cos(angle), np.sin(angle)])
+            unit = np.array([np.cos(angle), np.sin(angle)])
             for on_panel, at_aim in ways:
                 # Rows of pixels go down.
-                moved = pixel + on_panel * step_mm / np.array(display.panel.pitches_mm) * way * (1.0, -1.0)
-                fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * way)
-                same = np.where(lost, (fate != own).any(axis=1), (fate == wanted).all(axis=1))
+                moved = pixel + on_panel * step_mm / np.array(display.panel.pitches_mm) * unit * (1.0, -1.0)
+                fate = fates(display, model, moved, None if aims is None else aims + at_aim * step_mm * unit)
+                same = np.where(lost, (fate != own).any(axis=1), (fate == theirs).all(axis=1))
                 distance[same] = np.minimum(distance[same], reach * stated)
     return distance

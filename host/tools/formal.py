@@ -1,7 +1,4 @@
-"""Runs one formal proof of the RTL, with its work folder under build/: `python -m tools.formal fifo prove_4`.
-
-`make formal` runs all of them (tests/rtl/test_formal.py).
-"""
+"""Runs one formal proof of the RTL: `python -m tools.formal fifo prove_4`. `make formal` runs all of them."""
 
 from __future__ import annotations
 
@@ -27,10 +24,7 @@ def tasks(folder: Path) -> dict[str, list[str]]:
 
 
 def run_proof(folder: Path, name: str, task: str, work: Path) -> tuple[str, str]:
-    """Run a task of folder/`name`.sby in a new work folder; MissingLibraryError says what installs a missing tool.
-
-    Return the verdict (PASS, FAIL, ...; ERROR when there was none), and the output of sby.
-    """
+    """Run a task of folder/`name`.sby; return its verdict (PASS, FAIL, ...; ERROR without one), and sby's output."""
     sby, *others = (tool.path() for tool in PROOF_TOOLS)
     path = os.pathsep.join([*(str(other.parent) for other in others), os.environ["PATH"]])
     work.parent.mkdir(parents=True, exist_ok=True)
@@ -52,13 +46,13 @@ def main(name: str = argument(), task: str = argument()) -> None:
     """
     top = repository()
     folder = top / "sim" / "formal"
-    known = tasks(folder)
-    if name not in known:
-        raise InputError(f"there is no sim/formal/{name}.sby; choose from {', '.join(known)}")
-    if task not in known[name]:
-        raise InputError(f"sim/formal/{name}.sby has no task '{task}'; choose from {', '.join(known[name])}")
+    proofs = tasks(folder)
+    if name not in proofs:
+        raise InputError(f"there is no sim/formal/{name}.sby; choose from {', '.join(proofs)}")
+    if task not in proofs[name]:
+        raise InputError(f"sim/formal/{name}.sby has no task '{task}'; choose from {', '.join(proofs[name])}")
     work = top / "build" / "formal" / f"{name}_{task}"
-    verdict, said = run_proof(folder, name, task, work)
-    click.echo(said)
+    verdict, output = run_proof(folder, name, task, work)
+    click.echo(output)
     log(f"{name} {task}: {verdict}; traces and log in {work}")
     sys.exit(verdict != "PASS")

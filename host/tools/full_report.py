@@ -1,13 +1,8 @@
-"""Speed against error of everything, into docs/generated/reports: `python -m tools.full_report`, `make report`.
-
-The sections of `lippmann report` on the shipped displays, and those of the RTL's builds, the renderer, and the error
-budget by step.
-"""
+"""Speed against error of everything, into docs/generated/reports: `python -m tools.full_report`, `make report`."""
 
 from __future__ import annotations
 
 import dataclasses
-import logging
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +18,7 @@ from lippmann.cli import run
 from lippmann.cli.frame import make_command
 from lippmann.cli.report import ReportOptions, write_report
 from lippmann.conformance import engine_report
-from lippmann.conformance.engine_report import Pictures, Section, errors, in_turn, words_of_chief_rays
+from lippmann.conformance.engine_report import Pictures, Section, errors, in_turn, logger, words_of_chief_rays
 from lippmann.conformance.figures import Comparison, Figures, Measured, Stored, groups, read_csv, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
@@ -40,12 +35,11 @@ from tools.measured_page import SYNTHESIS
 from tools.named_builds import CONFIGURATIONS, DISPLAYS, Named
 from tools.report_plots import TEMPLATES, draw_lines
 
-#: The tables that are kept, in the order of the sections.
+#: The tables, in the order of the sections.
 TABLES = ("report-engines", "report-rtl", "report-renderer", "report-growth", "report-budget")
-logger = logging.getLogger("lippmann.report")
 #: The configurations that are simulated. Each of the others would take half a minute to compile.
 SIMULATED = ("widest-square", "widest-hex", "compact-square", "compact-hex")
-#: Figures of place-and-route in `SYNTHESIS`, and the sign with which each counts as a cost: a faster clock costs less.
+#: Figures of place-and-route in `SYNTHESIS`, and their signs as costs.
 PLACED = {"lut": 1.0, "mult18x18d": 1.0, "dp16kd": 1.0, "ramw": 1.0, "mhz": -1.0}
 #: Columns that name a row.
 KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
@@ -55,16 +49,16 @@ KEYS = ("configuration", "grid", "model", "fraction_bits", "rays", "display")
 class Plan(engine_report.Plan):
     """Sizes of a run."""
 
-    #: Word lengths whose exact pipelines are measured, and whether all named configurations are, or only four.
+    #: Word lengths of the exact pipelines, and whether all named configurations are measured, not only `SIMULATED`.
     fraction_bits: tuple[int, ...] = tuple(range(14, 24))
-    named: bool = True
-    #: Renders whose noise is measured: width of the picture, samples a pixel, samples of the reference.
+    all_configurations: bool = True
+    #: Renders for the noise: width of the picture, samples per pixel, samples of the reference.
     noise_px: int = 320
     noise_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)
     reference_samples: int = 1024
     #: Configurations whose error is measured step by step.
-    budget: tuple[str, ...] = ("widest-square", "widest-hex", "compact-square", "compact-hex")
-    #: Width of the panels over which growth is measured (except with the pixels); repeats of each peak of memory.
+    budget: tuple[str, ...] = SIMULATED
+    #: Width of the panels for growth (except with the pixels); repeats of each peak of memory.
     growth_px: int = 800
     memory_rounds: int = 3
     #: Sizes over which growth is measured.
@@ -80,7 +74,7 @@ WHOLE = Plan()
 QUICK = Plan(
     **dataclasses.asdict(engine_report.QUICK),
     fraction_bits=(16, 23),
-    named=False,
+    all_configurations=False,
     noise_px=64,
     noise_samples=(1, 4),
     reference_samples=16,
@@ -96,32 +90,26 @@ QUICK = Plan(
 
 def make_sections(scenes: Path, plan: Plan, seed: int) -> list[Section]:
     """Return all sections, in the order of the page."""
-    measured = (scenes, plan, seed)
-    builds = (draw_costs, draw_word_lengths)
+    sections = {
+        "rtl": (measure_builds, (draw_costs, draw_word_lengths)),
+        "noise": (renderer_speed.measure_noise, (renderer_speed.draw_renderer,)),
+        "growth": (renderer_speed.measure_growth, (renderer_speed.draw_growth,)),
+        "budget": (stage_errors.measure_budget, (stage_errors.draw_budget,)),
+    }
     return [
-        *engine_report.display_sections(*measured),
-        Section("rtl", partial(measure_builds, *measured), builds),
-        Section("noise", partial(renderer_speed.measure_noise, *measured), (renderer_speed.draw_renderer,)),
-        Section("growth", partial(renderer_speed.measure_growth, *measured), (renderer_speed.draw_growth,)),
-        Section("budget", partial(stage_errors.measure_budget, *measured), (stage_errors.draw_budget,)),
+        *engine_report.display_sections(scenes, plan, seed),
+        *(Section(name, partial(measure, scenes, plan, seed), draws) for name, (measure, draws) in sections.items()),
     ]
 
 
 def template_names(tables: Mapping[str, Figures]) -> dict[str, Any]:
     """Return further names for the template."""
-    front = on_front(tables["rtl"])
-    return {
-        "powers": renderer_speed.powers_of(tables["growth"]),
-        "front": [name for name, best in front.items() if best],
-        "placed": placed()[0],
-    }
+    front = [name for name, is_best in on_front(tables["rtl"]).items() if is_best]
+    return {"powers": renderer_speed.powers_of(tables["growth"]), "front": front, "placed": placed()[0]}
 
 
 def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
-    """Read the kept figures of place-and-route: their origin, and those of `PLACED` of each configuration.
-
-    Raises InputError when the file is missing or lacks a column.
-    """
+    """Read the origin and the figures `PLACED` of each configuration from `SYNTHESIS`; raise InputError if missing."""
     path = repository() / SYNTHESIS
     origin, rows = read_csv(path)
     try:
@@ -131,20 +119,20 @@ def placed() -> tuple[dict[str, str], dict[str, dict[str, float]]]:
 
 
 def configurations(plan: Plan) -> list[Named]:
-    """Return a plan's configurations: the named ones, and the exact ones of each word length that have no name."""
-    named = [c for name, c in CONFIGURATIONS.items() if plan.named or name in SIMULATED]
-    builds = {c.build for c in named}
+    """Return a plan's configurations: named ones, and the exact ones of each word length without a name."""
+    configs = [c for name, c in CONFIGURATIONS.items() if plan.all_configurations or name in SIMULATED]
+    builds = {c.build for c in configs}
     lengths = [Build(bits, grid) for grid in DISPLAYS for bits in plan.fraction_bits]
-    return named + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
+    return configs + [Named(f"{b.grid}-{b.fraction_bits}", b) for b in lengths if b not in builds]
 
 
 def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
     """Measure the plan's configurations, each on the founding paper's display with its grid."""
-    chosen, (_, sizes) = configurations(plan), placed()
+    configs, (_, sizes) = configurations(plan), placed()
     logger.info("configurations of the RTL: simulation ...")
     runs = {
         c.name: words_of_chief_rays(c.displays(scenes)[0], replace(c.build, cross_cells=True), seed, plan.timed_rays)
-        for c in chosen
+        for c in configs
         if plan.simulate and c.name in SIMULATED
     }
     rates = in_turn({name: engine_report.rtl_rate(run) for name, run in runs.items()}, plan.rounds)
@@ -158,38 +146,29 @@ def measure_builds(scenes: Path, plan: Plan, seed: int) -> Figures:
         return pictures(display).integral(model, "golden", aperture=aperture)
 
     rows = []
-    for named in chosen:
-        logger.info("configurations of the RTL: %s ...", named.name)
-        build, display, run = named.build, named.displays(scenes)[0], runs.get(named.name)
+    for config in configs:
+        logger.info("configurations of the RTL: %s ...", config.name)
+        build, display, run = config.build, config.displays(scenes)[0], runs.get(config.name)
         aperture: Aperture = "full" if build.aims else "chief"
         sample = engine_report.random_rays(display, aperture, plan.rays, seed)
         words = (build.model, build.fraction_bits)
         twin = trace_fixed(display, sample.pixels, sample.aperture, *words, max_cell_steps=build.max_cell_steps)
-        found = errors(sample.trace(), twin, pictures(display).scene.depth_range_mm)
+        ray_errors = errors(sample.trace(), twin, pictures(display).scene.depth_range_mm)
         picture = pictures(display).integral(build.model, "twin", build.fraction_bits, aperture)
-        own, whole = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
-        size = sizes.get(named.name)
-        keys = (named.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
-        rows.append(
-            {
-                **dict(zip(KEYS, keys, strict=True)),
-                **{key: None if size is None else Measured(size[key]) for key in PLACED},
-                "simulated_rays_per_second": None if run is None else Measured.of(rates[named.name]),
-                "words_differ": None if run is None else Measured(run.count_differences(rtl_pipeline)),
-                **{key: Measured(value) for key, value in found.items()},
-                "image_db": Measured.finite(own),
-                "exact_image_db": Measured.finite(whole),
-            }
-        )
+        own_db, exact_db = (psnr_db(picture, golden(display, model, aperture)) for model in (build.model, "exact"))
+        size = sizes.get(config.name)
+        keys = (config.name, build.grid, build.model, build.fraction_bits, aperture, display.name)
+        row: dict[str, Any] = dict(zip(KEYS, keys, strict=True))
+        row |= {key: None if size is None else Measured(size[key]) for key in PLACED}
+        row["simulated_rays_per_second"] = None if run is None else Measured.of(rates[config.name])
+        row["words_differ"] = None if run is None else Measured(run.count_differences(rtl_pipeline))
+        row |= {key: Measured(value) for key, value in ray_errors.items()}
+        rows.append({**row, "image_db": Measured.finite(own_db), "exact_image_db": Measured.finite(exact_db)})
     return Figures("report-rtl", KEYS, rows)
 
 
 def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Tell which designs no other design dominates, from costs (N, columns); turn the sign of what should be large.
-
-    One dominates another when it costs no more in any column, and less in one. Designs of equal cost do not dominate
-    each other.
-    """
+    """Tell which designs are Pareto-optimal: no other one costs less in one of the columns and more in none."""
     cost = np.asarray(costs, np.float64)
     no_more = (cost[:, None] <= cost[None]).all(axis=2)
     less = (cost[:, None] < cost[None]).any(axis=2)
@@ -197,15 +176,12 @@ def pareto_front(costs: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 
 
 def on_front(data: Figures) -> dict[str, bool]:
-    """Tell which placed configurations are on the Pareto front of those with the same display and rays.
-
-    The costs are the cells of each kind, the clock, and the largest error in the scene against the exact model.
-    """
-    found: dict[str, bool] = {}
+    """Tell which placed configurations are Pareto-optimal in cells, clock and error, for their display and rays."""
+    front: dict[str, bool] = {}
     for rows in groups((row for row in data.rows if row["mhz"] is not None), "display", "rays"):
         costs = [[*(sign * row[key].median for key, sign in PLACED.items()), row["max_mm"].median] for row in rows]
-        found |= dict(zip((row["configuration"] for row in rows), pareto_front(costs).tolist(), strict=True))
-    return found
+        front |= dict(zip((row["configuration"] for row in rows), pareto_front(costs).tolist(), strict=True))
+    return front
 
 
 def draw_costs(data: Figures) -> Plot:
@@ -218,7 +194,7 @@ def draw_costs(data: Figures) -> Plot:
         for axis, key in zip(axes[0], ("lut", "mhz"), strict=True):
             at = (row[key].median, row["max_mm"].median)
             axis.plot(*at, "o", color=colour, fillstyle="full" if best else "none")
-            # The marks lie close together: names of square grids stand right of them, of hexagonal ones left.
+            # The marks are close together: names of square grids stand on their right, of hexagonal ones on the left.
             axis.annotate(
                 name, at, xytext=(4 if square else -4, 4), textcoords="offset points",
                 ha="left" if square else "right", color=colour, fontsize=7,
@@ -252,7 +228,7 @@ def main(options: ReportOptions = ReportOptions) -> None:  # type: ignore[assign
     """
 
     def measure(scenes: Path, before: Stored | None) -> tuple[Page, Comparison]:
-        placed()  # a missing file is told before anything is measured
+        placed()  # fails before anything is measured
         plan, words = QUICK if options.quick else WHOLE, f"python -m tools.full_report {options.words()}"
         sections = make_sections(scenes, plan, options.seed)
         return engine_report.make_report(sections, plan, options.seed, words, before, template_names, TEMPLATES)

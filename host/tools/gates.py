@@ -1,4 +1,4 @@
-"""A netlist of ECP5's cells as a graph: what yosys writes with `-json` after `synth_ecp5`, flattened."""
+"""A netlist of ECP5's cells as a graph, from yosys' JSON after `synth_ecp5`, flattened."""
 
 from __future__ import annotations
 
@@ -23,20 +23,16 @@ COMBINATIONAL: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "LUT4": {"Z": ("A", "B", "C", "D")},
     "PFUMX": {"Z": ("ALUT", "BLUT", "C0")},
     "L6MUX21": {"Z": ("D0", "D1", "SD")},
-    "CCU2C": {
-        "S0": _CARRY,
-        "S1": (*_CARRY, "A1", "B1", "C1", "D1"),
-        "COUT": (*_CARRY, "A1", "B1", "C1", "D1"),
-    },
+    "CCU2C": {"S0": _CARRY, **dict.fromkeys(("S1", "COUT"), (*_CARRY, "A1", "B1", "C1", "D1"))},
     "INV": {"Z": ("A",)},
 }
 #: Cells that pass a clock on.
 CLOCK_BUFFERS = {"DCCA": ("CLKI", "CLKO")}
 #: Cells whose outputs are clocks, and those of them that are levels without a clock.
 CLOCK_SOURCES = {"EHXPLLL": {"LOCK", "INTLOCK", "REFCLK"}, "OSCG": set[str]()}
-#: Cells at pins: the port of the pin, and the port that leads in.
-PINS = {"BB": ("B", "O"), "TRELLIS_IO": ("B", "O"), "IB": ("I", "O"), "OB": ("O", ""), "OBZ": ("O", "")}
-#: Cells that send two bits a clock: the clock, what it samples, and the asynchronous reset.
+#: Cells at pins, and the port of the pin.
+PINS = {"BB": "B", "TRELLIS_IO": "B", "IB": "I", "OB": "O", "OBZ": "O"}
+#: Cells that send two bits per clock: the ports of the clock, the bits, and the asynchronous reset.
 OUTPUT_CELLS = {"ODDRX1F": ("SCLK", ("D0", "D1"), "RST")}
 
 
@@ -50,7 +46,7 @@ class Pin(NamedTuple):
 
 @dataclass(frozen=True)
 class Cell:
-    """An instance: its type, its parameters as yosys writes them, and the bits at each port."""
+    """An instance: type, parameters as yosys writes them, and the bits at each port."""
 
     kind: str
     parameters: Mapping[str, str]
@@ -58,20 +54,20 @@ class Cell:
     source: str = ""  # file and line of the RTL, where yosys tells it
 
     def bit(self, port: str) -> Bit:
-        """Return the bit at a port of one bit; "0" where nothing is connected."""
+        """Return the bit at a port of one bit; "0" if unconnected."""
         return self.connections.get(port, ["0"])[0]
 
     def choice(self, name: str) -> str:
-        """Return a parameter that is a word; empty where it is not given."""
+        """Return a parameter that is a word, or ""."""
         return self.parameters.get(name, "").strip()
 
     def number(self, name: str) -> int:
-        """Return a parameter that is a number, which yosys writes in binary; 0 where it is not given."""
+        """Return a parameter that is a binary number, or 0."""
         return int(self.parameters.get(name, "0"), 2)
 
 
 class Register(NamedTuple):
-    """A flip-flop: its name, its cell, its clock and the bit that it samples."""
+    """A flip-flop: name, cell, clock, and the bit that it samples."""
 
     name: str
     cell: Cell
@@ -93,10 +89,7 @@ class Sampled(NamedTuple):
 
 
 class Source(NamedTuple):
-    """Where the logic before a bit begins: a register's or memory's output with its clock, or a level without one.
-
-    `clock` is None for pins and for levels such as a PLL's lock. With `memory` a memory's content is read.
-    """
+    """A start of the logic before a bit: a register, a memory's content (`memory`), or a level without `clock`."""
 
     name: str
     clock: Bit | None
@@ -105,25 +98,17 @@ class Source(NamedTuple):
 
 
 class Netlist:
-    """A flat netlist; a bit has one driver, and is read by any number of pins."""
+    """A flat netlist; a bit has one driver and any number of readers."""
 
     def __init__(self, module: Mapping[str, Any]) -> None:
-        """Take a module as yosys writes it; raise LippmannError for a cell that is not known here."""
+        """Read yosys' module; raise LippmannError for a cell that is not known here."""
         self.cells = {
-            name: Cell(
-                cell["type"],
-                cell["parameters"],
-                cell["connections"],
-                _source(cell.get("attributes", {}).get("src", "")),
-            )
+            name: Cell(cell["type"], cell["parameters"], cell["connections"], _source(cell.get("attributes", {})))
             for name, cell in module["cells"].items()
             if not cell["type"].startswith("$scopeinfo")
         }
-        unknown = sorted({cell.kind for cell in self.cells.values()} - _KNOWN)
-        if unknown:
-            raise LippmannError(
-                f"the netlist has cells that are not known ({', '.join(unknown)}); add them to gates.py"
-            )
+        if unknown := ", ".join(sorted({cell.kind for cell in self.cells.values()} - _KNOWN)):
+            raise LippmannError(f"the netlist has cells that are not known ({unknown}); add them to gates.py")
         self.driver: dict[Bit, Pin] = {}
         self.readers: dict[Bit, list[Pin]] = {}
         for name, cell in self.cells.items():
@@ -151,28 +136,24 @@ class Netlist:
             if "async_reg" in net.get("attributes", {}) and not net.get("hide_name")
         }
 
-    # ---- clocks ----
-
     def clock(self, bit: Bit) -> Bit:
-        """Return the net that a clock begins at, before buffers."""
+        """Return the net before a clock's buffers."""
         while bit in self.driver and self.cells[self.driver[bit].cell].kind in CLOCK_BUFFERS:
             cell = self.cells[self.driver[bit].cell]
             bit = cell.bit(CLOCK_BUFFERS[cell.kind][0])
         return bit
 
     def name(self, bit: Bit | None) -> str:
-        """Return a bit's shortest name that stands in the sources, else its register's place there."""
+        """Return a bit's shortest name in the sources, else the place of its register there."""
         name = self.names.get(bit, str(bit)) if bit is not None else "pin"
         if not _is_made(name) or bit not in self.driver:
             return name
         return self.described(self.driver[bit].cell)
 
     def described(self, cell: str) -> str:
-        """Return a cell's name, or its place in the sources where yosys made its name of others."""
+        """Return a cell's name, or its place in the sources where yosys made up the name."""
         source = self.cells[cell].source
         return f"{self.cells[cell].kind} of {source}" if source and _is_made(cell) else cell
-
-    # ---- registers ----
 
     def sampled(self) -> Iterator[Sampled]:
         """Yield the inputs that clocks sample, without asynchronous resets."""
@@ -191,7 +172,7 @@ class Netlist:
                     yield name, *clocks
 
     def asynchronous_resets(self) -> Iterator[Sampled]:
-        """Yield the inputs that reset at once, with the clock of what they reset."""
+        """Yield the asynchronous resets, with the clock of what they reset."""
         for name, cell in self.cells.items():
             if cell.kind == "TRELLIS_FF" and cell.choice("SRMODE") == "ASYNC":
                 yield Sampled(Pin(name, "LSR"), cell.bit("LSR"), self.clock(cell.bit("CLK")))
@@ -200,17 +181,15 @@ class Netlist:
                 yield Sampled(Pin(name, port), cell.bit(port), self.clock(cell.bit(clock)))
 
     def register(self, bit: Bit) -> Register | None:
-        """Return the flip-flop whose output a bit is."""
+        """Return the flip-flop that drives a bit, or None."""
         pin = self.driver.get(bit)
         if pin is None or self.cells[pin.cell].kind != "TRELLIS_FF":
             return None
         cell = self.cells[pin.cell]
         return Register(pin.cell, cell, self.clock(cell.bit("CLK")), cell.bit("DI"))
 
-    # ---- cones ----
-
     def before(self, bit: Bit) -> tuple[list[Bit], list[Source]]:
-        """Return the bits that a bit depends on at once, or the source that it is, or neither for a constant."""
+        """Return the bits that a bit depends on directly, and its sources; neither for a constant."""
         if not isinstance(bit, int):
             return [], []
         pin = self.driver.get(bit)
@@ -224,7 +203,7 @@ class Netlist:
         elif cell.kind in CLOCK_BUFFERS:
             inner = [cell.bit(CLOCK_BUFFERS[cell.kind][0])]
         elif cell.kind in PINS:
-            sources = [Source(self.name(cell.bit(PINS[cell.kind][0])), None, None)]
+            sources = [Source(self.name(cell.bit(PINS[cell.kind])), None, None)]
         elif cell.kind in CLOCK_SOURCES:
             level = pin.port in CLOCK_SOURCES[cell.kind]
             sources = [Source(f"{pin.cell}.{pin.port}", None if level else bit, pin.cell)]
@@ -239,7 +218,7 @@ class Netlist:
 
     @cached_property
     def _order(self) -> list[Bit]:
-        """The bits that cells read or drive, each behind those that it depends on."""
+        """The bits that cells read or drive, each after those that it depends on."""
         graph = {bit: self.before(bit)[0] for bit in (*self.driver, *self.readers)}
         try:
             return list(TopologicalSorter(graph).static_order())
@@ -248,12 +227,12 @@ class Netlist:
             raise LippmannError(f"the netlist has a loop of logic at {loop}; break it by a register") from None
 
     def collect(self, value: Callable[[Source], Bit | None]) -> dict[Bit, frozenset[Bit | None]]:
-        """Return a value of each of the sources before each bit that a cell reads or drives."""
-        found: dict[Bit, frozenset[Bit | None]] = {}
+        """Return the values of all sources before each bit that a cell reads or drives."""
+        values: dict[Bit, frozenset[Bit | None]] = {}
         for bit in self._order:
             inner, sources = self.before(bit)
-            found[bit] = frozenset(map(value, sources)).union(*(found[one] for one in inner))
-        return found
+            values[bit] = frozenset(map(value, sources)).union(*(values[one] for one in inner))
+        return values
 
     @cached_property
     def clocks(self) -> dict[Bit, frozenset[Bit | None]]:
@@ -261,26 +240,26 @@ class Netlist:
         return self.collect(lambda source: source.clock)
 
     def ends(self, bits: Iterable[Bit]) -> dict[Bit, list[Source]]:
-        """Return where the logic before some bits begins: bits, with their sources."""
-        found: dict[Bit, list[Source]] = {}
-        seen: set[Bit] = set()
+        """Return the bits where the logic before some bits begins, with their sources."""
+        ends: dict[Bit, list[Source]] = {}
+        visited: set[Bit] = set()
         todo = list(bits)
         while todo:
             bit = todo.pop()
-            if bit not in seen:
-                seen.add(bit)
+            if bit not in visited:
+                visited.add(bit)
                 inner, sources = self.before(bit)
                 todo += inner
                 if sources:
-                    found[bit] = sources
-        return found
+                    ends[bit] = sources
+        return ends
 
     def sources(self, bits: Iterable[Bit]) -> list[Source]:
         """Return all sources before some bits."""
         return list(dict.fromkeys(chain.from_iterable(self.ends(bits).values())))
 
     def straight(self, bit: Bit) -> Bit:
-        """Return the bit that this one equals or inverts: a table of one input has no glitch."""
+        """Return the bit that a bit equals or inverts: a table of one input has no glitch."""
         while True:
             pin = self.driver.get(bit)
             if pin is None or self.cells[pin.cell].kind not in ("LUT4", "INV"):
@@ -290,50 +269,37 @@ class Netlist:
                 return bit
             bit = inner.pop()
 
-    # ---- values ----
-
-    def value(self, bit: Bit, known: dict[Bit, int]) -> int:
-        """Return the value of a bit of logic, 0 or 1; `known` has those of the sources, and takes all that it finds.
-
-        Raises KeyError for a bit that depends on another source.
-        """
+    def value(self, bit: Bit, values: dict[Bit, int]) -> int:
+        """Return the value of a bit of logic; `values` has those of the sources. Raises KeyError for another source."""
         if isinstance(bit, str):
             return int(bit == "1")
-        if bit not in known:
+        if bit not in values:
             pin = self.driver[bit]
             cell = self.cells[pin.cell]
             if cell.kind not in COMBINATIONAL:
                 raise KeyError(self.name(bit))
-            values = {port: self.value(cell.bit(port), known) for port in COMBINATIONAL[cell.kind][pin.port]}
-            known[bit] = _evaluated(cell, pin.port, values)
-        return known[bit]
+            inputs = {port: self.value(cell.bit(port), values) for port in COMBINATIONAL[cell.kind][pin.port]}
+            values[bit] = _evaluated(cell, pin.port, inputs)
+        return values[bit]
 
 
 def read_netlist(path: Path, top: str | None = None) -> Netlist:
-    """Read a netlist of yosys; `top` names the module where the file holds several that are no black boxes.
-
-    Raises InputError for another file.
-    """
+    """Read yosys' netlist; `top` chooses between modules with cells. Raises InputError for another file."""
     try:
         content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {reason(error)}; give a netlist that yosys wrote with -json") from None
     try:
         modules = content["modules"]
-        whole = [name for name, module in modules.items() if not _marks(module) & {"blackbox", "whitebox"}]
-        whole = [name for name in whole if modules[name]["cells"]]
-        is_top = {name: name == top or (top is None and "top" in _marks(modules[name])) for name in whole}
-        tops = whole if top is None and len(whole) == 1 else [name for name in whole if is_top[name]]
+        marks = {name: set(module.get("attributes", {})) for name, module in modules.items()}
+        names = [name for name in modules if not marks[name] & {"blackbox", "whitebox"} and modules[name]["cells"]]
+        tops = [name for name in names if name == top or (top is None and "top" in marks[name])]
+        tops = names if top is None and len(names) == 1 else tops
         if len(tops) != 1:
-            raise input_error(str(path), f"it holds {', '.join(whole) or 'no module'}", "choose one with --top")
+            raise input_error(str(path), f"it holds {', '.join(names) or 'no module'}", "choose one with --top")
         return Netlist(modules[tops[0]])
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         raise input_error(str(path), "this is no netlist of yosys", "write it with synth_ecp5 -json") from None
-
-
-def _marks(module: Mapping[str, Any]) -> set[str]:
-    """Return the names of a module's attributes, which it may lack."""
-    return set(module.get("attributes", {}))
 
 
 def _indexed(name: str, bits: list[Bit]) -> list[tuple[str, Bit]]:
@@ -342,23 +308,24 @@ def _indexed(name: str, bits: list[Bit]) -> list[tuple[str, Bit]]:
 
 
 def _is_made(name: str) -> bool:
-    """Tell whether yosys made a name of the names of cells."""
+    """Tell whether yosys made up a name from the names of cells."""
     return bool(re.search(r"_(TRELLIS|LUT4|CCU2C|PFUMX|L6MUX|MULT18|DP16KD|DPR16|WAD|RAD|DI|DO)", name)) or "$" in name
 
 
 def _rank(name: str) -> tuple[bool, bool, int]:
-    """Order the names of a bit: those of the sources first, short ones first."""
+    """Return the order of a bit's names: those of the sources first, short ones first."""
     return _is_made(name), "." in name and "_q" not in name, len(name)
 
 
-def _source(text: str) -> str:
-    """Return the first place in the RTL of those that yosys tells."""
-    found = next((one for one in text.split("|") if not one.startswith("/share/")), "")
-    return re.sub(r"^(.*?:\d+).*", r"\1", found.rpartition("/")[2])
+def _source(attributes: Mapping[str, str]) -> str:
+    """Return a cell's first place in the RTL."""
+    places = attributes.get("src", "").split("|")
+    first = next((place for place in places if not place.startswith("/share/")), "")
+    return re.sub(r"^(.*?:\d+).*", r"\1", first.rpartition("/")[2])
 
 
 def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
-    """Return an output of a cell of logic."""
+    """Return the value of an output of a cell of logic."""
     if cell.kind == "INV":
         return 1 - values["A"]
     if cell.kind == "LUT4":
@@ -380,7 +347,7 @@ def _evaluated(cell: Cell, output: str, values: Mapping[str, int]) -> int:
 
 
 def _clock_of_rank(cell: Cell, rank: str) -> Bit | None:
-    """Return the clock of a rank of a multiplier's registers; None where the rank is not used."""
+    """Return the clock of a rank of a multiplier's registers, or None."""
     name = cell.choice(f"REG_{rank}_CLK")
     return None if name in ("", "NONE") else cell.bit(name)
 

@@ -1,7 +1,4 @@
-"""Generates the lists of the RTL's files for other tools from rtl/sources.toml: FuseSoC, Bender and .f files.
-
-`python -m tools.generate_manifests` (`make manifests`) writes them.
-"""
+"""Writes the lists of the RTL's files for other tools, from rtl/sources.toml (`make manifests`)."""
 
 from __future__ import annotations
 
@@ -16,26 +13,23 @@ from tools.generate_registers import render_template
 from tools.program import program
 
 _BY = "Generated from rtl/sources.toml by `make manifests`; do not edit."
-#: In a device's folder: the ports of its cells, for tools without a library of them, such as yosys with slang.
+#: The ports of a device's cells, in its folder, for tools without a library of them, such as yosys with slang.
 BLACK_BOXES = "black_boxes.v"
 
 
 def manifests(top: Path) -> dict[Path, str]:
-    """Return the text of each manifest, by its path in the checkout.
-
-    Raises LippmannError when rtl/sources.toml does not name every file of rtl/.
-    """
+    """Return each manifest's text by its path; raise LippmannError when rtl/sources.toml does not name every file."""
     devices = rtl_folders(top, devices=True)
     replaced = {path.name for cells in devices.values() for path in cells}
-    everything = rtl_sources(top)
-    shared = [path for path in everything if path.name not in replaced]
-    generic = [path for path in everything if path.name in replaced]
+    shared, generic = (
+        [path for path in rtl_sources(top) if (path.name in replaced) == is_cell] for is_cell in (False, True)
+    )
     version = tomllib.loads((top / "pyproject.toml").read_text())["project"]["version"].partition(".dev")[0]
     names = {"by": _BY, "black_boxes": BLACK_BOXES, "version": version, "top": top, "devices": devices}
     cells = {"generic": generic, **devices}
 
-    def file_list(files: Sequence[Path], note: str) -> str:
-        return render_template("lippmann.f.jinja", **names, files=files, note=note)
+    def file_list(files: Sequence[Path], heading: str) -> str:
+        return render_template("lippmann.f.jinja", **names, files=files, note=heading)
 
     texts = {
         Path("rtl/lippmann.core"): render_template("lippmann.core.jinja", **names, filesets={"rtl": shared, **cells}),
@@ -43,8 +37,8 @@ def manifests(top: Path) -> dict[Path, str]:
         Path("rtl/lippmann.f"): file_list([*shared, *generic], "For simulators, and for synthesis."),
     }
     for device, files in devices.items():
-        note = f"For synthesis with the cells of {device}, whose ports are in {device}/{BLACK_BOXES}; not to simulate."
-        texts[Path(f"rtl/lippmann_{device}.f")] = file_list([*shared, *files], note)
+        use = f"For synthesis with the cells of {device}, whose ports are in {device}/{BLACK_BOXES}; not to simulate."
+        texts[Path(f"rtl/lippmann_{device}.f")] = file_list([*shared, *files], use)
     return texts
 
 

@@ -1,7 +1,4 @@
-"""Generates RTL, host data and documentation from rtl/registers.rdl, the one definition of the registers.
-
-`python -m tools.generate_registers` (`make registers`) writes them.
-"""
+"""Writes RTL, host data and documentation from rtl/registers.rdl, the one definition (`make registers`)."""
 
 # Nothing here imports lippmann.fixed.registers: a missing or broken data file must not stop its own generator.
 
@@ -32,7 +29,7 @@ _SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
 
 
 class _Map(NamedTuple):
-    """An address map of the definition, and the files that are made from it."""
+    """An address map of the definition, and its files."""
 
     name: str
     rtl_map: str  # the part of the map that becomes SystemVerilog
@@ -47,15 +44,12 @@ _MAPS = (
     _Map("scene_block", "scene_registers", "scene.json", "scene-registers.md", 0x400),
 )
 
-#: A register or a field, as lippmann.fixed.registers reads it; items with their default values are left out.
+#: A register or a field as lippmann.fixed.registers reads it, without default values.
 _Entry = dict[str, Any]
 
 
 def generate(top: Path, into: Path) -> list[Path]:
-    """Write every file that is made from the definition in `top` into `into`; return the files, relative.
-
-    Raises InputError when the definition is wrong: PeakRDL has printed where; MissingLibraryError without PeakRDL.
-    """
+    """Write all files of the definition in `top` into `into`; return their paths. Raises InputError if it is wrong."""
     try:
         from peakrdl_regblock.udps import ALL_UDPS  # type: ignore[import-untyped]
         from systemrdl.compiler import RDLCompiler
@@ -71,10 +65,13 @@ def generate(top: Path, into: Path) -> list[Path]:
         compiler.compile_file(str(top / SOURCE))
         for part in _MAPS:
             texts |= _rtl(compiler.elaborate(part.rtl_map))
-            whole = compiler.elaborate(part.name).top
-            registers = dict(_registers(whole))
+            top_map = compiler.elaborate(part.name).top
+            registers = dict(_registers(top_map))
             texts[DATA / part.data] = json.dumps({"comment": _BY, "registers": registers}, indent=1) + "\n"
-            texts[PAGES / part.page] = _page(part.page, whole, registers)
+            sections = [(title, list(some)) for title, some in groupby(registers.items(), lambda one: one[1]["title"])]
+            description = _line(top_map.get_property("desc") or "")
+            names = {"name": top_map.get_property("name").lower(), "description": description}
+            texts[PAGES / part.page] = render_template(part.page, by=_BY, sections=sections, **names)
             writable |= {
                 part.base + register["address"] + 4 * entry
                 for register in registers.values()
@@ -83,7 +80,11 @@ def generate(top: Path, into: Path) -> list[Path]:
             }
     except RDLCompileError:
         raise InputError(f"{SOURCE} is wrong: see the messages above") from None
-    texts[RTL / f"{PREFIX}board_map_pkg.sv"] = _board_map(writable)
+    firsts = sorted(at for at in writable if at - 4 not in writable)
+    lasts = sorted(at for at in writable if at + 4 not in writable)
+    ranges = [f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True)]
+    package = render_template("board_map_pkg.sv.jinja", by=_BY, prefix=PREFIX, ranges=ranges)
+    texts[RTL / f"{PREFIX}board_map_pkg.sv"] = package
     for path, text in texts.items():
         (into / path).parent.mkdir(parents=True, exist_ok=True)
         (into / path).write_text(text)
@@ -108,7 +109,7 @@ def _rtl(root: Any) -> dict[Path, str]:
             err_if_bad_addr=True,
             err_if_bad_rw=True,
         )
-        texts = {made.name: made.read_text().rstrip() for made in sorted(Path(work).iterdir())}
+        texts = {path.name: path.read_text().rstrip() for path in sorted(Path(work).iterdir())}
     block = f"{PREFIX}{root.top.inst_name}.sv"
     texts[block] = _registered_decode(texts[block])
     return {RTL / name: f"{_SPDX}// {_BY}\n{text}\n" for name, text in texts.items()}
@@ -117,12 +118,11 @@ def _rtl(root: Any) -> dict[Path, str]:
 def _registered_decode(block: str) -> str:
     """Return PeakRDL's register block with a register behind its address decoder.
 
-    The enables of all the fields hang on the decoder, across the whole device: without the register this way limits
-    the clock. An access takes a clock more; address and data stand still until it is answered. The register of a
-    strobe is set for writes alone, for reads do not look at it; the data are masked in the same clock.
+    The decoder drives the enables of all fields across the device; without the register this path limits the clock. An
+    access takes one clock more; address and data are stable until it is answered. The register of a strobe is set for
+    writes only, since reads do not use it; the data are masked in the same clock.
     """
-    before, rest = block.split("    // Address Decode\n")
-    decode, after = rest.split("    // Field logic\n")
+    before, decode, after = re.split("    // (?:Address Decode|Field logic)\n", block)
     decode, counts = re.subn(r"(decoded_reg_strb\S* |decoded_err )= ", r"\1<= ", decode)
     decode = re.sub(r"(decoded_reg_strb\S* <= [^;]*\))(?: & cpuif_req_is_wr)?;", r"\1 & cpuif_req_is_wr;", decode)
     if re.search(r"decoded_reg_strb\S* <= (?![^;]*cpuif_req_is_wr;)", decode):
@@ -154,7 +154,7 @@ def _registered_decode(block: str) -> str:
 
 
 def _registers(node: Any, group: str = "", title: str = "") -> Iterator[tuple[str, _Entry]]:
-    """Yield name and entry of each register and memory of an address map, or of a group of one."""
+    """Yield name and entry of each register and memory in an address map or a group."""
     from systemrdl.node import AddrmapNode, MemNode, RegfileNode
 
     for child in node.children(unroll=True):
@@ -190,16 +190,9 @@ def _field(node: Any, access: str) -> _Entry:
     names = [(member.value, member.name) for member in node.get_property("encode") or ()]
     if names:
         description += f" {', '.join(f'{value} {name}' for value, name in names)}."
-    entry = {
-        "low": node.low,
-        "width": node.width,
-        "reset": node.get_property("reset"),
-        "signed": bool(node.get_property("is_signed")),
-        "fraction": node.get_property("fraction"),
-        "unit": node.get_property("unit"),
-        "description": _line(description),
-        "names": names,
-    }
+    entry = {"low": node.low, "width": node.width, "reset": node.get_property("reset")}
+    entry |= {"signed": bool(node.get_property("is_signed")), "fraction": node.get_property("fraction")}
+    entry |= {"unit": node.get_property("unit"), "description": _line(description), "names": names}
     return _without_defaults(entry, keep=("low", "reset"))
 
 
@@ -211,33 +204,10 @@ def _line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _board_map(writable: set[int]) -> str:
-    """Return the package that tells which words can be written, as ranges of addresses."""
-    firsts = sorted(at for at in writable if at - 4 not in writable)
-    lasts = sorted(at for at in writable if at + 4 not in writable)
-    ranges = [f"[11'h{first:03X}:11'h{last:03X}]" for first, last in zip(firsts, lasts, strict=True)]
-    return render_template("board_map_pkg.sv.jinja", by=_BY, prefix=PREFIX, ranges=ranges)
-
-
-def _page(template: str, top: Any, registers: dict[str, _Entry]) -> str:
-    """Return the documentation's page: a table for each group of registers."""
-    return render_template(
-        template,
-        by=_BY,
-        name=top.get_property("name").lower(),
-        description=_line(top.get_property("desc")),
-        sections=[(title, list(some)) for title, some in groupby(registers.items(), lambda item: item[1]["title"])],
-    )
-
-
 def render_template(template: str, **names: Any) -> str:
-    """Return a template of the tools' folder, filled in."""
-    templates = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    """Render a template of host/tools/templates."""
+    loader = jinja2.FileSystemLoader(Path(__file__).with_name("templates"))
+    templates = jinja2.Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     return templates.get_template(template).render(names)
 
 

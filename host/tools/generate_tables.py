@@ -1,8 +1,7 @@
 """Writes what the code declares into the documentation: key tables and JSON Schemas of TOML files, points, promises.
 
-`python -m tools.generate_tables` (`make docs-tables`) writes them. A page holds a table between
-`<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; that of the coverage points between `<!-- points -->` and
-`<!-- end of points -->`, that of the promises of docs/promises.toml between `<!-- promises -->` and
+`make docs-tables` fills pages between `<!-- keys: FILE TABLE -->` and `<!-- end of keys -->`; with the coverage points
+between `<!-- points -->` and `<!-- end of points -->`; and with docs/promises.toml between `<!-- promises -->` and
 `<!-- end of promises -->`.
 """
 
@@ -38,15 +37,15 @@ FILE = Path("docs/promises.toml")
 
 def generate(top: Path) -> dict[Path, str]:
     """Return the text of every schema, and of every page with its tables filled in, by path in the checkout."""
-    made = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
-    made |= {COMMAND_PAGES / f"{name}.md": command_page(name) for name in COMMANDS}
+    texts = {SCHEMAS / f"{kind}.json": json.dumps(schema_of(kind), indent=2) + "\n" for kind in FILES}
+    texts |= {COMMAND_PAGES / f"{name}.md": command_page(name) for name in COMMANDS}
     lists: dict[str, Callable[[], str]] = {"points": _points, "promises": partial(promises_table, top)}
     for page in sorted(top.glob("docs/**/*.md")):
         text, tables_filled = MARKED.subn(_filled, page.read_text())
         text, lists_filled = LISTED.subn(lambda place: place[1] + lists[place[2]]() + place[3], text)
         if tables_filled or lists_filled:
-            made[page.relative_to(top)] = text
-    return made
+            texts[page.relative_to(top)] = text
+    return texts
 
 
 def command_page(name: str) -> str:
@@ -55,9 +54,9 @@ def command_page(name: str) -> str:
     command = cli.get_command(top, name)
     assert command is not None
     context = click.Context(command, info_name=name, parent=top)
-    note = "<!-- Generated from the command's help by `make docs-tables`; do not edit. -->"
+    banner = "<!-- Generated from the command's help by `make docs-tables`; do not edit. -->"
     more = f"[Results, JSON and file formats](../../reference/command-line.md#{name})"
-    parts = [f"# {context.command_path}", note, *_help(command, context), more]
+    parts = [f"# {context.command_path}", banner, *_help(command, context), more]
     for below in command.commands.values() if isinstance(command, click.Group) else ():
         inner = click.Context(below, info_name=below.name, parent=context)
         parts += [f"## {inner.command_path}", *_help(below, inner)]
@@ -84,13 +83,13 @@ def _points() -> str:
 
 
 def _filled(place: re.Match[str]) -> str:
-    """Return a marked place with its table; keys that replace each other stand together."""
+    """Return a marked place with its table, in which keys that replace each other are neighbours."""
     kind, name = place[2], place[3]
-    known = dict(tables(schema_of(kind))) if kind in FILES else {}
-    if name not in known:
-        raise input_error(place[1].strip(), "no such table", f"choose from {', '.join(filter(None, known))}")
-    properties, required = known[name]["properties"], known[name].get("required", ())
-    groups = {group[0]: group for group, _ in rivals(known[name])}
+    schemas = dict(tables(schema_of(kind))) if kind in FILES else {}
+    if name not in schemas:
+        raise input_error(place[1].strip(), "no such table", f"choose from {', '.join(filter(None, schemas))}")
+    properties, required = schemas[name]["properties"], schemas[name].get("required", ())
+    groups = {group[0]: group for group, _ in rivals(schemas[name])}
     replaced = {key for group in groups.values() for key in group[1:]}
     lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for word in (word for first in properties if first not in replaced for word in groups.get(first, [first])):
@@ -108,7 +107,7 @@ def _filled(place: re.Match[str]) -> str:
 
 
 def _value(node: Schema) -> str:
-    """Return what a key takes. Bounds that only keep numbers from overflowing are left to the page's text."""
+    """Return the values that a key takes, without bounds that only prevent overflow."""
     if "anyOf" in node:
         return " or ".join(_value(option) for option in node["anyOf"])
     if "enum" in node:
@@ -119,10 +118,7 @@ def _value(node: Schema) -> str:
         return f"[{', '.join('xyz'[: len(node['prefixItems'])])}]"
     if node.get("minimum") == 1e-9:
         node = {**node, "minimum": None, "exclusiveMinimum": 0.0}
-    if (node.get("maximum") or 0.0) >= 1e9:
-        node = {**node, "maximum": None}
-    if (node.get("minimum") or 0.0) <= -1e9:
-        node = {**node, "minimum": None}
+    node = {**node, **{bound: None for bound in ("minimum", "maximum") if abs(node.get(bound) or 0.0) >= 1e9}}
     words = {"string": "text", "integer": "whole number", "array": "list of tables", "object": "table",
              "boolean": "true or false"}  # fmt: skip
     return f"{words.get(node['type'], node['type'])} {bounds_text(node)}".strip()
@@ -141,7 +137,7 @@ def _toml(value: object) -> str:
 @documented
 @dataclass(frozen=True, kw_only=True)
 class Promise:
-    """A promise, as a page says it."""
+    """A promise of a page."""
 
     page: Annotated[str, key("the page, from the top of the checkout")]
     words: Annotated[str, key("words that the page has; line ends are spaces")]
@@ -159,18 +155,17 @@ class Promises:
 
 
 def promises_table(top: Path) -> str:
-    """Return the table of all promises, in the order of the file.
-
-    Raises InputError for a promise with a page, words, a file, a test or a point that is not there.
-    """
+    """Return the table of all promises; raise InputError for a page, words, file, test or point that is missing."""
     path = top / FILE
     promises = toml.read(Promises, toml.load(path, "promises"), str(path)).promise
     rows = ["| promise | kept by | held by |\n|---|---|---|\n"]
     for number, promise in enumerate(promises):
         _check(top, promise, f"{FILE}: promise[{number}]")
-        held = [*map(_test_link, promise.tests), *(f"[{point}](../reference/coverage.md)" for point in promise.points)]
-        said = f"{promise.words} ([{Path(promise.page).stem}]({_from_page(promise.page)}))"
-        rows.append(f"| {said} | {', '.join(map(_link, promise.kept_by))} | {', '.join(held)} |\n")
+        tests = [f"[{name}]({_from_page(file)})" for file, _, name in (test.partition("::") for test in promise.tests)]
+        tests += [f"[{point}](../reference/coverage.md)" for point in promise.points]
+        words = f"{promise.words} ([{Path(promise.page).stem}]({_from_page(promise.page)}))"
+        files = [f"[{Path(file).name}]({_from_page(file)})" for file in promise.kept_by]
+        rows.append(f"| {words} | {', '.join(files)} | {', '.join(tests)} |\n")
     return "".join(rows)
 
 
@@ -194,15 +189,6 @@ def _check(top: Path, promise: Promise, where: str) -> None:
 
 def _from_page(file: str) -> str:
     return os.path.relpath(file, "docs/generated")
-
-
-def _link(file: str) -> str:
-    return f"[{Path(file).name}]({_from_page(file)})"
-
-
-def _test_link(test: str) -> str:
-    file, _, name = test.partition("::")
-    return f"[{name}]({_from_page(file)})"
 
 
 @program

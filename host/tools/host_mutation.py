@@ -1,11 +1,8 @@
 """`make mutation-host`: puts faults into the host's Python one at a time and counts how many the quick tests catch.
 
-A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops
-a statement. It is made in a copy of the checkout. The tests of tests/host that execute the faulty line run, up to the
-first failure; then those of `LAST`, which simulate the RTL. A fault is caught when a test fails that passes without it.
-Tests that execute the line in another process alone do not run: a fault that only they see counts as a survivor.
-
-Docstrings, annotations, decorators and the texts of errors stay as they are.
+A fault swaps an operator, changes a number, a sign or a comparison, negates a condition, swaps two arguments or drops a
+statement, in a copy of the checkout; docstrings, annotations, decorators and texts of errors are not changed. Tests of
+tests/host that execute the line in their own process run up to the first failure, then those of `LAST`.
 """
 
 from __future__ import annotations
@@ -29,14 +26,11 @@ from tools.program import program
 from tools.source_faults import FEW, Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 PACKAGE = Path("host/lippmann")
-#: Rooms of the package that get as many faults as each other.
+#: Rooms of the package, which get equal numbers of faults.
 AREAS = ("display", "optics", "fixed", "board", "rendering")
-#: Tests that run last, by the part of the package: they simulate the RTL.
-LAST = {
-    "fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"),
-    "board": ("tests/system",),
-}
-#: The tests that run first, but for this program's own, and how they are measured.
+#: Tests that run last, by room: they simulate the RTL.
+LAST = {"fixed": ("tests/rtl/test_batch.py", "tests/rtl/raster"), "board": ("tests/system",)}
+#: The tests that run first, without this program's own, and how they are measured.
 TESTS = ("tests/host", "--ignore=tests/host/test_host_mutation.py")
 MEASURED = ("--cov=host/lippmann", "--cov-context=test", "--cov-report=", "-p", "no:cacheprovider")
 
@@ -53,23 +47,23 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.In: ("in", "not in"), ast.NotIn: ("not in", "in"),
 }  # fmt: skip
 
-#: Begin and end in a file, and the text that comes there.
+#: Begin and end in a file, and the new text.
 Edit = tuple[int, int, str]
 
 
 def faults_of(path: Path, file: str) -> list[Fault]:
-    """Return every fault of a Python file, `file` in the report; a few do not differ, or are not Python."""
-    source, found = path.read_text(), []
+    """Return every fault of a Python file, `file` in the report; a few change nothing, or are not Python."""
+    source, faults = path.read_text(), []
     tree = ast.parse(source)
     for begin, end, new in sorted(set(_edits(source, ASTText(source, tree).get_text_range, tree))):
         first, last = source.rfind("\n", 0, begin) + 1, source.find("\n", end)
         now = source[first:begin] + new + source[end:last]
-        found.append(Fault(file, source.count("\n", 0, first) + 1, source[first:last], now))
-    return found
+        faults.append(Fault(file, source.count("\n", 0, first) + 1, source[first:last], now))
+    return faults
 
 
 def differs(fault: Fault, text: str) -> bool:
-    """Tell whether a fault makes another program of a file's text, and one that is Python."""
+    """Tell whether a file's text with a fault is another Python program."""
     try:
         return ast.dump(ast.parse(fault.changed(text))) != ast.dump(ast.parse(text))
     except SyntaxError:
@@ -77,17 +71,17 @@ def differs(fault: Fault, text: str) -> bool:
 
 
 def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AST) -> Iterator[Edit]:
-    """Yield the edits of a node and of the nodes below it; `span` tells where a node begins and ends in the source."""
+    """Yield the edits of a node and of the nodes below it; `span` returns a node's begin and end in the source."""
 
     def text(part: ast.AST) -> str:
         return source[slice(*span(part))]
 
-    for left, operator, right in _operators(node):
+    for before, operator, after in _operators(node):
         was, now = SWAPS.get(type(operator), ("", ""))
-        begin = span(left)[1]
-        found = re.search(re.escape(was).replace(r"\ ", r"\s+"), source[begin : span(right)[0]])
-        if was and found:
-            yield begin + found.start(), begin + found.end(), now
+        begin = span(before)[1]
+        found_at = re.search(re.escape(was).replace(r"\ ", r"\s+"), source[begin : span(after)[0]])
+        if was and found_at:
+            yield begin + found_at.start(), begin + found_at.end(), now
     match node:
         case ast.AugAssign() | ast.Raise() | ast.Expr(value=ast.Call()):
             yield *span(node), "pass"
@@ -113,12 +107,12 @@ def _edits(source: str, span: Callable[[ast.AST], tuple[int, int]], node: ast.AS
 def _operators(node: ast.AST) -> Iterable[tuple[ast.AST, ast.AST, ast.AST]]:
     """Return a node's own operators, each between its operands."""
     match node:
-        case ast.BinOp(left=left, op=op, right=right) | ast.AugAssign(target=left, op=op, value=right):
-            return [(left, op, right)]
-        case ast.Compare(left=left, ops=ops, comparators=right):
-            return zip([left, *right], ops, right, strict=False)
+        case ast.BinOp(left=before, op=op, right=after) | ast.AugAssign(target=before, op=op, value=after):
+            return [(before, op, after)]
+        case ast.Compare(left=first, ops=ops, comparators=others):
+            return zip([first, *others], ops, others, strict=False)
         case ast.BoolOp(op=op, values=values):
-            return [(left, op, right) for left, right in pairwise(values)]
+            return [(before, op, after) for before, after in pairwise(values)]
     return ()
 
 
@@ -127,7 +121,7 @@ def _is_cast(node: ast.Call) -> bool:
 
 
 def _below(node: ast.AST) -> Iterable[ast.AST]:
-    """Return the nodes below one that may have faults: no annotations, decorators, or texts of errors."""
+    """Return the nodes below one that may have faults: not annotations, decorators, or texts of errors."""
     match node:
         case ast.Raise() | ast.JoinedStr() | ast.AnnAssign(value=None):  # 3.11 does not place the parts of f-strings
             return ()
@@ -146,7 +140,7 @@ def _below(node: ast.AST) -> Iterable[ast.AST]:
 
 
 class Reach:
-    """The tests that execute each line of the package, from one run of them without a fault."""
+    """The tests that execute each line of the package, from one run without a fault."""
 
     def __init__(self, scratch: Scratch) -> None:
         log("running the tests once, to see which of them execute each line")
@@ -163,20 +157,15 @@ class Reach:
         )
 
     def tests(self, fault: Fault) -> list[str]:
-        """Return the tests that execute a line of a fault, those that execute least of the package first.
-
-        Of a line that runs when its file is imported, a constant: those that execute any line of the file.
-        """
+        """Return the tests that execute a fault's line or, if it runs only at import, any line of its file."""
         contexts = self._data.contexts_by_lineno(str(self._folder / fault.file))
         lines = range(fault.line, fault.line + fault.was.count("\n") + 1)
-        found = {_test_of(context) for line in lines for context in contexts.get(line, ())} - {""}
-        found = found or {_test_of(context) for each in contexts.values() for context in each} - {""}
-        return sorted(found, key=lambda test: (self._lines[test], test))
+        tests = {_test_of(context) for line in lines for context in contexts.get(line, ())} - {""}
+        tests = tests or {_test_of(context) for each in contexts.values() for context in each} - {""}
+        return sorted(tests, key=lambda test: (self._lines[test], test))
 
 
-@cache
-def _reach(scratch: Scratch) -> Reach:
-    return Reach(scratch)
+_reach = cache(Reach)
 
 
 def _test_of(context: str) -> str:
@@ -184,22 +173,14 @@ def _test_of(context: str) -> str:
     return context.rpartition("|")[0]
 
 
-def _last(file: str) -> list[str]:
-    """Return the tests of a file that simulate the RTL."""
-    area, stem = Path(file).relative_to(PACKAGE).parts[0], Path(file).stem
-    own = repository() / "tests" / "rtl" / stem
-    return [*([f"tests/rtl/{stem}"] if area == "fixed" and own.is_dir() else []), *LAST.get(area, ())]
-
-
-# ---- trying a fault ----
-
-
 def fate(fault: Fault, scratch: Scratch) -> str:
-    """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused' when it is none."""
+    """Return a fault's fate: 'caught', with the test that failed, 'survived', or 'refused' when it changes nothing."""
     if not differs(fault, (scratch.folder / fault.file).read_text()):
         return "refused"
     near = _reach(scratch).tests(fault)
-    return scratch.fate(fault, [near[:FEW], near[FEW:]], [_last(fault.file)])
+    area, stem = Path(fault.file).relative_to(PACKAGE).parts[0], Path(fault.file).stem
+    own = [f"tests/rtl/{stem}"] if area == "fixed" and (repository() / f"tests/rtl/{stem}").is_dir() else []
+    return scratch.fate(fault, [near[:FEW], near[FEW:]], [[*own, *LAST.get(area, ())]])
 
 
 def groups(top: Path) -> dict[str, list[Fault]]:

@@ -1,8 +1,7 @@
 """Checks the shape of the house: `python -m tools.house`, a part of `make lint`.
 
-It counts lines, files, long functions, `Any` and refused names, and compares them with the bounds of house.toml. It
-looks at the rooms: which there are, which files they share by name, and how long the longest chain of imports between
-them is. It looks for long lines and refused names in the RTL. Import layers are import-linter's (pyproject.toml).
+It compares sizes, `Any` and refused names with the bounds of house.toml, and checks the rooms' names, files and chain
+of imports, and the RTL's lines and names. Import layers are import-linter's.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass
 class Sizes:
-    """What is counted in a folder's Python files."""
+    """The counts of a folder's Python files."""
 
     counts: Counter[str] = field(default_factory=Counter)
     #: "file:line name, lines" of each of the `long_functions` and `refused_names`.
@@ -69,7 +68,7 @@ def measure_sizes(folder: Path, function_lines: int, refused: frozenset[str]) ->
 
 
 def bound_name(node: ast.AST) -> str | None:
-    """Return the name that a node of the syntax tree gives to a function, class, parameter or variable."""
+    """Return the name that a node defines: a function's, class's, parameter's or variable's."""
     if isinstance(node, FUNCTIONS | ast.ClassDef):
         return node.name
     if isinstance(node, ast.arg):
@@ -89,7 +88,7 @@ def compare_sizes(name: str, sizes: Sizes, bounds: Mapping[str, int]) -> Iterato
 
 
 def check_style(sizes: Sizes, style: Mapping[str, float]) -> Iterator[str]:
-    """Yield a line where the package became denser: longer lines, or fewer comments."""
+    """Yield a line if the package became denser: longer lines, or fewer comments."""
     if sizes.mean_line > style["mean_line"]:
         yield f"package: {sizes.mean_line:.2f} characters a line, at most {style['mean_line']}"
     if sizes.comment_share < style["comment_share"]:
@@ -108,18 +107,20 @@ def check_rooms(package: Path, rooms: Mapping[str, Any]) -> Iterator[str]:
     for path in sorted(package.rglob("*.py")):
         if path.stem != "__init__" and path.parent != package:
             places[path.stem].append(path.parent.name)
-    for stem, found in sorted(places.items()):
-        if len(set(found) - {"cli"}) > 1:  # a command's file bears the command's name
-            yield f"{stem}.py stands in the rooms {' and '.join(found)}: give one of them another name"
+    for stem, folders_of in sorted(places.items()):
+        if len(set(folders_of) - {"cli"}) > 1:  # a command's file has the command's name
+            yield f"{stem}.py stands in the rooms {' and '.join(folders_of)}: give one of them another name"
 
 
 def room_imports(package: Path) -> dict[str, set[str]]:
-    """Return the rooms that each room imports, those for annotations only aside."""
+    """Return the rooms that each room imports, except for annotations only."""
     rooms: dict[str, set[str]] = defaultdict(set)
     for path in package.rglob("*.py"):
         room = path.relative_to(package).parts[0].removesuffix(".py")
         tree = ast.parse(path.read_text())
-        for_types = {id(inner) for node in ast.walk(tree) if is_type_checking(node) for inner in ast.walk(node)}
+        blocks = (node for node in ast.walk(tree) if isinstance(node, ast.If))
+        checks = [block for block in blocks if ast.unparse(block.test) == "TYPE_CHECKING"]
+        for_types = {id(inner) for node in checks for inner in ast.walk(node)}
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and node.module and id(node) not in for_types:
                 parts = node.module.split(".")
@@ -128,23 +129,15 @@ def room_imports(package: Path) -> dict[str, set[str]]:
     return {room: (imports & rooms.keys()) - {room} for room, imports in rooms.items()}
 
 
-def is_type_checking(node: ast.AST) -> bool:
-    """Tell whether a node is `if TYPE_CHECKING:`."""
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-
-
 def longest_chain(imports: Mapping[str, set[str]], names: frozenset[str]) -> list[str]:
-    """Return the longest chain of rooms, each importing the next; loose files count as no room of their own."""
+    """Return the longest chain of rooms, each importing the next, without loose files."""
 
     @cache
     def chain(room: str) -> list[str]:
-        below = longest([chain(other) for other in sorted(imports.get(room, ()))])
+        below: list[str] = max((chain(other) for other in sorted(imports.get(room, ()))), key=len, default=[])
         return [room, *below] if room in names else below
 
-    def longest(chains: list[list[str]]) -> list[str]:
-        return max(chains, key=len, default=[])
-
-    return longest([chain(room) for room in sorted(imports)])
+    return max((chain(room) for room in sorted(imports)), key=len, default=[])
 
 
 def check_rtl(top: Path, columns: int, refused: frozenset[str]) -> Iterator[str]:
@@ -161,32 +154,26 @@ def check_rtl(top: Path, columns: int, refused: frozenset[str]) -> Iterator[str]
 
 
 def check_house(top: Path, bounds: Mapping[str, Any]) -> list[str]:
-    """Return what is wrong with the house below a checkout's top folder, a line each."""
+    """Return the faults of the house in a checkout, a line each."""
     style, refused = bounds["style"], frozenset(bounds["names"]["refused"])
     folders = {"package": top / "host/lippmann", "tools": top / "host/tools", "tests": top / "tests"}
     sizes = {name: measure_sizes(folder, style["function_lines"], refused) for name, folder in folders.items()}
     faults = [line for name in sizes for line in compare_sizes(name, sizes[name], bounds[name])]
     faults += check_style(sizes["package"], style)
-    faults += check_rooms(folders["package"], bounds["rooms"])
-    faults += check_rtl(top, bounds["rtl"]["columns"], frozenset(bounds["rtl"]["refused"]))
-    chain = longest_chain(room_imports(folders["package"]), frozenset(bounds["rooms"]["names"]))
-    if len(chain) > bounds["rooms"]["chain"]:
-        faults.append(
-            f"{len(chain)} rooms in a chain of imports, at most {bounds['rooms']['chain']}: {' > '.join(chain)}"
-        )
-    print(describe_sizes(**sizes), f"longest chain {len(chain)} rooms")
-    return faults
-
-
-def describe_sizes(package: Sizes, tools: Sizes, tests: Sizes) -> str:
-    """Return the sizes in one line."""
-    counts = package.counts
-    return (
+    rooms, rtl = bounds["rooms"], bounds["rtl"]
+    faults += check_rooms(folders["package"], rooms)
+    faults += check_rtl(top, rtl["columns"], frozenset(rtl["refused"]))
+    chain = longest_chain(room_imports(folders["package"]), frozenset(rooms["names"]))
+    if len(chain) > rooms["chain"]:
+        faults.append(f"{len(chain)} rooms in a chain of imports, at most {rooms['chain']}: {' > '.join(chain)}")
+    package, counts = sizes["package"], sizes["package"].counts
+    print(
         f"house: {counts['lines']} lines in {counts['files']} files, {package.mean_line:.2f} characters and "
         f"{package.comment_share:.4f} comments a line, {counts['any']} Any, "
-        f"{len(package.places['refused_names'])} refused names; tools {tools.counts['lines']} lines, "
-        f"tests {tests.counts['lines']} lines;"
+        f"{len(package.places['refused_names'])} refused names; tools {sizes['tools'].counts['lines']} lines, "
+        f"tests {sizes['tests'].counts['lines']} lines; longest chain {len(chain)} rooms"
     )
+    return faults
 
 
 def main() -> int:

@@ -34,18 +34,18 @@ from scipy.ndimage import binary_erosion
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import draw_lines, make_page
 
-#: Scenes, and the shapes that become a layer of their own, to move; displays.
+#: Files of the scenes, and the shapes that become a layer of their own; displays.
 SCENES: dict[str, tuple[str, str | None]] = {
     "fish": ("fish", None), "fish apart": ("fish", "fish-*"), "chart": ("chart", None),
 }  # fmt: skip
 DISPLAYS = ("vga-square", "vga-hex")
-#: mm for each unit of the scenes: a quarter of their size, for these small displays.
+#: mm per unit of the scenes, for these small displays.
 SCALE = 0.25
-#: Samples for each texel, as `lippmann layers` takes them; rays for each pixel of a view that tell what is seen there.
-TEXEL_SAMPLES, SEEN_SAMPLES = 16, 16
-#: Light from behind, as a share of a view's pixel, above which the pixel is a hole.
+#: Samples per texel, as in `lippmann layers`, and rays per pixel of a view.
+TEXEL_SAMPLES, VIEW_SAMPLES = 16, 16
+#: Light from behind, as a fraction of a view's pixel, above which the pixel is a hole.
 HOLE = 0.01
-#: The serial line on which times are told, baud, and its bits for each byte.
+#: The serial line, baud, and its bits per byte.
 BAUD, BITS_A_BYTE = 3_000_000, 10
 
 
@@ -55,11 +55,9 @@ def measure(folder: Path, seed: int) -> Iterator[dict[str, Any]]:
         display = load_display(folder / f"displays/{display_name}.toml")
         for name, (file, apart) in SCENES.items():
             path, place = folder / f"{file}/{file}.xml", Placement(SCALE)
-            whole = load_scene(path, place)
-            parts = [whole, None] if apart is None else [
-                load_scene(path, place, part=Part(apart, kept)) for kept in (False, True)
-            ]  # fmt: skip
-            for row in measure_scene(whole, display, seed, parts=parts):
+            parts = [Part(apart, is_apart) for is_apart in (False, True)] if apart is not None else []
+            scene_parts = [load_scene(path, place, part=part) for part in parts]
+            for row in measure_scene(load_scene(path, place), display, seed, parts=scene_parts or None):
                 yield {"display": display_name, "scene": name, **row}
 
 
@@ -69,30 +67,27 @@ def measure_scene(
     seed: int,
     counts: Iterable[int] = range(1, MAX_LAYERS + 1),
     slot: tuple[int, int] = SLOT,
-    parts: Sequence[Scene | None] | None = None,
+    parts: Sequence[Scene] | None = None,
     settings: Settings | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Measure a streamed frame of a scene, then its layers, by their number and filter.
 
-    `parts` are what is cut by depths, and what becomes a layer of its own; None: the whole scene is cut.
-
-    Columns: `drawn` ("streamed" or the filter), then as `lippmann.layers.layer_choice.row_of`; `line_bytes` on the
-    line before the picture is there, and `frame_bytes` for each further one, in which one layer moves; `holes_percent`
-    (`hole_percent`). Cells of a streamed frame that do not apply are None.
+    `parts` are cut by depths, and a layer of its own; None: all of the scene is cut by depths. `drawn` is "streamed" or
+    a filter; `line_bytes` are those of the first picture, `frame_bytes` those of each further one, in which a layer
+    moves. Other columns are those of `lippmann.layers.layer_choice.row_of`; a streamed frame has None where they do not
+    apply.
     """
     settings = Settings(TEXEL_SAMPLES, seed=seed) if settings is None else settings
     cut_by_depth, apart = (scene, None) if parts is None else parts
-    assert cut_by_depth is not None
     full, lines = full_views(scene, display, settings), list(exit_lines(display))
-    frame, seen = streamed(scene, display, full, settings)
-    sent = tile_bytes(frame)
-    nothing = dict.fromkeys(("load_bytes", "block_rams", "multipliers"))
-    decibel = {"view_db": float(np.mean(seen)), "worst_db": min(seen)}
+    frame, views_db = streamed(scene, display, full, settings)
+    size = tile_bytes(frame)
     yield {
-        "drawn": "streamed", "layers": None, **decibel, **nothing, "line_bytes": sent, "frame_bytes": sent,
+        "drawn": "streamed", "layers": None, "view_db": float(np.mean(views_db)), "worst_db": min(views_db),
+        **dict.fromkeys(("load_bytes", "block_rams", "multipliers")), "line_bytes": size, "frame_bytes": size,
         "holes_percent": None,
     }  # fmt: skip
-    # A layer that moves keeps its last word, its look.
+    # The last word of a layer, its look, does not change when it moves.
     move = len(packed(Kind.WRITE, 0, ADDRESS.pack(0) + bytes(4 * (LAYER_WORDS - 1))))
     for count in counts:
         if count == 1 and apart is not None:
@@ -101,21 +96,21 @@ def measure_scene(
         if len(cut.stack.layers) < count:
             break  # the scene has no more depths
         for filter in FILTERS:
-            seen = decibels(draw_golden(display, cut.stack, filter, lines=lines), display, full)
+            views_db = decibels(draw_golden(display, cut.stack, filter, lines=lines), display, full)
             yield {
-                "drawn": filter, **row_of(cut, seen, slot, filter),
+                "drawn": filter, **row_of(cut, views_db, slot, filter),
                 "line_bytes": block_bytes(cut.stack, slot), "frame_bytes": move,
                 "holes_percent": hole_percent(scene, cut, display, lines, filter, settings),
             }  # fmt: skip
 
 
 def line_seconds(count: int) -> float:
-    """Return the time, s, that so many bytes take on the line of `BAUD`."""
+    """Return the time, s, of a number of bytes on the line of `BAUD`."""
     return count * BITS_A_BYTE / BAUD
 
 
 def tile_bytes(frame: Any) -> int:
-    """Return the bytes on the line of the tiles of a frame (height, width, 3) uint8, each in its shortest coding."""
+    """Return the bytes on the line of a frame (height, width, 3) uint8, each tile in its shortest coding."""
     grid = TileGrid(frame.shape[1], frame.shape[0])
     tiles = (code_tile(grid.cut(frame, tile)) for tile in range(grid.count))
     return sum(
@@ -125,7 +120,7 @@ def tile_bytes(frame: Any) -> int:
 
 
 def block_bytes(stack: LayerStack, slot: tuple[int, int]) -> int:
-    """Return the bytes on the line that load a stack's textures and palettes into slots of texels across and down."""
+    """Return the bytes on the line that load a stack's textures and palettes into slots."""
     build = SceneBuild(len(stack.layers), None, *slot)
     contents = (slot_bytes(layer, build).tobytes() for layer in stack.layers)
     return sum(
@@ -138,12 +133,11 @@ def block_bytes(stack: LayerStack, slot: tuple[int, int]) -> int:
 def hole_percent(
     scene: Scene, cut: Cut, display: Display, lines: Sequence[ExitLines], filter: Filter, settings: Settings
 ) -> float:
-    """Return the share of the pixels of the moving eye's views, per cent, in which a hole shows.
+    """Return the percentage of the pixels in the moving eye's views in which a hole shows.
 
-    For each k: light from behind the first k layers shows, though every ray of the scene itself that the eye sees in
-    the pixel and around it meets a surface of the first k slabs. Around: as far as layers move surfaces aside for the
-    eye, and a pixel of the view blurs them. Of all layers with one apart, whose slabs overlap, only light from behind
-    all layers counts.
+    In a hole, light from behind the first k layers shows, though every ray of the scene in the pixel and around it
+    meets a surface of the first k slabs. The surroundings reach as far as layers displace surfaces for the eye, and a
+    view's pixel blurs them. With a layer apart, whose slab overlaps others, only light from behind all layers counts.
     """
     reach, window = reach_of(display), whole_window(display)
     half = 0.5 * window.width_mm, 0.5 * window.height_mm
@@ -166,7 +160,8 @@ def hole_percent(
         views = views_of(light.astype(np.float32), display)
         between = front.front_mm, -math.inf if last else slab.back_mm
         for place, (eye, view) in enumerate(zip(eyes_of(reach), views, strict=True)):
-            met = peel(scene, area, eye.position_mm, between, size, replace(settings, samples=SEEN_SAMPLES)).coverage
+            rays = replace(settings, samples=VIEW_SAMPLES)
+            met = peel(scene, area, eye.position_mm, between, size, rays).coverage
             solid = binary_erosion(met > 1.0 - 1e-6, np.ones((3, 3)), iterations=around, border_value=1)
             holes[place] |= solid & (view[..., 0] > HOLE)
     return 100.0 * float(holes.mean())
@@ -183,28 +178,28 @@ def layers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 
 
 def layers_page(origin: Mapping[str, str], rows: Rows) -> Page:
-    """Return the page of `tools.bench layers`, of the rows of `measure`."""
+    """Return the page of `tools.bench layers`."""
     built, drawn = SceneBuild().layers, [row for row in rows if row["drawn"] != "streamed"]
-    seen = [
+    views = [
         {**group[0], **{str(row["layers"]): f"{row['view_db']:.1f} ({row['worst_db']:.1f})" for row in group}}
         for group in groups(drawn, "display", "scene", "drawn")
     ]
-    beside = []
+    pairs = []
     for row in where(rows, drawn="streamed"):
         cut = where(drawn, display=row["display"], scene=row["scene"], layers=built)
-        decibels = {f"{one['drawn']}_db": one["view_db"] for one in cut}
-        sent = {"sent_bytes": row["line_bytes"], "sent_seconds": line_seconds(row["line_bytes"])}
-        beside.append({**row, **decibels, **sent, **{key: cut[0][key] for key in ("line_bytes", "frame_bytes")}})
-        beside[-1]["line_seconds"] = line_seconds(cut[0]["line_bytes"])
+        pair = {**row, **{f"{one['drawn']}_db": one["view_db"] for one in cut}}
+        pair |= {"sent_bytes": row["line_bytes"], "sent_seconds": line_seconds(row["line_bytes"])}
+        pair |= {key: cut[0][key] for key in ("line_bytes", "frame_bytes")}
+        pairs.append({**pair, "line_seconds": line_seconds(cut[0]["line_bytes"])})
     context = {
-        "rows": drawn, "seen": seen, "beside": beside, "displays": DISPLAYS, "slot": SLOT, "built": built,
+        "rows": drawn, "seen": views, "beside": pairs, "displays": DISPLAYS, "slot": SLOT, "built": built,
         "full_samples": FULL_SAMPLES, "baud": BAUD // 10**6,
     }  # fmt: skip
     return make_page("layers", origin, [draw_layers(rows)], {"layers": rows}, context)
 
 
 def draw_layers(rows: Rows) -> Plot:
-    """Draw the eye's view of layers over their number and block RAM, for each scene, and that of the streamed frame."""
+    """Draw the PSNR of layers over their number and block RAMs, and that of the streamed frame, for each scene."""
     scenes = groups(rows, "scene")
     picture, axes = make_axes(2, len(scenes), (4.4, 3.2))
     for across, scene in enumerate(scenes):

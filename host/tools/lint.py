@@ -18,7 +18,7 @@ from tools.program import program
 
 
 def folder_of_modules() -> dict[str, str]:
-    """Return the hand-written modules of rtl/, without their prefix, each with its folder."""
+    """Return the folders of the hand-written modules of rtl/, by the modules' names without prefix."""
     paths = (path for path in rtl_sources(repository()) if path.parent.name != "registers")
     return {path.stem.removeprefix(PREFIX): path.parent.name for path in paths if not path.stem.endswith("_pkg")}
 
@@ -26,33 +26,28 @@ def folder_of_modules() -> dict[str, str]:
 def elaborated(
     module: str, files: Sequence[Path], *options: str, parameters: Mapping[str, int | str], timeout: float | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module with Verilator; packages come first in `files`. The time-out is in seconds."""
+    """Elaborate a module with Verilator; `files` start with packages, the time-out is in seconds."""
     command = ["verilator_bin", "--lint-only", *options, "--top-module", module]
-    command += [f"-G{name}={value}" for name, value in parameters.items()]
-    command += map(str, files)
+    command += [*(f"-G{name}={value}" for name, value in parameters.items()), *map(str, files)]
     environment = verilator_environment()
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=timeout)
 
 
 def lint(module: str, parameters: Mapping[str, int | str] | None = None) -> subprocess.CompletedProcess[str]:
-    """Elaborate a module alone, with all warnings, from the files that it needs.
-
-    Only its folder is searched, and those that it may build upon. Raises MissingLibraryError without Verilator, and
-    subprocess.TimeoutExpired after a minute: a refused module must not compute its tables first.
-    """
+    """Elaborate a module alone, with all warnings, from files of its folder and lower ones, within a minute."""
     top = repository()
-    found: list[Path] = []
-    for some in rtl_folders(top).values():
-        found += some
-        if any(path.stem == PREFIX + module for path in some):
+    sources: list[Path] = []
+    for folder_files in rtl_folders(top).values():
+        sources += folder_files
+        if any(path.stem == PREFIX + module for path in folder_files):
             break
-    packages_first = sorted(found, key=lambda path: not path.stem.endswith("_pkg"))
+    packages_first = sorted(sources, key=lambda path: not path.stem.endswith("_pkg"))
     files = [top / "rtl" / "registers" / "lint.vlt", *needed(PREFIX + module, packages_first)]
     return elaborated(PREFIX + module, files, "-Wall", parameters=parameters or {}, timeout=60)
 
 
 def lint_board(board: FpgaBoard) -> subprocess.CompletedProcess[str]:
-    """Elaborate the top of an FPGA board, with all warnings; of its vendor's cells only the ports are known."""
+    """Elaborate the top of an FPGA board, with all warnings, and only the ports of its vendor's cells."""
     top = repository()
     own = {path.stem: path for folder in board.folders for path in sorted(folder.glob("*.sv"))}
     settings = [top / "rtl" / folder / "lint.vlt" for folder in ("registers", "ecp5")]
@@ -69,11 +64,11 @@ def main() -> None:
     modules, boards = sorted(folder_of_modules()), fpga_boards()
     bad = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = [*pool.map(lint, modules), *pool.map(lint_board, boards.values())]
-    for name, done in zip([*modules, *boards], found, strict=True):
-        if done.returncode or done.stderr.strip():
+        runs = [*pool.map(lint, modules), *pool.map(lint_board, boards.values())]
+    for name, run in zip([*modules, *boards], runs, strict=True):
+        if run.returncode or run.stderr.strip():
             bad.append(name)
-            click.echo(done.stderr, err=True)
-    said = f"{len(modules)} RTL modules and {len(boards)} boards: no warning"
-    log(f"{', '.join(bad)}: mend the warnings above" if bad else said)
+            click.echo(run.stderr, err=True)
+    good = f"{len(modules)} RTL modules and {len(boards)} boards: no warning"
+    log(f"{', '.join(bad)}: mend the warnings above" if bad else good)
     sys.exit(bool(bad))

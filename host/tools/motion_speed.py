@@ -1,7 +1,4 @@
-"""Pictures of a turning scene as `lippmann live` makes them (`tools.bench live`), and films (`tools.bench animate`).
-
-A film by two workers on this machine is compared with one process.
-"""
+"""Pictures of a turning scene (`tools.bench live`), and films by two workers against one (`tools.bench animate`)."""
 
 from __future__ import annotations
 
@@ -25,32 +22,32 @@ from lippmann.scenes.scene import Scene, load_scene
 
 from tools.renderer_speed import gpu_name
 
-#: Displays, the larger one for a GPU; and the steps of a turn, of 5 degrees each.
+#: Displays by device; models; steps of a turn.
 DISPLAYS = {"llvm": ("vga-square",), "cuda": ("vga-square", "uhd-4k")}
 MODELS: tuple[Model, ...] = ("pinhole", "exact")
 STEPS = 72
 WORKERS = 2
-#: Display, scale of the film, and how many of its frames.
+#: Display, scale of the film, and number of its frames.
 CASES = (("vga-square", 0.25, 24), ("paper-square", 1.0, 4))
 
 
 def measure_live(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield rows for each display and model: a ray for each pixel, and for each block of pixels that live chooses."""
+    """Yield rows for each display and model: with a ray per pixel, and per block of pixels as live chooses it."""
     device = current_device()
     scene = load_scene(scenes / "fish/fish.xml")
     for name in DISPLAYS[device]:
         display = load_display(scenes / f"displays/{name}.toml")
         for model in MODELS:
             what = {"what": f"fish, {name}, {model}", "gpu": gpu_name() if device == "cuda" else ""}
-            whole = LivePicture(scene, display, model, Settings(seed=seed), block=1)
-            yield {**what, "block": 1, **_turned(whole, scene), "refined_seconds": _refined(whole)}
-            chosen = LivePicture(scene, display, model, Settings(seed=seed))
-            if chosen.block > 1:
-                yield {**what, "block": chosen.block, **_turned(chosen, scene), "refined_seconds": None}
+            fine = LivePicture(scene, display, model, Settings(seed=seed), block=1)
+            yield {**what, "block": 1, **_turn(fine, scene), "refined_seconds": _refine(fine)}
+            coarse = LivePicture(scene, display, model, Settings(seed=seed))
+            if coarse.block > 1:
+                yield {**what, "block": coarse.block, **_turn(coarse, scene), "refined_seconds": None}
 
 
-def _turned(picture: LivePicture, scene: Scene) -> dict[str, float]:
-    """Return frames a second of a whole turn about the upright axis, and the slowest frame's seconds."""
+def _turn(picture: LivePicture, scene: Scene) -> dict[str, float]:
+    """Turn the scene once about the upright axis; return frames per second, and the slowest frame's seconds."""
     hand = Hand(scene.placement, picture.middle_mm, drag_mm=1.0)
     times = []
     for _ in range(STEPS):
@@ -62,8 +59,8 @@ def _turned(picture: LivePicture, scene: Scene) -> dict[str, float]:
     return {"frames_per_second": 1.0 / float(np.median(times)), "slowest_seconds": max(times)}
 
 
-def _refined(picture: LivePicture) -> float:
-    """Return the seconds until a picture that rests has all its samples, each pass shown."""
+def _refine(picture: LivePicture) -> float:
+    """Return the seconds until a picture at rest has all its samples, with each pass shown."""
     began = time.perf_counter()
     while picture.samples < MAX_SAMPLES:
         picture.finer(lambda: False)
@@ -72,11 +69,7 @@ def _refined(picture: LivePicture) -> float:
 
 
 def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure the shipped film on each display, by one process and by the workers, all compiled before.
-
-    CPU seconds are those of all threads: they show the cost of sharing the work even while other programs run. The
-    workers' include those of the process that distributes the frames. `ratio` is their time over that of one process.
-    """
+    """Measure the shipped film by one process and by the workers, after compilation; CPU seconds are of all threads."""
     from distributed import Client
 
     film = load_film(scenes / "films/swim.toml")
@@ -99,19 +92,12 @@ def measure_animate(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
                 assert isinstance(band.plan, FramePlan)
                 theirs[band.plan.frame][band.rows.start : band.rows.stop] = radiance
             many, many_cpu = time.perf_counter() - started, _cpu_seconds(client) - cpu
-            yield {
-                "display": name,
-                "frames": frames,
-                "width_px": display.panel.width_px,
-                "height_px": display.panel.height_px,
-                "one_seconds": one,
-                "one_cpu_seconds": one_cpu,
-                "workers": WORKERS,
-                "workers_seconds": many,
-                "workers_cpu_seconds": many_cpu,
-                "pixels_differ": sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames)),
-                "ratio": many / one,
-            }
+            differ = sum(int((ours[k] != theirs[k]).any(axis=2).sum()) for k in range(frames))
+            size = {"width_px": display.panel.width_px, "height_px": display.panel.height_px}
+            alone = {"one_seconds": one, "one_cpu_seconds": one_cpu}
+            workers = {"workers": WORKERS, "workers_seconds": many, "workers_cpu_seconds": many_cpu}
+            compared = {"pixels_differ": differ, "ratio": many / one}
+            yield {"display": name, "frames": frames, **size, **alone, **workers, **compared}
 
 
 def _cpu_seconds(client: Any) -> float:

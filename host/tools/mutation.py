@@ -1,11 +1,9 @@
 """`make mutation`: puts faults into the RTL one at a time and counts how many of them the tests catch.
 
-A fault changes one operator, negates one condition, swaps the branches of one choice, or flips one bit of one number
-in one line of a module of rtl/ that is written by hand. It is made in a copy of the checkout. The tests of its module,
-tests/rtl/<module>, run first (a package: those of the modules beside it), then those of what the module is a part of. A
-fault is caught when a test fails that passes without the fault.
-
-Lines without hardware stay as they are: comments, elaboration checks, and lines that only silence the linter.
+A fault changes one operator, condition, choice or bit of a number in a line of a hand-written module, in a copy of the
+checkout; lines without hardware are not changed. The tests of the module, tests/rtl/<module>, run first (of a package:
+those of its folder's modules), then those of larger designs. A fault is caught when a test fails that passes without
+it.
 """
 
 from __future__ import annotations
@@ -23,8 +21,7 @@ from tools.program import program
 from tools.source_faults import Fault, Scratch, Trial, read_equivalent_faults, report_faults
 
 SOURCES = Path("rtl")
-#: The tests that run last. Every module of the optics is in a build that is compared with the twin, but for the
-#: register block; those of the board are in the whole board, which is asked for anything.
+#: The tests that run last, by folder: those of larger designs, which are compared with the twin or asked for anything.
 BATCH = ["tests/rtl/test_batch.py"]
 BOARD = ["tests/system/test_random_requests.py", "tests/system/test_board_requests.py"]
 LAST = {
@@ -36,10 +33,8 @@ LAST = {
 }
 #: Modules that are tested as parts of another, and packages.
 WITHIN = {
-    **dict.fromkeys(
-        ("request_reader", "request_order", "register_access", "ray_access", "table_reader", "reply_builder"),
-        "dispatcher",
-    ),
+    **dict.fromkeys(("request_reader", "request_order", "register_access", "ray_access"), "dispatcher"),
+    **dict.fromkeys(("table_reader", "reply_builder"), "dispatcher"),
     "link_pkg": "packet_out",
     "math_pkg": "multiplier",
     "optics_pkg": "ray_stream",
@@ -95,33 +90,27 @@ NO_HARDWARE = re.compile(
 
 def faults_of(path: Path) -> list[Fault]:
     """Return every fault of a file: one for each operator, condition, choice and number (its lowest bit)."""
-    found: list[Fault] = []
+    faults: list[Fault] = []
     illegal = False
     lines = path.read_text().splitlines()
     for number, (text, following) in enumerate(zip(lines, [*lines[1:], ""], strict=True), 1):
-        # An elaboration check goes from its condition, which may stand a line before the block's name, to the `end`.
+        # An elaboration check goes from its condition, possibly a line before the block's name, to the `end`.
         begins = "gen_illegal" in text or ("gen_illegal" in following and text.lstrip().startswith("if ("))
         illegal = begins or (illegal and "end" not in text)
         code = text.split("//")[0]
         if not illegal and code.strip() and not NO_HARDWARE.search(code):
-            found += [
-                Fault(str(SOURCES / path.parent.name / path.name), number, text, changed) for changed in _changes(code)
+            file = str(SOURCES / path.parent.name / path.name)
+            faults += [
+                Fault(file, number, text, code[: match.start()] + changed + code[match.end() :])
+                for pattern, change in CHANGES
+                for match in re.finditer(pattern, code)
+                if (changed := change(match)) is not None
             ]
-    return found
-
-
-def _changes(code: str) -> list[str]:
-    """Return a line of code with each single change."""
-    return [
-        code[: match.start()] + text + code[match.end() :]
-        for pattern, change in CHANGES
-        for match in re.finditer(pattern, code)
-        if (text := change(match)) is not None
-    ]
+    return faults
 
 
 def fate(fault: Fault, scratch: Scratch) -> str:
-    """Return how a fault ends: 'caught', with the test that failed, 'survived', or 'refused': it does not elaborate."""
+    """Return a fault's fate: 'caught', with the test that failed, 'survived', or 'refused': it does not elaborate."""
     path = Path(fault.file)
     module = path.stem.removeprefix(PREFIX)
     top = PREFIX + WITHIN.get(module, module)

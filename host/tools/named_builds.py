@@ -1,4 +1,4 @@
-"""The builds of the RTL that have a name: those whose error, size and speed the project's reports tell."""
+"""The builds of the RTL that have a name in the project's reports."""
 
 from __future__ import annotations
 
@@ -18,11 +18,7 @@ EYE_MM = 600.0
 
 @dataclass(frozen=True)
 class Named:
-    """A build with a name.
-
-    `promise_urad` and `promise_nm` bound its error against golden, in direction (times min(1, 2 cos theta_t)) and in
-    exit point; None makes no promise.
-    """
+    """A build with a name, and bounds of its errors: direction times min(1, 2 cos theta_t), and exit point."""
 
     name: str
     build: Build
@@ -30,17 +26,13 @@ class Named:
     promise_nm: float | None = None
 
     def displays(self, scenes: Path) -> list[Display]:
-        """Return the shipped displays that it can trace, turned over if its plano side faces the viewer.
-
-        A build with `converge` gets an eye in front of them, one with `shear` a lattice with two pitches and a shear.
-        `scenes` is the project's folder of scenes.
-        """
-        shipped = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
+        """Return the shipped displays of its grid, from the folder of scenes, changed so that the build traces them."""
+        displays = [load_display(scenes / "displays" / f"{name}.toml") for name in DISPLAYS[self.build.grid]]
         if self.build.converge:
-            shipped = [near_eye(display) for display in shipped]
+            displays = [replace(one, name=f"{one.name}, near eye", viewing_distance_mm=EYE_MM) for one in displays]
         if self.build.shear:
-            shipped = [skewed(display) for display in shipped]
-        return [turned_over(display) for display in shipped] if self.build.viewer else shipped
+            displays = [skewed(display) for display in displays]
+        return [turned_over(display) for display in displays] if self.build.viewer else displays
 
 
 def turned_over(display: Display) -> Display:
@@ -48,11 +40,6 @@ def turned_over(display: Display) -> Display:
     array = replace(display.array, plano_side="viewer")
     gap = max(display.gap_mm, array.focal_length_mm)
     return replace(display, name=f"{display.name}, turned over", array=array, gap_mm=gap)
-
-
-def near_eye(display: Display) -> Display:
-    """Return the display for an eye at `EYE_MM`."""
-    return replace(display, name=f"{display.name}, near eye", viewing_distance_mm=EYE_MM)
 
 
 def skewed(display: Display) -> Display:

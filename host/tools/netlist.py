@@ -1,14 +1,14 @@
 """Simulates a board's netlist against its RTL: `python -m tools.netlist`.
 
-yosys makes the netlist of ECP5's cells that place-and-route gets. Verilator simulates it, and both the netlist and the
-RTL get the same packets: every request of the protocol, a streamed frame, and a scene that is drawn. Every reply and
-every pixel that the panel shows must be the same. With --board the netlist is that of a bitstream, with its pins:
-the pixels are those of the DVI symbols, each of which must be the one that the standard has there, and a model of the
-SDRAM chip checks the data sheet.
+yosys makes the netlist of ECP5's cells that place-and-route gets; Verilator simulates it. Netlist and RTL get the same
+packets: every request of the protocol, a streamed frame, and a drawn scene. Every reply and every pixel must be the
+same. With --board the netlist is that of a bitstream with its pins: pixels are decoded from DVI's symbols, which must
+be the standard's, and a model of the SDRAM chip checks the data sheet.
 """
 
 from __future__ import annotations
 
+import itertools
 import struct
 import tempfile
 import time
@@ -26,9 +26,10 @@ from lippmann.board.board import Board
 from lippmann.board.drawn_scene import BLOCK_REQUEST, BLOCKS_REQUEST, SceneBoard
 from lippmann.board.fpga_boards import fpga_board
 from lippmann.board.packets import BACK, FRONT, REPLY, Kind, packed
+from lippmann.board.port import Line
 from lippmann.board.session import OPTICS_BASE, SCENE_BASE
 from lippmann.board.streaming import TILE_REQUEST
-from lippmann.board.tiles import Coded, Coding, code_tile, frame_crc, raw_tile
+from lippmann.board.tiles import Coded, Coding, Pixels, code_tile, frame_crc, raw_tile
 from lippmann.cli.frame import option
 from lippmann.cli.output import log
 from lippmann.display.description import Display, load_display
@@ -48,21 +49,17 @@ from lippmann.simulation.virtual_board import TIMING
 
 from tools import flow
 from tools.bitstream import Plan, plan
-from tools.crossings import CrossingError, check
+from tools.crossings import check
 from tools.flow import SYNTHESIS, SYNTHESISER, Source, run_tool
 from tools.gates import read_netlist
 from tools.program import program
 
-Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]
-
-#: Longest wait for a reply and for a frame, s: a netlist is simulated at some thousand clocks a second.
+#: Time limit of a reply and of a frame, s: a netlist is simulated at some thousand clocks per second.
 PATIENCE_S = 1800.0
-#: Requests that are sent ahead of the replies.
-AHEAD = 4
-#: Rows of texels that a drawn layer needs: few bytes for a slow line.
-ROWS = 16
-#: yosys' commands that put its own models of ECP5's cells in their place, and make one module of single bits. It has
-#: only the ports of block memories, multipliers, PLLs and DDR outputs, and no third state of a pin.
+#: Number of requests sent ahead of the replies, and rows of a layer's texels, which take few bytes on a slow line.
+AHEAD, ROWS = 4, 16
+#: yosys' commands that replace ECP5's cells by its own models, and make one module of single bits. It has no models of
+#: block memories, multipliers, PLLs and DDR outputs, only their ports, and no third state of a pin.
 CELLS = (
     "delete =$paramod*; read_verilog -lib -overwrite +/ecp5/cells_bb.v; "
     "read_verilog -overwrite -nowb -DNO_INCLUDES +/ecp5/cells_sim.v; blackbox TRELLIS_IO"
@@ -73,20 +70,19 @@ PINS_TOP = "ulx3s_pins"
 PLL_PORTS = {"pll_clkop": "BackDiv", "pll_clkos": "ShiftDiv", "pll_clkos2": "SystemDiv", "pll_clkos3": "MemoryDiv"}
 #: Top, video and memory's grade of the boards whose pins sim/netlist/ simulates.
 SIMULATED = ("lipp_ulx3s", "dvi", "Grade75")
-#: The scene of the virtual board: few texels, which are soon loaded.
+#: The scene of the virtual board, with few texels to load.
 SCENE = SceneBuild(layers=2, slots=2, width=64, height=32)
 
-#: What a right board counts in a run, least and most; None: any number. Each board counts these, the virtual one those
-#: of `VIRTUAL` too, a board with its pins those of `PINS`. The reset at the end of `tell` begins a frame anew: that
-#: breaks the timing, and cuts a frame unless it comes between two.
+#: Minima and maxima of a right board's counters (None: no limit). The virtual board has those of `VIRTUAL` too, a board
+#: with its pins those of `PINS`. The reset at the end of a run breaks the timing, and cuts a frame unless it comes
+#: between two.
 COUNTED = {
     "clocks": (1, None), "seconds": (0, None), "processor_seconds": (0, None), "bytes_in": (1, None),
     "bytes_out": (1, None), "frames": (1, None), "broken_frames": (0, 1), "bytes_lost": (0, 0),
 }  # fmt: skip
 VIRTUAL = {"memory_violations": (0, 0)}
-#: The serialiser finds its place with the first symbol after power-up, which may cut one short. By the standard's rule
-#: the ones that a channel has sent since the last control symbol are at most 8 more than the zeros, or fewer. `led`
-#: shows what was asked for last, and is not judged.
+#: The serialiser aligns with the first symbol after power-up, which may cut one short. The disparity of a channel since
+#: the last control symbol is at most 8 by the standard. `led` shows the last request, and is not judged.
 PINS = {
     "symbol_slips": (0, 1), "bad_symbols": (0, 0), "illegal_symbols": (0, 0), "largest_disparity": (1, 8),
     "timing_breaks": (1, 1), "sdram_reads": (1, None), "sdram_writes": (1, None), "sdram_violations": (0, 0),
@@ -104,7 +100,7 @@ class NetlistError(LippmannError):
 
 
 def synthesised(source: Source, name: str) -> Path:
-    """Return the netlist of a design as yosys' JSON, made unless it is there."""
+    """Return the netlist of a design as yosys' JSON, from the cache if it is there."""
 
     def make(path: Path) -> None:
         flow.synthesise(source, path, build_folder() / "netlist" / "yosys.log")
@@ -114,7 +110,7 @@ def synthesised(source: Source, name: str) -> Path:
 
 
 def simulated(netlist: Path, top: str) -> list[Path]:
-    """Return the files that Verilator reads for a netlist: the models of blocks, and the netlist as Verilog."""
+    """Return Verilator's files of a netlist: models of its blocks, and the netlist as Verilog."""
 
     def make(path: Path) -> None:
         source, written = (str(one.relative_to(repository())) for one in (netlist, path))
@@ -127,7 +123,7 @@ def simulated(netlist: Path, top: str) -> list[Path]:
 
 @dataclass(frozen=True)
 class Program:
-    """A board's program, and the options with which it starts (`virtual_board.start`)."""
+    """A board's program, and its options of `virtual_board.start`."""
 
     path: Path
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -135,7 +131,7 @@ class Program:
 
 @dataclass(frozen=True)
 class Boards:
-    """A board as RTL and as a netlist: display, scene and optics, both programs, and yosys' netlist of `top`."""
+    """A board as RTL and as a netlist: display, scene and optics, both programs, and yosys' JSON of `top`."""
 
     display: Display
     scene: SceneBuild | None
@@ -152,37 +148,34 @@ class Boards:
         top = f"lipp_board_with_{'sdram' if memory == 'sdram' else 'store'}"
         build = virtual_board.board_build(display, scene)
         parameters = virtual_board.board_parameters(display, build, True, virtual_board.CLOCK_HZ, scene, memory)
-        panel = display.panel
         source = Source(top, parameters, flow.ecp5_files(top))
-        netlist = synthesised(source, f"board-{memory}-{panel.width_px}x{panel.height_px}")
-        rtl = virtual_board.compiled(display, build, True, scene=scene)
-        program = virtual_board.compiled(
-            display, build, True, scene=scene, memory=memory, netlist=simulated(netlist, top)
-        )
-        # Its pins are the simulation's: they change with the clock.
-        return cls(display, scene, build, Program(rtl), Program(program), netlist, top, ("*",))
+        netlist = synthesised(source, f"board-{memory}-{display.panel.width_px}x{display.panel.height_px}")
+        rtl = Program(virtual_board.compiled(display, build, True, scene=scene))
+        files = simulated(netlist, top)
+        program = virtual_board.compiled(display, build, True, scene=scene, memory=memory, netlist=files)
+        # All pins are timed: the simulation changes them with the clock.
+        return cls(display, scene, build, rtl, Program(program), netlist, top, ("*",))
 
     @classmethod
-    def of_bitstream(cls, made: Plan) -> Boards:
+    def of_bitstream(cls, design: Plan) -> Boards:
         """Return a board with its pins: PLL, serial line, SDRAM chip and DVI socket."""
-        clock_hz = round(made.pll.clocks_mhz["system"] * 1_000_000)
-        netlist = synthesised(made.source, made.name)
-        options = {"baud": made.board.baud, "clock_hz": clock_hz}
-        program, rtl = Program(on_pins(made, netlist), options), Program(on_pins(made), options)
-        timed = ("sdram_d*",)
-        return cls(made.display, made.scene, made.build, rtl, program, netlist, made.board.top, timed)
+        netlist = synthesised(design.source, design.name)
+        options = {"baud": design.board.baud, "clock_hz": round(design.pll.clocks_mhz["system"] * 1_000_000)}
+        program, rtl = Program(on_pins(design, netlist), options), Program(on_pins(design), options)
+        top = design.board.top
+        return cls(design.display, design.scene, design.build, rtl, program, netlist, top, ("sdram_d*",))
 
 
-def on_pins(made: Plan, netlist: Path | None = None) -> Path:
-    """Return the program of a bitstream with what is around it on the board: of its netlist, or else of its RTL."""
-    files, parameters, options = pins_source(made, netlist)
-    panel, divider = made.display.panel, made.pll.parameters
+def on_pins(design: Plan, netlist: Path | None = None) -> Path:
+    """Return the program of a bitstream's netlist, or else of its RTL, with the parts around it on the board."""
+    files, parameters, options = pins_source(design, netlist)
+    panel, divider = design.display.panel, design.pll.parameters
     clocks = (f"X({port}, {divider[role]})" for port, role in PLL_PORTS.items())
     defines = [
         "-O2" if netlist is None else "-O1", "-march=native",
         f"-DLIPPMANN_WIDTH={panel.width_px}", f"-DLIPPMANN_HEIGHT={panel.height_px}",
-        f"-DLIPPMANN_TIMING={','.join(str(made.parameters[name]) for name in TIMING)}",
-        f"-DLIPPMANN_VCO_KHZ={int(made.pll.vco_mhz * 1000)}", f"-DLIPPMANN_CLOCKS={' '.join(clocks)}",
+        f"-DLIPPMANN_TIMING={','.join(str(design.parameters[name]) for name in TIMING)}",
+        f"-DLIPPMANN_VCO_KHZ={int(design.pll.vco_mhz * 1000)}", f"-DLIPPMANN_CLOCKS={' '.join(clocks)}",
     ]  # fmt: skip
     around = [path for path in sorted((repository() / "sim" / "board").iterdir()) if path.stem != "main"]
     pins = repository() / "sim" / "netlist" / "ulx3s.cpp"
@@ -193,20 +186,20 @@ def on_pins(made: Plan, netlist: Path | None = None) -> Path:
 
     inputs: list[Path | str] = [*files, *main, *around, pins.with_name("dvi.h"), *defines, *options]
     kind = "rtl" if netlist is None else "netlist"
-    name = build_folder() / "netlist" / f"{made.name}-{kind}"
+    name = build_folder() / "netlist" / f"{design.name}-{kind}"
     return cached_file(name, [*inputs, repr(sorted(parameters.items()))], make)
 
 
-def pins_source(made: Plan, netlist: Path | None) -> tuple[list[Path], dict[str, str | int], list[str]]:
-    """Return what Verilator reads for `on_pins`: files, parameters of the top module, and options."""
+def pins_source(design: Plan, netlist: Path | None) -> tuple[list[Path], dict[str, str | int], list[str]]:
+    """Return the files, the top module's parameters and Verilator's options for `on_pins`."""
     top = repository()
     wrapper = top / "sim" / "netlist" / "ulx3s_pins.sv"
     options = [*UNCHECKED, "-Wno-lint", "-Wno-style", "-Wno-PINMISSING", "--pins-inout-enables"]
     if netlist is not None:
-        return [*simulated(netlist, made.board.top), wrapper], {}, [*options, *NETLIST, "-DLIPPMANN_NETLIST"]
-    own = [path for folder in made.board.folders for path in sorted(folder.glob("*.sv"))]
-    modules = needed(made.board.top, {path.stem: path for path in [*rtl_sources(top), *own]})
-    parameters = {name: value for name, value in made.parameters.items() if name != "Timing"}
+        return [*simulated(netlist, design.board.top), wrapper], {}, [*options, *NETLIST, "-DLIPPMANN_NETLIST"]
+    own = [path for folder in design.board.folders for path in sorted(folder.glob("*.sv"))]
+    modules = needed(design.board.top, {path.stem: path for path in [*rtl_sources(top), *own]})
+    parameters = {name: value for name, value in design.parameters.items() if name != "Timing"}
     return [top / "rtl" / "registers" / "lint.vlt", *modules, wrapper], parameters, [*options, "-Wno-fatal"]
 
 
@@ -214,7 +207,7 @@ def pins_source(made: Plan, netlist: Path | None) -> tuple[list[Path], dict[str,
 
 
 class Reply(NamedTuple):
-    """A request and its reply: status and the rest of the body."""
+    """A request and its reply: status and the remaining body."""
 
     kind: int
     request: bytes
@@ -223,23 +216,20 @@ class Reply(NamedTuple):
 
 
 class Patient(Board):
-    """A board that is asked once and waited for, since it is slow; all replies are kept in `replies`."""
+    """A slow board, which gets each request once; `replies` has its replies, beginning with request 0."""
 
-    replies: list[Reply]
+    def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
+        self.replies: list[Reply] = []
+        super().__init__(line, patience_s)
 
-    def __init__(self, line: object, patience_s: float = PATIENCE_S) -> None:
-        """Begin with request 0, so that two boards get the same packets."""
-        self.replies = []
-        super().__init__(line, patience_s)  # type: ignore[arg-type]
-
-    def put(self, kind: int, body: bytes = b"", seq: int | None = None, keep: bool = True) -> Reply:
+    def call(self, kind: int, body: bytes = b"", seq: int | None = None, keep: bool = True) -> Reply:
         """Send a request, and wait for its reply."""
         seq = self.next_seq() if seq is None else seq
         self.line.send(packed(kind, seq, body), self.patience_s)
         return self._take(kind, seq, body, keep)
 
-    def put_all(self, kind: int, bodies: Iterable[bytes]) -> None:
-        """Send requests, some ahead of the replies, which come in the same order."""
+    def call_all(self, kind: int, bodies: Iterable[bytes]) -> None:
+        """Send requests, `AHEAD` of them before the replies, which come in the same order."""
         ahead: deque[tuple[int, bytes]] = deque()
         for body in bodies:
             if len(ahead) == AHEAD:
@@ -254,39 +244,33 @@ class Patient(Board):
         while time.monotonic() < until:
             reply = self.line.receive(until - time.monotonic())
             if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
-                found = Reply(kind, body, reply.body[0], reply.body[1:])
-                if keep:
-                    self.replies.append(found)
-                return found
+                answer = Reply(kind, body, reply.body[0], reply.body[1:])
+                self.replies += [answer] if keep else []
+                return answer
         raise self.silence()
 
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
         """Send a request once, and wait for its reply."""
-        reply = self.put(kind, body, seq, keep=kind != Kind.HELLO)  # a HELLO has a nonce
+        reply = self.call(kind, body, seq, keep=kind != Kind.HELLO)  # a HELLO has a nonce
         return reply.status, reply.body
 
 
-@dataclass
-class Told:
-    """What a board did: its replies, the frames that its panel showed, and what it counted."""
+@dataclass(frozen=True)
+class Run:
+    """A board's replies, the frames that its panel showed, and its counters."""
 
     replies: list[Reply]
     frames: list[bytes]
-    counts: Mapping[str, Any] = field(default_factory=dict)
+    counts: Mapping[str, Any]
 
 
-def tell(boards: Boards, program: Program, picture: Pixels, stack: LayerStack | None, drawn: bytes | None) -> Told:
-    """Send every request to a board, stream a picture and draw a stack; return what it did.
-
-    `drawn` are the pixels of the drawn frame.
-    """
+def run_board(boards: Boards, program: Program, picture: Pixels, stack: LayerStack | None, drawn: bytes | None) -> Run:
+    """Send every request to a board, stream a picture, and draw a stack, whose frame has the pixels `drawn`."""
     display = boards.display
     with tempfile.TemporaryDirectory() as work:
         folder = Path(work)
-        started = virtual_board.running(
-            display, capture=folder, scene=boards.scene, program=program.path, **program.options
-        )
-        with started as board:
+        options = {"capture": folder, "scene": boards.scene, "program": program.path, **program.options}
+        with virtual_board.running(display, **options) as board:
             with Patient.open(board.url, patience_s=PATIENCE_S) as link:
                 _ask_registers(link, display)
                 _ask_rays(link, display)
@@ -297,11 +281,11 @@ def tell(boards: Boards, program: Program, picture: Pixels, stack: LayerStack | 
                     _draw(link, display, stack)
                     _wait_for(folder, drawn)
                     link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [0])
-                link.put(Kind.RESET)
-                link.put(Kind.TILES, struct.pack("<BHH", FRONT, 0, 1))
+                link.call(Kind.RESET)
+                link.call(Kind.TILES, struct.pack("<BHH", FRONT, 0, 1))
                 replies = link.replies
             counts = board.stop()
-        return Told(replies, [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))], counts)
+        return Run(replies, [path.read_bytes() for path in sorted(folder.glob("frame-*.rgb"))], counts)
 
 
 def _wait_for(folder: Path, frame: bytes) -> None:
@@ -313,12 +297,12 @@ def _wait_for(folder: Path, frame: bytes) -> None:
 
 
 def _ask_registers(link: Patient, display: Display) -> None:
-    """Read what does not change by itself; write the optics."""
-    link.put(Kind.READ, struct.pack("<HB", 0, 1))
+    """Read the registers that do not change by themselves; write the optics."""
+    link.call(Kind.READ, struct.pack("<HB", 0, 1))
     for base, last in ((OPTICS_BASE, 0x1C0), (SCENE_BASE, 0x40)):
         if base == OPTICS_BASE or link.info.version == 3:
             for first in range(base, base + last, 256):
-                link.put(Kind.READ, struct.pack("<HB", first, min(64, (base + last - first) // 4)))
+                link.call(Kind.READ, struct.pack("<HB", first, min(64, (base + last - first) // 4)))
     build = link.optics_build()
     config = configuration(display, build, build.model)
     panel = display.panel
@@ -326,49 +310,48 @@ def _ask_registers(link: Patient, display: Display) -> None:
     link.write_all([*optics_writes(config), *raster_writes(window)])
     link.write(OPTICS_BASE + OPTICS_REGISTERS["control"].address, [1])
     for first in range(OPTICS_BASE, OPTICS_BASE + 0x1C0, 256):
-        link.put(Kind.READ, struct.pack("<HB", first, 48))
+        link.call(Kind.READ, struct.pack("<HB", first, 48))
 
 
 def _ask_rays(link: Patient, display: Display) -> None:
-    """Trace rays all over the panel, sign a window's, and abort."""
+    """Trace rays from all over the panel, sign those of a window, and abort."""
     rng = np.random.default_rng(3)
     panel = display.panel
     rays = np.zeros((64, 4), "<i4")
     rays[:, 0] = rng.integers(-8 * panel.width_px, 8 * panel.width_px, 64)
     rays[:, 1] = rng.integers(-8 * panel.height_px, 8 * panel.height_px, 64)
-    link.put(Kind.TRACE, rays.tobytes())
+    link.call(Kind.TRACE, rays.tobytes())
     seq = link.next_seq()
-    while link.put(Kind.SIGN, b"", seq, keep=False).status == 10:
+    while link.call(Kind.SIGN, b"", seq, keep=False).status == 10:
         time.sleep(0.02)
-    link.put(Kind.SIGN, b"", seq)
-    link.put(Kind.ABORT)
+    link.call(Kind.SIGN, b"", seq)
+    link.call(Kind.ABORT)
 
 
 def _stream(link: Patient, picture: Pixels) -> None:
-    """Send a picture's tiles in every coding, and present it; then the same frame as copies."""
+    """Send a picture's tiles in every coding, and present it; then send the same frame as copies."""
     grid, epoch = link.info.grid, link.info.epoch
     for turn in range(2):
         tiles = [grid.cut(picture, tile) for tile in range(grid.count)]
-        codes = [Coded(Coding.COPY, b"") if turn else code_tile(pixels) for pixels in tiles]
-        codes[0] = codes[0] if turn else raw_tile(tiles[0])
-        link.put_all(
+        codes = [Coded(Coding.COPY, b"")] * grid.count if turn else [raw_tile(tiles[0]), *map(code_tile, tiles[1:])]
+        link.call_all(
             Kind.TILE, (TILE_REQUEST.pack(epoch + turn, tile, one.coding) + one.data for tile, one in enumerate(codes))
         )
         for first in range(0, grid.count, 512):
-            link.put(Kind.TILES, struct.pack("<BHH", BACK, first, min(512, grid.count - first)))
-        link.put(Kind.PRESENT, struct.pack("<HI", epoch + turn, frame_crc(picture)))
+            link.call(Kind.TILES, struct.pack("<BHH", BACK, first, min(512, grid.count - first)))
+        link.call(Kind.PRESENT, struct.pack("<HI", epoch + turn, frame_crc(picture)))
 
 
 def _ask_wrongly(link: Patient) -> None:
-    """Send what a board refuses, each for another reason."""
-    link.put(Kind.HELLO, struct.pack("<BI", 9, 1))
-    link.put(0x6F, b"?")
-    link.put(Kind.READ, b"\0")
-    link.put(Kind.READ, struct.pack("<HB", 0x100, 1))
-    link.put(Kind.TILE, TILE_REQUEST.pack(0x1234, 0, Coding.SOLID) + b"\1\2\3")
-    link.put(Kind.TILE, TILE_REQUEST.pack(link.info.epoch + 2, 0, Coding.RAW) + b"\1\2\3")
-    link.put(Kind.TILE, TILE_REQUEST.pack(link.info.epoch + 2, 0xFFFF, Coding.SOLID) + b"\1\2\3")
-    link.put(Kind.PRESENT, struct.pack("<HI", link.info.epoch + 2, 0x12345678))
+    """Send requests that a board refuses, each for another reason."""
+    link.call(Kind.HELLO, struct.pack("<BI", 9, 1))
+    link.call(0x6F, b"?")
+    link.call(Kind.READ, b"\0")
+    link.call(Kind.READ, struct.pack("<HB", 0x100, 1))
+    link.call(Kind.TILE, TILE_REQUEST.pack(0x1234, 0, Coding.SOLID) + b"\1\2\3")
+    link.call(Kind.TILE, TILE_REQUEST.pack(link.info.epoch + 2, 0, Coding.RAW) + b"\1\2\3")
+    link.call(Kind.TILE, TILE_REQUEST.pack(link.info.epoch + 2, 0xFFFF, Coding.SOLID) + b"\1\2\3")
+    link.call(Kind.PRESENT, struct.pack("<HI", link.info.epoch + 2, 0x12345678))
 
 
 def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
@@ -379,16 +362,13 @@ def _draw(link: Patient, display: Display, stack: LayerStack) -> None:
     for slot, content in contents.items():
         blocks = [content[at : at + BLOCK_BYTES] for at in range(0, len(content), BLOCK_BYTES)]
         loaded = (BLOCK_REQUEST.pack(slot, block) + part for block, part in enumerate(blocks) if any(part))
-        link.put_all(Kind.BLOCK, loaded)
-        found = link.put(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, len(blocks))).body[2:]
+        link.call_all(Kind.BLOCK, loaded)
+        answer = link.call(Kind.BLOCKS, BLOCKS_REQUEST.pack(slot, 0, len(blocks))).body[2:]
         crcs = [zlib.crc32(part) if any(part) else 0 for part in blocks]
-        if found != struct.pack(f"<{len(blocks)}I", *crcs):
+        if answer != struct.pack(f"<{len(blocks)}I", *crcs):
             raise NetlistError(f"the blocks of slot {slot} arrived with other CRCs; look at lipp_slot_loader")
     scene.prepare(display, stack)
     link.write(SCENE_BASE + SCENE_REGISTERS["source"].address, [1])
-
-
-# ---- pictures ----
 
 
 def small(display: Display, width: int, height: int) -> Display:
@@ -398,14 +378,14 @@ def small(display: Display, width: int, height: int) -> Display:
 
 
 def picture_for(display: Display, seed: int = 1) -> Pixels:
-    """Return a picture whose tiles need every coding: most of one colour, some of gradients, few of noise."""
+    """Return a picture for every coding: tiles of one colour, some of gradients, few of noise."""
     rng = np.random.default_rng(seed)
     height, width = display.panel.height_px, display.panel.width_px
     picture = np.zeros((height, width, 3), np.uint8)
     down, across = np.mgrid[0:height, 0:width]
     picture[..., 0], picture[..., 1], picture[..., 2] = across // 4, down // 4, (across + down) // 8
-    for number, (top, left) in enumerate((t, s) for t in range(0, height, 32) for s in range(0, width, 32)):
-        place = picture[top : top + 32, left : left + 32]
+    for number, (y, x) in enumerate(itertools.product(range(0, height, 32), range(0, width, 32))):
+        place = picture[y : y + 32, x : x + 32]
         if number % 150 == 2:
             place[:] = rng.integers(0, 256, place.shape)
         elif number % 40 != 3:
@@ -414,7 +394,7 @@ def picture_for(display: Display, seed: int = 1) -> Pixels:
 
 
 def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
-    """Return layers, one behind and one before the panel, whose texels are in the first rows: they are soon loaded."""
+    """Return layers behind and in front of the panel, with `ROWS` of texels, which load quickly."""
     rng = np.random.default_rng(seed)
     size = np.array([display.panel.width_mm, display.panel.height_mm])
     layers = []
@@ -429,10 +409,7 @@ def stack_for(display: Display, build: SceneBuild, seed: int = 1) -> LayerStack:
     return LayerStack(tuple(layers), np.array([0.1, 0.2, 0.3]))
 
 
-# ---- comparison ----
-
-
-class Compared(NamedTuple):
+class Comparison(NamedTuple):
     """Pixels of the netlist's frames, how many of them differ, replies, and kinds of requests."""
 
     pixels: int
@@ -441,8 +418,13 @@ class Compared(NamedTuple):
     kinds: int
 
 
-def compared(netlist: Told, rtl: Told) -> Compared:
-    """Compare a netlist with its RTL; raise NetlistError for the first reply that differs."""
+def compare(boards: Boards) -> tuple[Comparison, Run, Run]:
+    """Run the netlist and the RTL, and compare them and the twin; raise NetlistError for the first other reply."""
+    display, scene = boards.display, boards.scene
+    picture = picture_for(display)
+    stack = None if scene is None else stack_for(display, scene)
+    drawn = None if scene is None or stack is None else draw(display, boards.build, stack, scene).tobytes()
+    rtl, netlist = (run_board(boards, program, picture, stack, drawn) for program in (boards.rtl, boards.netlist))
     for one, other in zip(netlist.replies, rtl.replies, strict=False):
         if one != other:
             what = f"request {one.kind:02x} {one.request[:8].hex()} is answered {one.status} {one.body[:16].hex()}"
@@ -450,29 +432,20 @@ def compared(netlist: Told, rtl: Told) -> Compared:
     if len(netlist.replies) != len(rtl.replies):
         raise NetlistError(f"{len(netlist.replies)} requests are answered, by the RTL {len(rtl.replies)}")
     differ = pixels = 0
+    others = [np.frombuffer(frame, np.uint8).reshape(-1, 3) for frame in rtl.frames]
     for frame in netlist.frames:
-        shown = np.frombuffer(frame, np.uint8).reshape(-1, 3)
-        others = [np.frombuffer(other, np.uint8).reshape(-1, 3) for other in rtl.frames]
-        differ += min(int((shown != other).any(axis=1).sum()) for other in others)
-        pixels += len(shown)
+        values = np.frombuffer(frame, np.uint8).reshape(-1, 3)
+        differ += min(int((values != other).any(axis=1).sum()) for other in others)
+        pixels += len(values)
     missing = len(set(rtl.frames) - set(netlist.frames))
     if missing:
         raise NetlistError(f"{missing} frames that the RTL shows are not shown")
-    return Compared(pixels, differ, len(netlist.replies), len({reply.kind for reply in netlist.replies}))
-
-
-def compare(boards: Boards) -> tuple[Compared, Told, Told]:
-    """Run both boards, and compare them and the twin; also return what the netlist and the RTL did."""
-    display, scene = boards.display, boards.scene
-    picture = picture_for(display)
-    stack = None if scene is None else stack_for(display, scene)
-    drawn = None if scene is None or stack is None else draw(display, boards.build, stack, scene).tobytes()
-    rtl, netlist = (tell(boards, program, picture, stack, drawn) for program in (boards.rtl, boards.netlist))
-    return compared(netlist, rtl), netlist, rtl
+    kinds = len({reply.kind for reply in netlist.replies})
+    return Comparison(pixels, differ, len(netlist.replies), kinds), netlist, rtl
 
 
 def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
-    """Name each counter of a run whose value no right board has, each that is missing, and each without limits."""
+    """Describe each counter of a run that is out of its limits, is missing, or has no limits."""
     limits = COUNTED | (PINS if PINS.keys() & counts.keys() else VIRTUAL)
     wrong = [f"{name} is not counted" for name in limits if name not in counts]
     for name, value in counts.items():
@@ -480,9 +453,9 @@ def wrong_counts(counts: Mapping[str, Any]) -> list[str]:
             wrong.append(f"{name} is {value}, and nothing judges it")
             continue
         number = sum(value.values()) if isinstance(value, Mapping) else value
-        least, most = limits[name]
-        if number < least or (most is not None and number > most):
-            right = f"at least {least}" if most is None else most if least == most else f"{least} to {most}"
+        low, high = limits[name]
+        if number < low or (high is not None and number > high):
+            right = f"at least {low}" if high is None else high if low == high else f"{low} to {high}"
             wrong.append(f"{name} is {value}, on a right board {right}")
     return wrong
 
@@ -503,25 +476,23 @@ def main(
     """
     if board is not None and memory is not None:
         raise input_error("--memory", f"{board} has its frames in its SDRAM", "leave out --memory, or --board")
-    found = None if board is None else fpga_board(board)
-    if found is not None and (own := (found.top, found.video, found.memory.grade)) != SIMULATED:
+    fpga = None if board is None else fpga_board(board)
+    if fpga is not None and (own := (fpga.top, fpga.video, fpga.memory.grade)) != SIMULATED:
         what = f"it has {', '.join(own)}; simulated are {', '.join(SIMULATED)}"
         raise input_error(f"--board {board}", what, "take ulx3s, or leave it out")
     display = load_display(path)
     display = small(display, *size) if size else display
-    made = None if found is None else plan(found, display, layers)
-    boards = Boards.virtual(display, SCENE, memory or "sdram") if made is None else Boards.of_bitstream(made)
-    crossings = check(read_netlist(boards.json, boards.top), boards.timed)
-    for one in crossings.crossings:
-        click.echo(f"{one.source} -> {one.target}: {one.kind}, {one.bits} at {one.place}")
-    if crossings.wrong:
-        raise CrossingError(crossings.wrong[0])
+    if fpga is None:
+        boards = Boards.virtual(display, SCENE, memory or "sdram")
+    else:
+        boards = Boards.of_bitstream(plan(fpga, display, layers))
+    check(read_netlist(boards.json, boards.top), boards.timed).report()
     log(f"simulating {boards.netlist.path.name} and {boards.rtl.path.name}")
     result, netlist, rtl = compare(boards)
     wrong = [f"{result.differ} pixels differ from the RTL's"] if result.differ else []
-    for name, told in (("netlist", netlist), ("RTL", rtl)):
-        wrong += [f"{name}: {one}" for one in wrong_counts(told.counts)]
-        clocks, seconds = float(told.counts["clocks"]), float(told.counts["processor_seconds"])
+    for name, run in (("netlist", netlist), ("RTL", rtl)):
+        wrong += [f"{name}: {one}" for one in wrong_counts(run.counts)]
+        clocks, seconds = float(run.counts["clocks"]), float(run.counts["processor_seconds"])
         click.echo(f"{name}: {clocks:.0f} clocks, {clocks / seconds:.0f} a second of the processor")
     click.echo(f"{result.replies} replies to {result.kinds} kinds of requests are the RTL's")
     click.echo(f"{result.pixels} pixels compared, {result.differ} differ")

@@ -1,8 +1,7 @@
 """Lippmann against POV-Ray: picture and time of the same scene through the same optics (`tools.bench peers`).
 
-The picture: the diffuse scene without anti-aliasing, one ray through each pixel's centre in both. The time: the scene
-with five lights, anti-aliased by POV-Ray with threshold 0.3, and by Lippmann with enough samples for no more noise.
-Noise is the root mean square difference, in 8-bit sRGB levels, from a picture of many samples.
+Pictures have one ray through each pixel's centre. Times are those of a scene of five lights, anti-aliased by POV-Ray
+with threshold 0.3, and by Lippmann with the same noise: the rms difference, in 8-bit sRGB levels, from many samples.
 """
 
 from __future__ import annotations
@@ -47,33 +46,29 @@ from tools.report_plots import make_page
 from tools.seed import ANTIALIAS, SETUPS, fastest, load_for, with_window
 from tools.shading_speed import every_strip, rows_of_strips
 
-#: Side of the windows whose pictures are compared, px.
-PICTURE_PX = 600
-#: Side of the window that is timed, px.
-TIME_PX = 2400
-#: Samples of the reference picture for noise, and numbers of samples that are tried.
+#: Sides of the windows whose pictures are compared, and that is timed, px.
+PICTURE_PX, TIME_PX = 600, 2400
+#: Samples of the reference picture for noise, and candidate numbers of samples.
 REFERENCE_SAMPLES = 256
 TRIED_SAMPLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 24, 32)
 #: Smaller differences, of 255, do not count.
 THRESHOLD = 2.0
 #: Noise is measured in every sixteenth strip of eight rows.
 EVERY_STRIP, STRIP_ROWS = 16, 8
-#: Distances, px, and directions in which rays are moved to find outlines near them.
-OUTLINE_PX = (0.1, 0.25, 0.5)
-OUTLINE_DIRECTIONS = 16
+#: Distances, px, and number of directions of the rays that find outlines near a ray.
+OUTLINE_PX, OUTLINE_DIRECTIONS = (0.1, 0.25, 0.5), 16
 #: Side of the part of the pictures on the page, px, and the difference that is white on its maps.
-SHOWN_PX = 300
-MAP_WHITE = 32.0
-#: Times that whole processes are timed, in turn.
+SHOWN_PX, MAP_WHITE = 300, 32.0
+#: Repeats of the times of complete processes.
 WHOLE_ROUNDS = 3
-#: Where POV-Ray's files and pictures are kept.
+#: The folder of POV-Ray's files and pictures.
 WORK = Path("out/peers")
 
 Mask = npt.NDArray[np.bool_]
 
 
 def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
-    """Return a picture by rays through points beside those of its samples."""
+    """Return a picture whose rays go through points beside those of its samples."""
     mi = mitsuba()
     import drjit as dr
 
@@ -89,24 +84,24 @@ def shifted(source: RaySource, shift_px: tuple[float, float]) -> RaySource:
 def around(scene: Scene, source: RaySource, distances_px: Sequence[float] = OUTLINE_PX) -> npt.NDArray[np.float32]:
     """Render along rays beside the pixel centres; (distances, directions, height, width, 3)."""
 
-    def beside(distance: float, direction: int) -> Radiance:
+    def render(distance: float, direction: int) -> Radiance:
         angle = math.tau * direction / OUTLINE_DIRECTIONS
         shift = (distance * math.cos(angle), distance * math.sin(angle))
         return render_rays(scene, shifted(source, shift), Settings(shading="each")).radiance
 
-    return np.stack([[beside(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
+    return np.stack([[render(px, k) for k in range(OUTLINE_DIRECTIONS)] for px in distances_px])
 
 
 def compare(
-    theirs: Radiance, ours: Radiance, beside: npt.NDArray[np.float32], setup: Setup
+    theirs: Radiance, ours: Radiance, surroundings: npt.NDArray[np.float32], setup: Setup
 ) -> tuple[dict[str, Any], npt.NDArray[np.float32]]:
-    """Return the row of differences between POV-Ray's picture and ours, and their map; `beside` comes from `around`.
+    """Return the row of differences between POV-Ray's picture and ours, and their map.
 
-    They are in 8-bit sRGB levels, of a pixel the largest of its three colours. `differing` is the share of the pixels
-    that differ by more than THRESHOLD. Shares of these: `displaced`, where a shift by one pixel explains them, for each
-    value lies within the other picture's values around it; `outlines`, whose ray passes an outline, for POV-Ray's value
-    lies within ours 0.1 px around, and `near_outlines`, 0.5 px; `seams`, which lie within a pixel of a lenslet's edge,
-    or whose ray is lost in Lippmann's picture. `unexplained` is the share of all pixels that differ for another reason.
+    `surroundings` are `around` ours. Differences are the largest of the three colours, in 8-bit sRGB levels. The
+    fraction `differing` of all pixels exceeds THRESHOLD. Fractions of these are: `displaced`, each value within the
+    other picture's values one pixel around; `outlines`, POV-Ray's value within ours 0.1 px around, and `near_outlines`,
+    0.5 px around; `seams`, within a pixel of a lenslet's edge, or with a lost ray. The fraction `unexplained` of all
+    pixels differs for another reason.
     """
     a, b = (255.0 * encode(picture, "srgb") for picture in (theirs, ours))
     difference = np.abs(a - b).max(axis=-1)
@@ -114,24 +109,17 @@ def compare(
     displaced = differs & _among_neighbours(a, b) & _among_neighbours(b, a)
 
     def outlines(distances: int) -> Mask:
-        near = 255.0 * encode(np.concatenate([ours[None], *beside[:distances]]), "srgb")
+        near = 255.0 * encode(np.concatenate([ours[None], *surroundings[:distances]]), "srgb")
         return np.asarray(differs & _within(a, near.min(axis=0), near.max(axis=0)))
 
-    nearest, near = outlines(1), outlines(len(beside))
+    nearest, near = outlines(1), outlines(len(surroundings))
     seams = differs & near_seams(setup)
     count = max(1, int(differs.sum()))
     kinds = {"displaced": displaced, "outlines": nearest, "near_outlines": near, "seams": seams}
-    row = {
-        "grid": setup.array.grid,
-        "pixels": difference.size,
-        "median": float(np.median(difference)),
-        "mean": float(difference.mean()),
-        "largest": float(difference.max()),
-        "differing": float(differs.mean()),
-        **{name: float(mask.sum()) / count for name, mask in kinds.items()},
-        "unexplained": float((differs & ~displaced & ~near & ~seams).mean()),
-    }
-    return row, difference
+    row = {"grid": setup.array.grid, "pixels": difference.size, "median": float(np.median(difference))}
+    row |= {"mean": float(difference.mean()), "largest": float(difference.max()), "differing": float(differs.mean())}
+    row |= {name: float(mask.sum()) / count for name, mask in kinds.items()}
+    return {**row, "unexplained": float((differs & ~displaced & ~near & ~seams).mean())}, difference
 
 
 def _among_neighbours(a: Radiance, b: Radiance) -> Mask:
@@ -146,7 +134,7 @@ def _within(a: Radiance, low: Radiance, high: Radiance) -> Mask:
 
 
 def near_seams(setup: Setup) -> Mask:
-    """Tell which pixels are within a pixel of a lenslet's edge, or have a ray that is lost."""
+    """Tell which pixels are within a pixel of a lenslet's edge, or have a lost ray."""
     panel = setup.display.panel
     row, column = np.mgrid[0 : panel.height_px, 0 : panel.width_px]
     u, v = column.ravel() + 0.5, row.ravel() + 0.5
@@ -160,7 +148,7 @@ def near_seams(setup: Setup) -> Mask:
 
 
 class Pair(NamedTuple):
-    """POV-Ray's picture and ours, the row of their differences, and the map of these: (height, width), of 255."""
+    """The row of differences, POV-Ray's picture and ours, and the map of differences, (height, width), of 255."""
 
     row: Mapping[str, Any]
     theirs: Radiance
@@ -170,7 +158,7 @@ class Pair(NamedTuple):
 
 def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
     """Render the diffuse scene with both programs, for each grid."""
-    found = []
+    pairs = []
     for grid, name in SETUPS.items():
         setup = load_setup(scenes / f"setups/{name}.toml")
         setup = with_window(setup, PICTURE_PX, setup.array.pitches_mm[0])
@@ -179,17 +167,17 @@ def compare_pictures(scenes: Path, work: Path) -> list[Pair]:
         source = capture_source(setup)
         ours = render_rays(scene, source, Settings(shading="each")).radiance
         row, where = compare(theirs, ours, around(scene, source), setup)
-        found.append(Pair(row, theirs, ours, where))
-    return found
+        pairs.append(Pair(row, theirs, ours, where))
+    return pairs
 
 
 def noise_of(picture: Radiance, reference: Radiance) -> float:
-    """Return the root mean square difference in sRGB of 8 bits."""
+    """Return the root mean square difference, in 8-bit sRGB levels."""
     return float(255.0 * np.sqrt(np.mean((encode(picture, "srgb") - encode(reference, "srgb")) ** 2)))
 
 
 def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, float, float]:
-    """Return the fewest samples with which Lippmann has no more noise than POV-Ray, and the noise of both."""
+    """Return the minimum of samples for no more noise than POV-Ray's, and the noise of POV-Ray and Lippmann."""
 
     def rows(samples: int, seed: int) -> Radiance:
         source = every_strip(capture_source(setup), EVERY_STRIP, STRIP_ROWS)
@@ -207,9 +195,9 @@ def samples_for(scene: Scene, setup: Setup, theirs: Radiance) -> tuple[int, floa
 def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
     """Time the scene of five lights at the same noise, 2400 x 2400 pixels through lenslets of 1 mm.
 
-    `povray` is its run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` a pixel are Lippmann's;
-    both noises are of 255. `whole` are wall-clock times of whole processes in turn, medians: of POV-Ray, and of
-    `capture` by its ways to shade. `ratio` is POV-Ray's CPU seconds over ours.
+    `povray` is its run; `seconds` (wall clock), `cpu_seconds` (of all threads) and `samples` per pixel are Lippmann's.
+    `whole` has median wall-clock times of complete processes: POV-Ray's, and those of `capture` by its shading.
+    `ratio` is POV-Ray's CPU seconds over ours.
     """
     setup = load_setup(scenes / f"setups/{SETUPS['square']}.toml")
     setup = with_window(setup, TIME_PX, 1.0)
@@ -219,38 +207,30 @@ def compare_times(scenes: Path, work: Path) -> dict[str, Any]:
     samples, allowed, noise = samples_for(scene, setup, theirs)
     ours = fastest(scene, capture_source(setup), samples)
     times = in_turn(_processes(scenes, exported, samples), WHOLE_ROUNDS)
-    return {
-        "povray": asdict(run),
-        "seconds": ours.seconds,
-        "cpu_seconds": ours.cpu_seconds,
-        "samples": samples,
-        "povray_noise": allowed,
-        "noise": noise,
-        "whole": {name: float(np.median(seconds)) for name, seconds in times.items()},
-        "ratio": run.cpu_seconds / ours.cpu_seconds,
-    }
+    row = {"povray": asdict(run), "seconds": ours.seconds, "cpu_seconds": ours.cpu_seconds, "samples": samples}
+    row |= {"povray_noise": allowed, "noise": noise}
+    medians = {name: float(np.median(seconds)) for name, seconds in times.items()}
+    return {**row, "whole": medians, "ratio": run.cpu_seconds / ours.cpu_seconds}
 
 
 def _processes(scenes: Path, exported: Exported, samples: int) -> dict[str, Callable[[], float]]:
-    """Return functions that run whole processes and return their seconds."""
+    """Return functions that run complete processes and return their seconds."""
+    setup, scene = scenes / f"setups/{SETUPS['square']}.toml", scenes / "seed/full.xml"
+    words = [sys.executable, "-m", "lippmann", "capture", str(scene), "--setup", str(setup), "--samples", str(samples)]
 
-    def captured(shading: str) -> float:
+    def capture(shading: str) -> float:
         with TemporaryDirectory() as folder:
-            setup = scenes / f"setups/{SETUPS['square']}.toml"
-            words = ["capture", str(scenes / "seed/full.xml"), "--setup", str(setup), "--shading", shading]
             started = time.perf_counter()
-            subprocess.run(
-                [sys.executable, "-m", "lippmann", *words, "--samples", str(samples), "-o", f"{folder}/full.exr"],
-                check=True, capture_output=True,
-            )  # fmt: skip
+            command = [*words, "--shading", shading, "-o", f"{folder}/full.exr"]
+            subprocess.run(command, check=True, capture_output=True)
             return time.perf_counter() - started
 
-    ways = {shading: partial(captured, shading) for shading in ("each", "auto")}
-    return {"POV-Ray": lambda: render_folder(exported, *ANTIALIAS)[1].seconds, **ways}
+    captures = {shading: partial(capture, shading) for shading in ("each", "auto")}
+    return {"POV-Ray": lambda: render_folder(exported, *ANTIALIAS)[1].seconds, **captures}
 
 
-def shown(pair: Pair) -> Plot:
-    """Return the middle of both pictures and of the map of their differences, side by side."""
+def draw_pair(pair: Pair) -> Plot:
+    """Draw the middle of both pictures and of the map of their differences, side by side."""
     height, width = pair.where.shape
     side = min(SHOWN_PX, height, width)
     middle = (slice((height - side) // 2, (height + side) // 2), slice((width - side) // 2, (width + side) // 2))
@@ -266,12 +246,12 @@ def page(origin: Mapping[str, str], pairs: Sequence[Pair], times: Mapping[str, A
     """Return the page."""
     rows = [pair.row for pair in pairs]
     context = {"rows": rows, "times": times, "constants": sys.modules[__name__]}
-    return make_page("peers", origin, [shown(pair) for pair in pairs], {"peers": rows}, context)
+    return make_page("peers", origin, [draw_pair(pair) for pair in pairs], {"peers": rows}, context)
 
 
 @measurement(page="peers")
 def peers(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Compare picture and time with POV-Ray. POV-Ray's pictures are kept in out/peers and not rendered again.
+    """Compare picture and time with POV-Ray, whose pictures are cached in out/peers.
 
     Example: python -m tools.bench peers
     """

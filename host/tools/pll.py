@@ -1,9 +1,9 @@
-"""Dividers of an ECP5's PLL (EHXPLLL) for a panel: clocks for the system, its pixels, their bits and the memory.
+"""Dividers of an ECP5's PLL (EHXPLLL) for the clocks of a panel: system (a pixel each), shift and memory.
 
     VCO = oscillator / input_div * back_div
 
-Each output is the VCO by its own divider; the one of back_div is fed back. Limits are those of the data sheet of ECP5
-and ECP5-5G (FPGA-DS-02012), MHz.
+Each output is the VCO by its own divider; that of back_div is fed back. Limits are those of the data sheet of ECP5 and
+ECP5-5G (FPGA-DS-02012), MHz.
 """
 
 from __future__ import annotations
@@ -14,22 +14,23 @@ from fractions import Fraction
 
 from lippmann.errors import InputError, input_error
 
+#: A minimum and a maximum.
+Span = tuple[Fraction, Fraction]
 INPUT_MHZ = (8, 400)
 PHASE_DETECTOR_MHZ = (10, 400)
 VCO_MHZ = (Fraction(400), Fraction(800))
-#: Greatest value of each divider; the least is 1.
+#: Maximum of each divider; the minimum is 1.
 MAX_DIVIDER = 128
-#: How far a pixel clock may be from the one asked for. Monitors follow this much, and the phase detector's limit leaves
-#: no finer steps from 25 MHz: 1280 x 720 gets 75 MHz for 74.25 (+1.0 %), 640 x 480 gets 25 MHz for the 25.2 of 60
-#: frames a second (-0.8 %; VESA's 25.175 MHz: -0.7 %).
+#: Relative error of a pixel clock. Monitors follow this much, and the phase detector's limit leaves no finer steps from
+#: 25 MHz: 1280 x 720 gets 75 MHz, not 74.25 (+1.0 %), 640 x 480 gets 25 MHz, not the 25.2 of 60 frames per second.
 TOLERANCE = Fraction(11, 1000)
-#: Bits of a pixel on a pair of DVI's wires, two in each clock.
+#: Shift clocks per pixel: ten bits on a pair of DVI's wires, two in each clock.
 SHIFT_CLOCKS = 5
 
 
 @dataclass(frozen=True)
 class Pll:
-    """A PLL's dividers; a pixel takes a system clock."""
+    """A PLL's dividers."""
 
     oscillator_mhz: Fraction
     input_div: int
@@ -40,7 +41,7 @@ class Pll:
 
     @property
     def vco_mhz(self) -> Fraction:
-        """Frequency of the oscillator inside."""
+        """Frequency of the internal oscillator."""
         return self.oscillator_mhz / self.input_div * self.back_div
 
     @property
@@ -61,46 +62,34 @@ class Pll:
 def solve(
     pixel_mhz: Fraction,
     oscillator_mhz: Fraction,
-    memory_mhz: tuple[Fraction, Fraction],
+    memory_mhz: Span,
     *,
     dvi: bool = True,
     fastest_mhz: Fraction | None = None,
 ) -> Pll:
-    """Return dividers with a pixel clock within `TOLERANCE` of `pixel_mhz`.
+    """Return dividers with a pixel clock within `TOLERANCE` of `pixel_mhz`, at most `fastest_mhz`.
 
-    Of these the best has the fastest memory clock, then the fastest phase detector, which makes the least jitter, then
-    the nearest pixel clock. `memory_mhz` are the least and the greatest clock of the memory. With `dvi` there are five
-    shift clocks a pixel. `fastest_mhz` is the greatest pixel clock. Raises InputError when no dividers give such
-    clocks.
+    The best have the fastest memory clock, within `memory_mhz`, then the fastest phase detector, which makes the least
+    jitter, then the nearest pixel clock. `dvi`: with `SHIFT_CLOCKS` per pixel. Raises InputError without such dividers.
     """
     if not INPUT_MHZ[0] <= oscillator_mhz <= INPUT_MHZ[1]:
         what = f"an oscillator of {float(oscillator_mhz):g} MHz cannot drive the PLL"
         raise InputError(f"{what}; use one of {INPUT_MHZ[0]} to {INPUT_MHZ[1]} MHz")
-    least, most = pixel_mhz * (1 - TOLERANCE), pixel_mhz * (1 + TOLERANCE)
-    if fastest_mhz is not None:
-        most = min(most, fastest_mhz)
-    found = list(_candidates((least, most), oscillator_mhz, memory_mhz, dvi))
-    if not found:
-        low, high = map(float, memory_mhz)
-        raise input_error(
-            f"{float(pixel_mhz):.3f} MHz",
-            f"the PLL has no pixel clock within {float(TOLERANCE):.1%} beside one of {low:.0f} to {high:.0f} MHz",
-            "choose another size of panel",
-        )
+    fastest = pixel_mhz * (1 + TOLERANCE) if fastest_mhz is None else min(pixel_mhz * (1 + TOLERANCE), fastest_mhz)
+    candidates = list(_candidates((pixel_mhz * (1 - TOLERANCE), fastest), oscillator_mhz, memory_mhz, dvi))
+    if not candidates:
+        clocks = "beside one of {:.0f} to {:.0f} MHz".format(*map(float, memory_mhz))
+        what = f"the PLL has no pixel clock within {float(TOLERANCE):.1%} {clocks}"
+        raise input_error(f"{float(pixel_mhz):.3f} MHz", what, "choose another size of panel")
 
     def rank(pll: Pll) -> tuple[Fraction, ...]:
         clocks = pll.clocks_mhz
         return -clocks["memory"], Fraction(pll.input_div), abs(clocks["system"] / pixel_mhz - 1), pll.vco_mhz
 
-    return min(found, key=rank)
+    return min(candidates, key=rank)
 
 
-def _candidates(
-    pixel_mhz: tuple[Fraction, Fraction],
-    oscillator_mhz: Fraction,
-    memory_mhz: tuple[Fraction, Fraction],
-    dvi: bool,
-) -> Iterator[Pll]:
+def _candidates(pixel_mhz: Span, oscillator_mhz: Fraction, memory_mhz: Span, dvi: bool) -> Iterator[Pll]:
     unit = SHIFT_CLOCKS if dvi else 1
     for input_div in range(1, MAX_DIVIDER + 1):
         detector = oscillator_mhz / input_div
@@ -111,13 +100,13 @@ def _candidates(
             high = min(pixel_mhz[1] * system_div, VCO_MHZ[1]) / detector
             for times in range(-(-low // 1), min(high // 1, MAX_DIVIDER) + 1):
                 vco = detector * times
-                most, least = vco / memory_mhz[0] // 1, -(-(vco / memory_mhz[1]) // 1)
-                for memory_div in range(max(least, 1), min(most, MAX_DIVIDER) + 1):
+                first, last = -(-(vco / memory_mhz[1]) // 1), vco / memory_mhz[0] // 1
+                for memory_div in range(max(first, 1), min(last, MAX_DIVIDER) + 1):
                     yield Pll(oscillator_mhz, input_div, times, system_div // unit, system_div, memory_div)
 
 
 def panel_pixel_mhz(width: int, height: int, timing: tuple[int, ...], rate_hz: int = 60) -> Fraction:
-    """Return the pixel clock of a panel, px, with the porches and syncs of `virtual_board.TIMING`, MHz."""
+    """Return the pixel clock, MHz, of a panel in pixels, with the porches and syncs of `virtual_board.TIMING`."""
     h_front, h_sync, h_back, v_front, v_sync, v_back = timing[:6]
     total = (width + h_front + h_sync + h_back) * (height + v_front + v_sync + v_back)
     return Fraction(total * rate_hz, 1_000_000)

@@ -26,10 +26,7 @@ from lippmann.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class Run:
-    """Cost of a run of POV-Ray, parsing included; the command line is that in the exported folder.
-
-    `seconds` are wall clock, `cpu_seconds` the processor time of all threads.
-    """
+    """Cost of a run of POV-Ray with parsing: wall-clock seconds, and processor seconds of all threads."""
 
     command: str
     seconds: float
@@ -37,15 +34,10 @@ class Run:
 
 
 def run_povray(ini: Path, *options: str) -> Run:
-    """Render an exported folder's .ini file; options of POV-Ray override the file's.
-
-    Raises InputError when POV-Ray refuses the files, with its first error; MissingLibraryError when POV-Ray is not
-    installed.
-    """
-    program = POVRAY.path()
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    started = time.perf_counter()
-    result = run_program([str(program), ini.name, *options], folder=ini.parent)
+    """Render an .ini file with further options; raise InputError with POV-Ray's first error."""
+    command = [str(POVRAY.path()), ini.name, *options]
+    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    result = run_program(command, folder=ini.parent)
     seconds = time.perf_counter() - started
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if result.returncode != 0:
@@ -57,13 +49,13 @@ def run_povray(ini: Path, *options: str) -> Run:
 
 
 def render_folder(exported: Exported, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-    """Render an exported folder; return linear radiance (height, width, 3) and the run's cost (see `run_povray`)."""
+    """Render an exported folder; return linear radiance (height, width, 3) and the run's cost."""
     run = run_povray(exported.ini, *options)
     return read_picture(exported.ini.with_suffix(".exr")).radiance[exported.spare_rows :], run
 
 
 def render_folder_once(exported: Exported, *options: str) -> tuple[npt.NDArray[np.float32], Run]:
-    """Render an exported folder, or return the result that it keeps for the same files and options."""
+    """Render an exported folder, or return its cached result for the same files and options."""
     content = hashlib.sha256(" ".join(options).encode())
     for name in exported.files:
         content.update((exported.ini.parent / name).read_bytes())
@@ -78,7 +70,7 @@ def render_folder_once(exported: Exported, *options: str) -> tuple[npt.NDArray[n
 
 
 def export_view(scene: Scene, eye_mm: Triple, window: Window, folder: Path) -> Exported:
-    """Write the scene as an eye sees it through a window in z = 0, without a display."""
+    """Write an eye's view of the scene through a window in z = 0, without a display."""
     x, y, z = eye_mm
     camera = pinhole(eye_mm, (-x, -y, -z), window.width_mm, window.height_mm)
     return write_folder(scene, View(camera, window.width_px, window.height_px), folder)

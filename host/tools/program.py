@@ -16,10 +16,7 @@ MAINTAINERS_REPORT: Any = option("Folder of the page.", "build/reports")
 
 
 def program(main: Callable[..., Any]) -> click.Command:
-    """Make a command of a function, as `lippmann.cli.frame` does but without --json; call it last in its module.
-
-    When Python runs this module as a program, the command is run, and ends the process.
-    """
+    """Make a command without --json of a function; run it when its module is the program. Call it last in a module."""
     command = make_command(main.__name__)(main)
     command.params.remove(JSON)
     if main.__module__ == "__main__":

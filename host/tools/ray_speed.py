@@ -1,7 +1,4 @@
-"""Rays and pixels a second of golden and fast (`tools.bench trace`), and of the simulated RTL (`tools.bench rtl`).
-
-Every word and pixel of the RTL is compared with the twin.
-"""
+"""Rates of golden and fast (`tools.bench trace`), and of the simulated RTL beside the twin (`tools.bench rtl`)."""
 
 from __future__ import annotations
 
@@ -30,76 +27,50 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.simulation.harness import ray_harness, rtl_pipeline, rtl_scene
 from lippmann.simulation.virtual_board import board_build
 
-#: What `tools.bench trace` measures.
+#: The plan, models and apertures of `tools.bench trace`.
 TRACE_PLAN = Plan(displays=("paper-square", "paper-hex", "uhd-8k"), timed_rays=200_000, digits_rays=0)
 TRACED: tuple[tuple[Model, Aperture], ...] = (*((model, "chief") for model in MODELS), ("exact", "full"))
-#: Rays of one run, and runs of `bench rtl`, which takes the fastest: other programs only slow a run.
-RAYS, RUNS = 1_000_000, 3
-#: Frames that the board scans out after the scene is shown.
-FRAMES = 10
-#: The panels: a board's, and for the bare drawing one on which a load of the textures counts little.
+#: Columns of the errors, and those of `measure_rays`.
+ERRORS = {"max_direction_urad": "own_max_urad", "rms_direction_urad": "own_rms_urad", "max_origin_nm": "own_max_nm"}
+#: Rays of a run, runs of `bench rtl`, of which the fastest counts, and frames that the board scans out.
+RAYS, RUNS, FRAMES = 1_000_000, 3, 10
+#: The panels: a board's, and for the bare drawing a larger one, where loading the textures counts little.
 BOARD_DISPLAY, DISPLAY = "vga-square", "paper-square"
 
 
 def measure_trace(scenes: Path, seed: int, plan: Plan = TRACE_PLAN) -> Iterator[dict[str, Any]]:
-    """Measure golden and fast on some displays: all models with chief rays, `exact` over the full aperture too.
-
-    Rates are in rays/s. The errors are those of fast against golden: microradian, and nm at the exit; `status_differs`
-    counts the rays, of those `compared`, that have another fate and so no such error.
-    """
+    """Yield the rates of golden and fast on the plan's displays, and fast's errors over the `compared` rays."""
     for display in plan.load_displays(scenes):
         for model, aperture in TRACED:
             golden, fast = measure_rays(display, aperture, (0.0, 0.0), [model], ["golden", "fast"], plan, seed)
-            yield {
-                "display": display.name,
-                "grid": display.array.grid,
-                "model": model,
-                "aperture": aperture,
-                "golden_rays_per_second": golden["rays_per_second"].median,
-                "fast_rays_per_second": fast["rays_per_second"].median,
-                "max_direction_urad": fast["own_max_urad"].median,
-                "rms_direction_urad": fast["own_rms_urad"].median,
-                "max_origin_nm": fast["own_max_nm"].median,
-                "status_differs": int(fast["own_other_fates"].median),
-                "compared": plan.rays,
-            }
+            rates = {"golden_rays_per_second": golden["rays_per_second"].median}
+            rates["fast_rays_per_second"] = fast["rays_per_second"].median
+            errors = {name: fast[own].median for name, own in ERRORS.items()}
+            keys = {"display": display.name, "grid": display.array.grid, "model": model, "aperture": aperture}
+            others = int(fast["own_other_fates"].median)
+            yield {**keys, **rates, **errors, "status_differs": others, "compared": plan.rays}
 
 
 def measure_rtl(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure exact builds on the founding paper's displays: two word lengths, cross terms in logic and in cells.
-
-    The drawing follows (`measure_drawing`).
-    """
+    """Yield the rates of exact builds of two word lengths, with cross terms in logic or cells, and of the drawing."""
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
         for bits, cells in itertools.product((WIDEST, COMPACT), (False, True)):
             case = words_of_chief_rays(display, Build(bits, display.array.grid, cross_cells=cells), seed, RAYS)
-            yield {
-                "display": display.name,
-                "build": f"F {bits}, cross terms in {'cells' if cells else 'logic'}",
-                "rtl_rays_per_second": max(rtl_rate(case)() for _ in range(RUNS)),
-                "twin_rays_per_second": timed(RAYS, case.trace)(),
-                "words_differ": case.count_differences(lambda *inputs: ray_harness(inputs[5]).trace(*inputs[:5])),
-                "rays": RAYS,
-            }
-    yield from measure_drawing(scenes)
-
-
-def measure_drawing(scenes: Path) -> Iterator[dict[str, Any]]:
-    """Measure the whole board and `render --engine rtl`, both with four layers and the optics of a board."""
-    stack, build = load_layers(scenes / "layers/chart"), SceneBuild()
-    yield board(load_display(scenes / f"displays/{BOARD_DISPLAY}.toml"), stack, build, FRAMES)
-    whole = load_display(scenes / f"displays/{DISPLAY}.toml")
-    threads = len(os.sched_getaffinity(0))
-    for count in sorted({1, threads}):
-        yield rendered(whole, stack, build, count)
+            row = {"display": display.name, "build": f"F {bits}, cross terms in {'cells' if cells else 'logic'}"}
+            rates = {"rtl_rays_per_second": max(rtl_rate(case)() for _ in range(RUNS))}
+            rates["twin_rays_per_second"] = timed(RAYS, case.trace)()
+            differ = case.count_differences(lambda *inputs: ray_harness(inputs[5]).trace(*inputs[:5]))
+            yield {**row, **rates, "words_differ": differ, "rays": RAYS}
+    stack, scene = load_layers(scenes / "layers/chart"), SceneBuild()
+    yield board(load_display(scenes / f"displays/{BOARD_DISPLAY}.toml"), stack, scene, FRAMES)
+    display = load_display(scenes / f"displays/{DISPLAY}.toml")
+    for threads in sorted({1, len(os.sched_getaffinity(0))}):
+        yield rendered(display, stack, scene, threads)
 
 
 def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -> dict[str, Any]:
-    """Draw on a virtual board until it has scanned out some frames, and compare the last one with the twin's.
-
-    Pixels and clocks are all that the board has scanned out and simulated: from its start, with the loads.
-    """
+    """Draw on a virtual board, compare the last of some frames with the twin's, and count all pixels and clocks."""
     with capturing(display, build) as captured:
         scene = SceneBoard(captured.board)
         textures = {slot: slot_bytes(layer, build).tobytes() for slot, layer in enumerate(stack.layers)}
@@ -117,7 +88,7 @@ def board(display: Display, stack: LayerStack, build: SceneBuild, frames: int) -
 
 
 def rendered(display: Display, stack: LayerStack, build: SceneBuild, threads: int) -> dict[str, Any]:
-    """Draw a panel as `render --engine rtl` does, by some threads, and compare every pixel with the twin's."""
+    """Draw a panel as `render --engine rtl` does, and compare every pixel with the twin's."""
     optics = Build.of(display, "exact", COMPACT, aims=False)
     drawn = partial(draw, display, optics, stack, build, pipeline=rtl_pipeline, shade=rtl_scene, threads=threads)
     drawn()  # compiled, and the textures are loaded
@@ -131,7 +102,7 @@ def rendered(display: Display, stack: LayerStack, build: SceneBuild, threads: in
 def _row(
     display: Display, simulated: str, threads: int, pixels: int, times: Sequence[float], clocks: int | None, differ: Any
 ) -> dict[str, Any]:
-    """Return the row of so many pixels, simulated in `times`: by the clock on the wall, and of the processors."""
+    """Return the row of pixels simulated in `times`: wall-clock and processor seconds."""
     names = ("pixels_per_second", "pixels_per_processor_second")
     rates = {name: pixels / seconds for name, seconds in zip(names, times, strict=True)}
     row = {"display": display.name, "simulated": simulated, "processors": threads, "pixels": pixels, **rates}

@@ -1,13 +1,9 @@
-"""The renderer: time and noise, growth, stages, and rate against Mitsuba's own camera (`tools.bench render`, `stages`).
-
-Times that are compared are measured in turn, in one process, and leave out compilation.
-"""
+"""The renderer: noise, growth, stages, and rate against Mitsuba's own camera (`tools.bench render`, `stages`)."""
 
 from __future__ import annotations
 
 import itertools
 import json
-import logging
 import os
 import shutil
 import subprocess
@@ -24,7 +20,7 @@ import numpy as np
 from lippmann.base.images import Radiance
 from lippmann.base.tones import encode, psnr_db
 from lippmann.base.variant import current_device, mitsuba
-from lippmann.conformance.engine_report import in_turn, middle
+from lippmann.conformance.engine_report import in_turn, logger, middle
 from lippmann.conformance.figures import Figures, Measured, groups, values
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
 from lippmann.display.description import Array, Display, display_text, load_display
@@ -42,10 +38,9 @@ if TYPE_CHECKING:
 
     from tools.full_report import Plan
 
-logger = logging.getLogger("lippmann.report")
-#: Returns the seconds that it took.
+#: A function that returns its seconds.
 Work = Callable[[], float]
-#: What a Mitsuba integrator returns for samples: light, whether it is valid, and further values.
+#: An integrator's result for samples: light, validity, and further values.
 Light = tuple[Any, Any, list[Any]]
 
 INTEGRATORS = ("lights", "direct", "path")
@@ -53,56 +48,50 @@ INTEGRATORS = ("lights", "direct", "path")
 REFERENCE = "path"
 #: Triangles of the scenes with a growing number of lights, and lights of those with a growing number of triangles.
 TRIANGLES, LIGHTS = 20_000, 2
-#: Repeats of `tools.bench render`, and where its perspective camera stands: its field is the display's window.
+#: Repeats of `tools.bench render`, and the distance of its perspective camera, whose field is the display's window.
 ROUNDS, CAMERA_MM = 3, 600.0
-#: Renders that `tools.bench render` times in a process of their own: display and samples a pixel.
+#: Displays and samples per pixel: of renders in their own process, and of stages; larger ones for a GPU.
 SEPARATE = (("paper-square", 4), ("paper-hex", 4), ("uhd-4k", 1), ("uhd-8k", 1))
-#: Displays and samples a pixel; the larger ones for a GPU, which a small picture leaves idle.
 CPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1))
-GPU_RENDERS = (("paper-square", 4), ("uhd-4k", 1), ("uhd-4k", 16))
-#: The integrators that do one stage more each, by the stage's name.
+GPU_RENDERS = (*CPU_RENDERS, ("uhd-4k", 16))
+#: Integrators of one more stage each, by the stage's name.
 STAGES = {"optics": "nothing", "camera": "first_hit", "shading": "unshadowed", "shadows": "lights"}
-#: Times of a whole process, in their order.
+#: Results of a render's process: times in their order, and those of `tools.bench render`.
 PROCESS = ("start_seconds", "load_seconds", "prepare_seconds", "seconds", "write_seconds")
+RENDER_KEYS = ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")
 
 
 def gpu_name() -> str:
-    """Return the names of the GPUs that the driver tells; "" without its program."""
+    """Return the GPUs' names by nvidia-smi; "" without it."""
     program = shutil.which("nvidia-smi")
     if program is None:
         return ""
-    asked = [program, "--query-gpu=name", "--format=csv,noheader"]
-    told = subprocess.run(asked, check=False, capture_output=True, text=True, errors="replace")
-    return ", ".join(told.stdout.split("\n")[:-1]) if told.returncode == 0 else ""
+    query = [program, "--query-gpu=name", "--format=csv,noheader"]
+    run = subprocess.run(query, check=False, capture_output=True, text=True, errors="replace")
+    return ", ".join(run.stdout.split("\n")[:-1]) if run.returncode == 0 else ""
 
 
-def timed(scene: Scene, display: Display, settings: Settings, kept: list[Radiance] | None = None) -> Work:
-    """Return a function that renders with the next seed at each call, and returns the seconds; `kept` gets pictures."""
+def timed(scene: Scene, display: Display, settings: Settings, pictures: list[Radiance] | None = None) -> Work:
+    """Return a function that renders with the next seed, appends to `pictures`, and returns the seconds."""
     seeds = itertools.count(settings.seed)
 
     def render() -> float:
         rendered = render_integral(scene, display, "exact", replace(settings, seed=next(seeds) % 2**32))
-        if kept is not None:
-            kept.append(rendered.radiance)
+        if pictures is not None:
+            pictures.append(rendered.radiance)
         return rendered.seconds
 
     return render
 
 
-# ---- noise ----
-
-
 def noise_levels(one: Radiance, other: Radiance) -> float:
-    """Return the standard deviation of a pixel value, in 8-bit sRGB levels, from two renders with different seeds.
-
-    The difference of two independent values with the same noise has twice the variance of one value.
-    """
+    """Return a pixel's standard deviation, 8-bit sRGB levels; two renders' difference has twice the variance."""
     apart = 255.0 * (encode(one, "srgb").astype(np.float64) - encode(other, "srgb"))
     return float(np.sqrt((apart**2).mean() / 2.0))
 
 
 def measure_noise(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Render the plan's scene with each integrator and number of samples, with another seed in each round."""
+    """Render the plan's scene with each integrator and number of samples, with a new seed in each round."""
     logger.info("renderer: noise ...")
     scene = load_scene(scenes / f"{plan.scene}/{plan.scene}.xml")
     display = middle(load_display(scenes / "displays/paper-square.toml"), plan.noise_px)
@@ -110,56 +99,40 @@ def measure_noise(scenes: Path, plan: Plan, seed: int) -> Figures:
     reference = render_integral(scene, display, "exact", settings).radiance
     runs = list(itertools.product(INTEGRATORS, plan.noise_samples))
     pictures: dict[tuple[str, int], list[Radiance]] = {run: [] for run in runs}
-    works = {
-        (name, samples): timed(
-            scene, display, Settings(samples, integrator=name, seed=seed + 1), pictures[name, samples]
-        )
-        for name, samples in runs
-    }
+    works = {}
+    for run in runs:
+        settings = Settings(run[1], integrator=run[0], seed=seed + 1)
+        works[run] = timed(scene, display, settings, pictures[run])
     times = in_turn(works, plan.rounds)
-    rows = [
-        {
-            "integrator": name,
-            "samples": samples,
-            "seconds": Measured.of(times[name, samples]),
-            "noise": Measured.of(noise_levels(*pair) for pair in itertools.pairwise(pictures[name, samples])),
-            "psnr_db": Measured.of(psnr_db(picture, reference) for picture in pictures[name, samples]),
-        }
-        for name, samples in runs
-    ]
+    rows = []
+    for run in runs:
+        noise = Measured.of(noise_levels(*pair) for pair in itertools.pairwise(pictures[run]))
+        psnr = Measured.of(psnr_db(picture, reference) for picture in pictures[run])
+        row = {"integrator": run[0], "samples": run[1], "seconds": Measured.of(times[run])}
+        rows.append({**row, "noise": noise, "psnr_db": psnr})
     return Figures("report-renderer", ("integrator", "samples"), rows)
 
 
-# ---- growth ----
-
-
 def resized(display: Display, across: int) -> Display:
-    """Return the display with so many pixels across the same window."""
+    """Return the display with `across` pixels over the width of the same window."""
     return replace(display, panel=display.panel.with_columns(across))
 
 
 def with_pitch(array: Array, pitch_mm: float) -> Array:
     """Return an array of lenslets of the same shape with another pitch."""
     factor = pitch_mm / array.pitches_mm[0]
-    return replace(
-        array,
-        pitch_mm=array.pitch_of(pitch_mm),
-        radius_mm=array.radius_mm * factor,
-        thickness_mm=array.thickness_mm * factor,
-    )
+    radius_mm, thickness_mm = array.radius_mm * factor, array.thickness_mm * factor
+    return replace(array, pitch_mm=array.pitch_of(pitch_mm), radius_mm=radius_mm, thickness_mm=thickness_mm)
 
 
 def with_lenslets_across(display: Display, across: int) -> Display:
-    """Return the display with so many lenslets of the same shape, larger or smaller, across the same window."""
+    """Return the display with `across` lenslets of the same shape over the width of the same window."""
     array = with_pitch(display.array, display.panel.width_mm / (across - 0.4))
     return replace(display, array=array, gap_mm=display.gap_mm * array.pitches_mm[0] / display.array.pitches_mm[0])
 
 
 def waves(triangles: int, lights: int) -> Scene:
-    """Return a scene: a wavy sheet of about so many triangles behind the display, under some point lights.
-
-    The sheet, 160 mm wide, fills the field of every eye. The lights stand on a circle; their total power is constant.
-    """
+    """Return a scene: a wavy sheet of about `triangles`, 160 mm wide, under point lights of constant total power."""
     mi = mitsuba()
     side = max(1, round(np.sqrt(triangles / 2)))
     steps = np.linspace(-80.0, 80.0, side + 1)
@@ -186,7 +159,7 @@ def waves(triangles: int, lights: int) -> Scene:
 
 
 def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Time renders of growing size. The sizes of each row are measured in turn."""
+    """Time renders of growing size, those of one kind in turn."""
     path = scenes / f"{plan.scene}/{plan.scene}.xml"
     scene, display = load_scene(path), load_display(scenes / "displays/paper-square.toml")
     small = resized(display, plan.growth_px)
@@ -197,13 +170,15 @@ def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
         return round(small.panel.width_mm * small.panel.height_mm / (array.pitches_mm[0] * array.row_pitch_mm))
 
     panels = [resized(display, across) for across in plan.pixels_across]
+    cores = len(os.sched_getaffinity(0)) if device == "llvm" else 0
+    threads = sorted({min(2**k, cores) for k in range(cores.bit_length() + 1)} - {0})
     one = Settings(seed=seed, shading="each")
     works: dict[str, dict[int, Work]] = {
         "pixels": {_pixels(panel): timed(scene, panel, one) for panel in panels},
         "lenslets": {lenslets(n): timed(scene, with_lenslets_across(small, n), one) for n in plan.lenslets_across},
         "triangles": {n: timed(waves(n, LIGHTS), small, one) for n in plan.triangles},
         "lights": {n: timed(waves(TRIANGLES, n), small, one) for n in plan.lights},
-        "threads": {n: _with_threads(n, timed(scene, small, replace(one, samples=4))) for n in _threads(device)},
+        "threads": {n: _with_threads(n, timed(scene, small, replace(one, samples=4))) for n in threads},
         "samples": {n: timed(scene, small, replace(one, samples=n)) for n in plan.samples},
     }
     rows = []
@@ -212,48 +187,31 @@ def measure_growth(scenes: Path, plan: Plan, seed: int) -> Figures:
         times = in_turn(sizes, plan.rounds)
         memory = _memory(device, path, panels, plan.memory_rounds) if name == "pixels" else {}
         first = next(iter(times.values()), [])
-        rows += [
-            {
-                "with": name,
-                "size": size,
-                "seconds": Measured.of(seconds),
-                "relative": Measured.of(a / b for a, b in zip(seconds, first, strict=True)),
-                "memory_mb": memory.get(size),
-            }
-            for size, seconds in times.items()
-        ]
+        for size, seconds in times.items():
+            relative = Measured.of(a / b for a, b in zip(seconds, first, strict=True))
+            row = {"with": name, "size": size, "seconds": Measured.of(seconds)}
+            rows.append({**row, "relative": relative, "memory_mb": memory.get(size)})
     return Figures("report-growth", ("with", "size"), rows)
 
 
 def exponent(sizes: Sequence[float], values: Sequence[float]) -> float | None:
-    """Return the power of the size with which values grow: the slope of the line through their logarithms.
-
-    None when there are fewer than two sizes.
-    """
+    """Return the power of the size with which values grow, by a fit of their logarithms; None for one size."""
     return float(np.polyfit(np.log(sizes), np.log(values), 1)[0]) if len(sizes) > 1 else None
 
 
 def powers_of(growth: Figures) -> dict[str, float]:
     """Return the power of each kind of size with which the render time grows."""
-    found = {
-        rows[0]["with"]: exponent([float(row["size"]) for row in rows], [row["relative"].median for row in rows])
-        for rows in groups(growth.rows, "with")
-    }
-    return {name: power for name, power in found.items() if power is not None}
+    kinds = groups(growth.rows, "with")
+    powers = {rows[0]["with"]: exponent(values(rows, "size"), values(rows, "relative")) for rows in kinds}
+    return {name: power for name, power in powers.items() if power is not None}
 
 
 def _pixels(display: Display) -> int:
     return display.panel.width_px * display.panel.height_px
 
 
-def _threads(device: str) -> Sequence[int]:
-    """Return the numbers of threads to try, 1 to those of the machine in doublings; none on a GPU."""
-    cores = len(os.sched_getaffinity(0))
-    return sorted({min(2**k, cores) for k in range(cores.bit_length() + 1)}) if device == "llvm" else []
-
-
 def _with_threads(count: int, work: Work) -> Work:
-    """Return the work, done by so many threads."""
+    """Return the work, done by a number of threads."""
     import drjit as dr
 
     def limited() -> float:
@@ -268,7 +226,7 @@ def _with_threads(count: int, work: Work) -> Work:
 
 
 def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) -> dict[int, Measured]:
-    """Return the peak memory (MB) of renders by number of pixels, each in a process of its own, two at a time."""
+    """Return the peak memory (MB) of renders by number of pixels, each in its own process, two at a time."""
 
     def peak(display: Display) -> float:
         with TemporaryDirectory() as folder:
@@ -278,44 +236,33 @@ def _memory(device: str, scene: Path, displays: Sequence[Display], rounds: int) 
 
     with ThreadPoolExecutor(2) as pool:
         peaks = {display: [pool.submit(peak, display) for _ in range(rounds)] for display in displays}
-    return {_pixels(display): Measured.of(one.result() for one in found) for display, found in peaks.items()}
-
-
-#: What `separately` returns.
-RENDER_KEYS = ("seconds", "prepare_seconds", "samples_per_second", "peak_memory_mb")
+    return {_pixels(display): Measured.of(one.result() for one in runs) for display, runs in peaks.items()}
 
 
 def separately(
     device: str, scene: Path, display: Path, samples: int, keys: Sequence[str] = RENDER_KEYS
 ) -> dict[str, Any]:
-    """Render with the exact model by the command line, in a process of its own, and return some of what it tells.
-
-    Raises LippmannError when the process fails, with its message.
-    """
+    """Render with the exact model by the command line; return some of its results. Raises LippmannError if it fails."""
     with TemporaryDirectory() as folder:
         words = ["render", str(scene), "--display", str(display), "--model", "exact", "--samples", str(samples)]
         words += ["--device", device, "-o", f"{folder}/out.exr", "--json"]
         command = [sys.executable, "-P", "-m", "lippmann", *words]
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
-    if done.returncode:
-        message = done.stderr.strip().splitlines()[-1:]
+        run = subprocess.run(command, check=False, capture_output=True, text=True)
+    if run.returncode:
+        message = run.stderr.strip().splitlines()[-1:]
         raise LippmannError(f"{scene} for {display}: rendering in a process of its own failed: {message}")
-    result: dict[str, Any] = json.loads(done.stdout)
-    return {key: result[key] for key in keys}
-
-
-# ---- python -m tools.bench render ----
+    return {key: json.loads(run.stdout)[key] for key in keys}
 
 
 def compared(**works: Work) -> tuple[dict[str, float], list[float]]:
-    """Time two works in turn; return the median of each, and the ratio of the first to the second in each round."""
+    """Time two works in turn; return their medians, and the ratio of the first to the second in each round."""
     times = in_turn(works, ROUNDS)
     ratios = [a / b for a, b in zip(*times.values(), strict=True)]
     return {name: float(np.median(seconds)) for name, seconds in times.items()}, ratios
 
 
 def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time the same window behind the display's own lenslets (102 x 102 on paper-square) and behind 11 x 11."""
+    """Time a window behind the display's lenslets (102 x 102 on paper-square) and behind 11 x 11."""
     seconds, ratios = compared(
         seconds_10404_lenslets=timed(scene, display, settings),
         seconds_121_lenslets=timed(scene, with_lenslets_across(display, 11), settings),
@@ -324,7 +271,7 @@ def lenslet_growth(scene: Scene, display: Display, settings: Settings) -> dict[s
 
 
 def against_perspective(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time an integral render against Mitsuba's perspective sensor: same scene, integrator, samples and pixels."""
+    """Time an integral render against Mitsuba's perspective sensor, with the same settings and pixels."""
     mi = mitsuba()
     import drjit as dr
 
@@ -353,11 +300,11 @@ def against_perspective(scene: Scene, display: Display, settings: Settings) -> d
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of `tools.bench render`: `what`, and its figures. Each round has its own seed."""
-    device, fish = current_device(), scenes / "fish/fish.xml"
+    """Yield the rows of `tools.bench render`; each round has its own seed."""
     for name, samples in SEPARATE:
-        what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
-        yield {"what": what, **separately(device, fish, scenes / f"displays/{name}.toml", samples)}
+        path = scenes / f"displays/{name}.toml"
+        row = separately(current_device(), scenes / "fish/fish.xml", path, samples)
+        yield {"what": _label(name, samples), **row}
     display = load_display(scenes / "displays/paper-square.toml")
     settings = {name: Settings(samples=4, integrator=name, seed=seed, shading="each") for name in INTEGRATORS[::-1]}
     for name in ("fish", "chart", "knot"):
@@ -365,13 +312,17 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         for integrator in ("depth", "path", "lights"):
             row = lenslet_growth(scene, display, replace(settings["path"], integrator=integrator))
             yield {"what": f"10,404 lenslets against 121, {name}, {integrator}, 4 samples", **row}
-        for integrator, chosen in settings.items():
-            row = against_perspective(scene, display, chosen)
+        for integrator, own in settings.items():
+            row = against_perspective(scene, display, own)
             yield {"what": f"against Mitsuba's perspective, {name}, {integrator}, 4 samples", **row}
 
 
+def _label(display: str, samples: int) -> str:
+    return f"fish, {display}, exact, {samples} sample{'s' if samples > 1 else ''}"
+
+
 def register_stages() -> None:
-    """Register integrators that end early: `nothing` after the optics, `first_hit` after the camera rays' hits."""
+    """Register integrators that end early: after the optics, after the camera rays' hits, and without shadows."""
     mi = mitsuba()
     import drjit as dr
 
@@ -379,7 +330,7 @@ def register_stages() -> None:
 
     class Nothing(base):  # type: ignore[misc]
         def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
-            # Uses all of the ray, so that the compiler leaves none of the optics out.
+            # Uses all of the ray, so that the compiler removes none of the optics.
             return mi.Spectrum(ray.d.x + ray.d.y + ray.d.z + ray.o.x + ray.o.y), active, []
 
     class FirstHit(base):  # type: ignore[misc]
@@ -393,46 +344,39 @@ def register_stages() -> None:
             depth = props.get("max_depth", 4)
             self.lights = mi.load_dict({"type": "lights", "max_depth": depth, "shadows": False})
 
-        def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Light:
-            found: Light = self.lights.sample(scene, sampler, ray, medium, active)
-            return found
+        def sample(self, *arguments: Any) -> Light:
+            light: Light = self.lights.sample(*arguments)
+            return light
 
     for name, one in (("nothing", Nothing), ("first_hit", FirstHit), ("unshadowed", Unshadowed)):
         mi.register_integrator(name, one)
 
 
 def stages(scene: Scene, display: Display, settings: Settings) -> dict[str, float]:
-    """Time renders that do one stage more each, in turn; return each one's seconds, and pixels a second to the hits.
-
-    `shared_seconds` are those of all stages, with shared light.
-
-    Compilation is left out, and so is what a stage adds to the next by making rays wait for each other.
-    """
+    """Time renders of one more stage each, in turn, without compilation; `shared` has all stages and shared light."""
     register_stages()
     each = replace(settings, shading="each")
     works = {stage: timed(scene, display, replace(each, integrator=integrator)) for stage, integrator in STAGES.items()}
     works["shared"] = timed(scene, display, replace(settings, shading="shared"))
     seconds = {stage: float(np.median(times)) for stage, times in in_turn(works, ROUNDS).items()}
     pixels = display.panel.width_px * display.panel.height_px * settings.samples
-    return {
-        **{f"{stage}_seconds": value for stage, value in seconds.items()},
-        "pixels_per_second": pixels / seconds["camera"],
-    }
+    columns = {f"{stage}_seconds": value for stage, value in seconds.items()}
+    return {**columns, "pixels_per_second": pixels / seconds["camera"]}
 
 
 def measure_stages(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of `tools.bench stages`: `what`, and its figures."""
+    """Yield the rows of `tools.bench stages`."""
     device, fish = current_device(), scenes / "fish/fish.xml"
     scene = load_scene(fish)
     for name, samples in GPU_RENDERS if device == "cuda" else CPU_RENDERS:
-        what = f"fish, {name}, exact, {samples} sample{'s' if samples > 1 else ''}"
         path = scenes / f"displays/{name}.toml"
         within = stages(scene, load_display(path), Settings(samples=samples, seed=seed))
-        whole = separately(device, fish, path, samples, PROCESS)
-        yield {"what": what, "gpu": gpu_name() if device == "cuda" else "", **within, **whole}
+        process = separately(device, fish, path, samples, PROCESS)
+        gpu = gpu_name() if device == "cuda" else ""
+        yield {"what": _label(name, samples), "gpu": gpu, **within, **process}
 
 
-#: Labels of the sizes over which growth is measured. The others are called as in the rows.
+#: Labels of sizes that differ from the names in the rows.
 GROWTH = {"triangles": "primitives (triangles)", "samples": "samples a pixel"}
 
 
@@ -448,17 +392,16 @@ def draw_renderer(data: Figures) -> Plot:
 
 
 def draw_growth(data: Figures) -> Plot:
-    """Draw render time over each size that was varied, and memory over pixels."""
+    """Draw the render time over each size, and memory over pixels."""
     picture, axes = make_axes(2, 4, (3.2, 2.8))
     free = iter(axes.ravel())
     for rows in groups(data.rows, "with"):
         axis, name = next(free), str(rows[0]["with"])
         sizes, times = values(rows, "size"), np.array(values(rows, "seconds"))
         relative = np.array(sizes) / sizes[0]
+        ideal = times[0] * (1.0 / relative if name == "threads" else relative)
         axis.plot(sizes, times, "o-", color=COLOURS[0])
-        axis.plot(
-            sizes, times[0] * (1.0 / relative if name == "threads" else relative), "--", color="grey", linewidth=1
-        )
+        axis.plot(sizes, ideal, "--", color="grey", linewidth=1)
         middle = float(np.exp(np.log(times).mean()))
         # At least a decade, so that noise does not look like growth.
         limits = (min(0.7 * times.min(), middle / 3.2), max(1.4 * times.max(), middle * 3.2))
@@ -482,7 +425,7 @@ def _mark_sizes(axis: Axes, sizes: Sequence[float], label: str) -> None:
 
 
 def size_label(size: float) -> str:
-    """Return a size in three digits and with a prefix: labels must not run into each other."""
+    """Return a size in three digits with a prefix, so that labels do not overlap."""
     from matplotlib.ticker import EngFormatter
 
     return str(EngFormatter(sep="")(float(f"{size:.3g}")))

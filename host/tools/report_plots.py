@@ -28,7 +28,7 @@ def make_page(
     tables: Mapping[str, Rows] | None = None,
     context: Row | None = None,
 ) -> Page:
-    """Return a page of a template of the tools (see `lippmann.conformance.pages.Page`)."""
+    """Return a page of a template of the tools."""
     return Page(name, origin, plots, tables or {}, context or {}, TEMPLATES)
 
 
@@ -41,16 +41,16 @@ def draw_bars(axis: Axes, labels: Sequence[str], lengths: Sequence[float], **opt
 
 
 def draw_lines(axis: Axes, rows: Rows, by: str, x: str, y: str) -> None:
-    """Draw a line with marks for each value of the column `by`: y over x of its rows that have a value."""
+    """Draw y over x of the rows that have a y, with a line for each value of the column `by`."""
     for mark, colour, group in zip(MARKS, COLOURS, groups(rows, by), strict=False):
-        known = [row for row in group if row[y] is not None]
-        if known:
-            axis.plot(values(known, x), values(known, y), f"{mark}-", color=colour, label=group[0][by])
+        points = [row for row in group if row[y] is not None]
+        if points:
+            axis.plot(values(points, x), values(points, y), f"{mark}-", color=colour, label=group[0][by])
     axis.legend()
 
 
 def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Sequence[float]], **options: Any) -> Plot:
-    """Draw bar charts side by side, one for each heading, with the same labels; `options` are the axes'."""
+    """Draw bar charts side by side, by their headings, with common labels; `options` are the axes'."""
     picture, axes = make_axes(1, len(charts), (5.2, 0.9 + 0.22 * len(labels)))
     for across, (heading, lengths) in enumerate(charts.items()):
         draw_bars(axes[0][across], labels if across == 0 else [""] * len(labels), lengths, color=COLOURS[0])
@@ -59,7 +59,7 @@ def draw_bar_charts(name: str, labels: Sequence[str], charts: Mapping[str, Seque
 
 
 def contact_sheet(name: str, views: tuple[list[Radiance], list[str]] | None, across: int, times: int = 3) -> list[Plot]:
-    """Return the contact sheet of views, whose pixels are magnified, and their captions; without views, none."""
+    """Return the contact sheet of views, magnified, with captions; [] without views."""
     if views is None:
         return []
     large = [np.kron(view, np.ones((times, times, 1), np.float32)) for view in views[0]]

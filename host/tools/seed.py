@@ -1,9 +1,8 @@
 """The founding paper's benchmark, its figure 9, by Lippmann and by POV-Ray on the same files (`tools.bench seed`).
 
-Relative time t_R = t_SR / T (paper, equation 6) over the number of lenslets in the rendered window. T is the tracer's
-own time for the base scene: 720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3, no optics. Times are
-CPU seconds of all threads, which other programs hardly change. POV-Ray's times include the parsing of its files;
-Lippmann's exclude loading and compiling.
+It shows t_R = t_SR / T (paper, equation 6) over the number of lenslets in the window. T is the tracer's own time for
+the base scene: 720 x 720 pixels, 2 lights, 2 stems, anti-aliased with threshold 0.3, no optics. Times are CPU seconds
+of all threads: POV-Ray's with parsing, Lippmann's without loading and compiling.
 """
 
 from __future__ import annotations
@@ -39,17 +38,16 @@ from tools.report_plots import make_page
 
 #: Set-ups of the sweep by the grid of their array: the array 6 cm towards the imaging lens (paper, figure 8 a).
 SETUPS = {"square": "fig8a", "hex": "hex"}
-#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3; 4 suffice (`bench peers`).
-SAMPLES = 8
-#: Lippmann renders each picture without anti-aliasing so often; the fastest run counts.
-ROUNDS = 2
+#: Samples per pixel with no more noise than POV-Ray's anti-aliasing with threshold 0.3 (4 suffice: `bench peers`), and
+#: renders of each picture without anti-aliasing, of which the fastest counts.
+SAMPLES, ROUNDS = 8, 2
 #: POV-Ray's options for anti-aliasing.
 ANTIALIAS = ("+WT2", "+A0.3")
 EYE_MM = (0.0, 0.0, 600.0)
 
 
 class Sweep(NamedTuple):
-    """Windows (px, at 600 dpi), lenslet pitches (mm) and grids whose pictures are timed."""
+    """The sizes of the benchmark: windows (px, at 600 dpi), lenslet pitches (mm) and grids."""
 
     windows_px: tuple[int, ...] = (720, 1200, 1800, 2400, 3600)
     pitches_mm: tuple[float, ...] = (1.0, 2.0, 4.0, 9.0)
@@ -66,7 +64,7 @@ QUICK = Sweep((48,), (1.0,), ("square",), povray_px=48, base_px=96)
 
 
 def with_window(setup: Setup, width_px: int, pitch_mm: float) -> Setup:
-    """Return a set-up whose camera has another number of the same pixels, behind lenslets scaled to a pitch."""
+    """Return a set-up with another number of the same pixels, behind lenslets scaled to a pitch."""
     panel = dataclasses.replace(setup.display.panel, width_px=width_px, height_px=width_px)
     display = dataclasses.replace(setup.display, panel=panel, array=with_pitch(setup.display.array, pitch_mm))
     return dataclasses.replace(setup, display=display, array=with_pitch(setup.array, pitch_mm))
@@ -87,99 +85,84 @@ def load_for(path: Path, setup: Setup) -> Scene:
 
 
 def fastest(scene: Scene, source: RaySource, samples: int, rounds: int = 1) -> Rendered:
-    """Return the fastest of `rounds` renders; their times are without compilation."""
+    """Return the fastest of `rounds` renders, timed without compilation."""
     renders = (render_rays(scene, source, Settings(samples=samples)) for _ in range(rounds))
     return min(renders, key=lambda rendered: rendered.cpu_seconds)
 
 
 def bench_seed(scenes: Path, work: Path, sweep: Sweep) -> Iterator[dict[str, Any]]:
-    """Measure Lippmann's and POV-Ray's times, whose files go to `work`; the first two rows are the base scene's."""
-    base = base_times(scenes, work, sweep.base_px)
+    """Measure Lippmann's and POV-Ray's times, with files in `work`; the first two rows are the base scene's."""
+    # The times T, of the base scene through the window of the paper's display: 2400 px at 600 dpi.
+    side_mm = 2400 * MM_PER_INCH / 600.0
+    window = Window(side_mm, side_mm, sweep.base_px, sweep.base_px)
+    scene = load_scene(scenes / "seed/base.xml")
+    ours = fastest(scene, eye_source(EYE_MM, window), SAMPLES)
+    _, theirs = render_folder(export_view(scene, EYE_MM, window, work / "base"), *ANTIALIAS)
+    base: dict[str, Rendered | Run] = {"lippmann": ours, "POV-Ray": theirs}
     cpu_seconds = {tracer: run.cpu_seconds for tracer, run in base.items()}
     for tracer, run in base.items():
         yield _row(tracer, sweep.base_px, None, True, run, cpu_seconds)
-    for window, grid, pitch in itertools.product(sweep.windows_px, sweep.grids, sweep.pitches_mm):
-        setup = with_window(load_setup(scenes / f"setups/{SETUPS[grid]}.toml"), window, pitch)
+    for width, grid, pitch in itertools.product(sweep.windows_px, sweep.grids, sweep.pitches_mm):
+        setup = with_window(load_setup(scenes / f"setups/{SETUPS[grid]}.toml"), width, pitch)
         scene = load_for(scenes / "seed/full.xml", setup)
         # Anti-aliasing costs several times as much: at the ends of the curves only.
         looks = (False, True) if pitch in (min(sweep.pitches_mm), max(sweep.pitches_mm)) else (False,)
-        for antialias in looks if window <= sweep.antialiased_px else (False,):
-            samples = SAMPLES if antialias else 1
-            rendered = fastest(scene, capture_source(setup), samples, 1 if antialias else ROUNDS)
-            yield _row("lippmann", window, setup.display, antialias, rendered, cpu_seconds)
-        if window <= sweep.povray_px:
-            exported = write_folder(scene, setup_view(setup), work / f"{grid}-{window}-{pitch:g}")
+        for antialias in looks if width <= sweep.antialiased_px else (False,):
+            samples, rounds = (SAMPLES, 1) if antialias else (1, ROUNDS)
+            rendered = fastest(scene, capture_source(setup), samples, rounds)
+            yield _row("lippmann", width, setup.display, antialias, rendered, cpu_seconds)
+        if width <= sweep.povray_px:
+            exported = write_folder(scene, setup_view(setup), work / f"{grid}-{width}-{pitch:g}")
             for antialias in looks:
                 _, run = render_folder(exported, *(ANTIALIAS if antialias else ()))
-                yield _row("POV-Ray", window, setup.display, antialias, run, cpu_seconds)
-
-
-def base_times(scenes: Path, work: Path, base_px: int) -> dict[str, Rendered | Run]:
-    """Return the times T: Lippmann's and POV-Ray's for the base scene through the display's window."""
-    scene = load_scene(scenes / "seed/base.xml")
-    side = 2400 * MM_PER_INCH / 600.0  # mm; the paper's display: 2400 px at 600 dpi
-    window = Window(side, side, base_px, base_px)
-    rendered = fastest(scene, eye_source(EYE_MM, window), SAMPLES)
-    _, run = render_folder(export_view(scene, EYE_MM, window, work / "base"), *ANTIALIAS)
-    return {"lippmann": rendered, "POV-Ray": run}
+                yield _row("POV-Ray", width, setup.display, antialias, run, cpu_seconds)
 
 
 def _row(
     tracer: str,
-    window_px: int,
+    width_px: int,
     display: Display | None,
     antialias: bool,
     run: Rendered | Run,
-    base_seconds: Mapping[str, float],
+    base: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Return the row of one picture, of a square window; without a display that of the base scene.
-
-    `lenslets` are those in the window (paper, equation 5; rows of a hexagonal array are closer). `cpu_seconds` are
-    those of all threads, `relative` is t_R: these over the tracer's own T.
-    """
-    array = None if display is None else display.array
-    return {
-        "tracer": tracer,
-        "grid": "none" if array is None else array.grid,
-        "window_px": window_px,
-        "pitch_mm": None if array is None else array.pitches_mm[0],
-        "lenslets": 0 if display is None else lenslets_in(display),
-        "antialias": antialias,
-        "seconds": run.seconds,
-        "cpu_seconds": run.cpu_seconds,
-        "relative": run.cpu_seconds / base_seconds[tracer],
-    }
+    """Return the row of a square picture, of the base scene without a display; `relative` is t_R."""
+    array, lenslets = (None, 0) if display is None else (display.array, lenslets_in(display))
+    row = {"tracer": tracer, "grid": "none" if array is None else array.grid, "window_px": width_px}
+    row |= {"pitch_mm": None if array is None else array.pitches_mm[0], "lenslets": lenslets, "antialias": antialias}
+    times = {"seconds": run.seconds, "cpu_seconds": run.cpu_seconds}
+    return {**row, **times, "relative": run.cpu_seconds / base[tracer]}
 
 
 def findings(rows: Rows) -> dict[str, Any]:
-    """Return ratios of CPU times over the sweep, for Lippmann and with the prefix `povray_` for POV-Ray.
+    """Return ratios of CPU times over the sweep, for Lippmann, and with the prefix `povray_` for POV-Ray.
 
-    `growth` is by window (px) the time of the slowest pitch over that of the fastest; square array, no anti-aliasing.
-    `hex_share` is the median of the time for a hexagonal array over that for a square one, less 1; `plain_share` that
-    without anti-aliasing over that with it. None where nothing was measured.
+    `growth` by window (px) is that of the slowest to the fastest pitch, for a square array without anti-aliasing.
+    `hex_share` is the median of hexagonal to square arrays, less 1; `plain_share` that of pictures without to with
+    anti-aliasing. None where nothing was measured.
     """
     keys = ("tracer", "grid", "window_px", "pitch_mm", "antialias")
     times = {tuple(row[key] for key in keys): row["cpu_seconds"] for row in rows}
 
     def share(tracer: str, **changed: Any) -> float | None:
-        """Compare the rows with those that differ from them in one column, which has a given value there."""
+        """Compare the rows with those that differ from them only by `changed`."""
         pairs = [[tuple(one[key] for key in keys) for one in (row, {**row, **changed})] for row in rows]
         pairs = [pair for pair in pairs if pair[0][0] == tracer]
         shares = [times[one] / times[other] - 1.0 for one, other in pairs if one != other and other in times]
         return float(np.median(shares)) if shares else None
 
-    found: dict[str, Any] = {}
+    ratios: dict[str, Any] = {}
     for prefix, tracer in (("", "lippmann"), ("povray_", "POV-Ray")):
         plain = groups(where(rows, tracer=tracer, grid="square", antialias=False), "window_px")
         seconds = {some[0]["window_px"]: values(some, "cpu_seconds") for some in plain}
-        found[f"{prefix}growth"] = {window: max(some) / min(some) for window, some in seconds.items()}
-        found[f"{prefix}hex_share"] = share(tracer, grid="square")
-        found[f"{prefix}plain_share"] = share(tracer, antialias=True)
-    return found
+        ratios[f"{prefix}growth"] = {window: max(some) / min(some) for window, some in seconds.items()}
+        ratios[f"{prefix}hex_share"] = share(tracer, grid="square")
+        ratios[f"{prefix}plain_share"] = share(tracer, antialias=True)
+    return ratios
 
 
 def plot(rows: Rows) -> Plot:
-    """Draw t_R over the number of lenslets: a curve for each window and tracer; hexagonal arrays dashed."""
+    """Draw t_R over the number of lenslets for each window and tracer; hexagonal arrays dashed."""
     picture, axes = make_axes(1, 2, (5.5, 4.5))
     windows = sorted({row["window_px"] for row in rows if row["grid"] != "none"})
     for axis, antialias in zip(axes[0], (False, True), strict=True):
@@ -199,12 +182,12 @@ def plot(rows: Rows) -> Plot:
 
 def page(origin: Mapping[str, str], rows: Rows, trial: bool = False) -> Page:
     """Return the page; `trial` adds that its windows are too small to measure anything."""
-    found = findings(rows)
+    ratios = findings(rows)
     ours, theirs = where(rows, grid="none")
-    windows = sorted(found["growth"])
-    growth = {"window, px": windows, "lippmann": [found["growth"][window] for window in windows]}
-    growth["POV-Ray"] = [found["povray_growth"].get(window) for window in windows]
-    context = {"found": found, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial, "samples": SAMPLES}
+    windows = sorted(ratios["growth"])
+    growth = {"window, px": windows, "lippmann": [ratios["growth"][window] for window in windows]}
+    growth["POV-Ray"] = [ratios["povray_growth"].get(window) for window in windows]
+    context = {"found": ratios, "ours": ours, "theirs": theirs, "growth": growth, "trial": trial, "samples": SAMPLES}
     return make_page("seed", origin, [plot(rows)], {"seed": rows}, context)
 
 

@@ -1,11 +1,8 @@
-"""Ways to light samples, time against error (`tools.bench shading`).
-
-Light is found by each sample's own rays, once for each surface of a pixel, or shared between lenslets. A further table
-tells what samples could save that go where the noise is.
-"""
+"""Ways to light samples, time against error, and what adaptive samples could save (`tools.bench shading`)."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 import xml.etree.ElementTree as Xml
@@ -37,39 +34,34 @@ from lippmann.rendering.shading import CachedProgram
 from lippmann.rendering.surface_lattice import NONE, Place
 from lippmann.scenes.placement import placement_beside
 from lippmann.scenes.scene import Scene, load_scene
+from scipy.ndimage import uniform_filter
 
 from tools.bench import MeasurementRun, measurement
 from tools.report_plots import contact_sheet, draw_lines, make_page
 
 #: Display, numbers of lamps, and samples a pixel.
 DISPLAY, LAMPS, SAMPLES = "paper-square", (1, 2, 5, 20), (1, 2, 4, 8)
-#: Samples of the reference, of which every sixteenth row is compared, and its seed's distance.
-REFERENCE_SAMPLES, EVERY_ROW, OTHER_SEED = 64, 16, 1
-#: The lamps' circle, mm: radius and height before the display; and the power of all together.
+#: Samples of the reference, and the distance of its rows that are compared.
+REFERENCE_SAMPLES, EVERY_ROW = 64, 16
+#: The lamps' circle, mm: radius and height in front of the display; their total power.
 RADIUS_MM, HEIGHT_MM, POWER = 1000.0, 850.0, 1.2e7
-#: Scenes whose pictures by shared light are compared with the others', the set-up of the paper's, and their samples.
+#: Scenes whose pictures by shared light are compared, the set-up of the captured ones, and samples.
 SCENES, CAPTURED, SETUP, COMPARED_SAMPLES = ("fish", "chart", "knot"), ("diffuse", "full"), "fig8a", 4
-SHADINGS: tuple[Shading, ...] = ("each", "shared", "auto")
 #: Factor on the differences of the map.
 MAP_GAIN = 50.0
-#: Side of the middle of the display that is rendered for the pilots, px.
-SIDE_PX = 480
-#: Samples of a pilot picture, the fewest that are spread; pilots from which the true error is known.
-PILOT, PICTURES = 2, 16
-#: Samples of a finer picture, which shows how fast the error falls, and of the reference.
-FINE, REFERENCE = 16, 256
-#: Samples a pixel of the even picture whose noise is to be met, by samples that go where the noise is.
-EVEN_SAMPLES = (4, 8, 16)
+#: For the adaptive distribution: the side of the rendered middle of the display, px; samples of a pilot picture, the
+#: minimum of a pixel; pilots for the true error; samples of a finer picture, which shows how fast the error falls, and
+#: of the reference; samples of the pictures whose noise is to be met.
+SIDE_PX, PILOT, PICTURES, FINE, REFERENCE, EVEN_SAMPLES = 480, 2, 16, 16, 256, (4, 8, 16)
 Field = npt.NDArray[np.float64]
 
 
 class Decoupled(CachedProgram):
-    """Light found once for each surface that a pixel's samples meet, where the first of them meets it."""
+    """Light computed once for each surface that a pixel's samples meet, where the first of them meets it."""
 
     def light_of(self, place: Place, cached: Any) -> Any:
-        """Return the light of samples: that of the first one of the same pixel on the same side of the same shape."""
+        """Return the light of the first sample of the same pixel on the same side of the same shape."""
         dr, mi = drjit(), mitsuba()
-
         shape = dr.gather(mi.UInt32, self.cache.lattices.shape, place.lattice, cached)
         surface = dr.select(cached, 2 * shape + dr.select(place.back, mi.UInt32(1), mi.UInt32(0)), NONE)
         dr.eval(surface)
@@ -77,15 +69,15 @@ class Decoupled(CachedProgram):
         pixel, first = lane // self.samples * self.samples, lane
         for k in reversed(range(self.samples)):
             first = dr.select(dr.gather(mi.UInt32, surface, pixel + k) == surface, pixel + k, first)
-        asked = dr.compress(cached & (first == lane))
+        firsts = dr.compress(cached & (first == lane))
         light = dr.zeros(mi.Color3f, dr.width(surface))
-        if dr.width(asked):
-            at = (dr.gather(type(one), one, asked) for one in (place.lattice, place.u, place.v, place.back))
-            dr.scatter(light, self.cache.at(Place(*at)), asked)
+        if dr.width(firsts):
+            at = (dr.gather(type(one), one, firsts) for one in (place.lattice, place.u, place.v, place.back))
+            dr.scatter(light, self.cache.at(Place(*at)), firsts)
         return dr.gather(mi.Color3f, light, first, cached)
 
 
-#: The ways: how light is shared, and by which program.
+#: The ways: their shading and program.
 WAYS: dict[str, tuple[Shading, type[CachedProgram]]] = {
     "each": ("each", CachedProgram),
     "decoupled": ("shared", Decoupled),
@@ -94,7 +86,7 @@ WAYS: dict[str, tuple[Shading, type[CachedProgram]]] = {
 
 
 def with_lamps(path: Path, lamps: int, scratch: Path) -> Path:
-    """Write a scene file whose lamps are so many points on a circle, of the same power together; return its path."""
+    """Write a scene file with point lamps on a circle, of constant total power; return its path."""
     tree = Xml.parse(path)
     root = tree.getroot()
     for lamp in root.findall("emitter"):
@@ -107,9 +99,8 @@ def with_lamps(path: Path, lamps: int, scratch: Path) -> Path:
         place = f"{RADIUS_MM * math.cos(angle):.3f} {RADIUS_MM * math.sin(angle):.3f} {HEIGHT_MM:g}"
         Xml.SubElement(lamp, "point", name="position", value=place)
         Xml.SubElement(lamp, "rgb", name="intensity", value=f"{POWER / lamps:g}")
-    made = scratch / f"{lamps}-lamps.xml"
-    tree.write(made)
-    return made
+    tree.write(scratch / f"{lamps}-lamps.xml")
+    return scratch / f"{lamps}-lamps.xml"
 
 
 def curves(scenes: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
@@ -117,23 +108,19 @@ def curves(scenes: Path, scratch: Path, seed: int) -> Iterator[dict[str, Any]]:
     display, fish = load_display(scenes / f"displays/{DISPLAY}.toml"), scenes / "fish/fish.xml"
     for lamps in LAMPS:
         scene = load_scene(with_lamps(fish, lamps, scratch), placement_beside(fish))
-        wanted = _reference(scene, display, seed)
-        for way, samples in ((way, samples) for way in WAYS for samples in SAMPLES):
-            seconds, found = _drawn(scene, display, Settings(samples, seed=seed), way)
-            decibels = psnr_db(found[rows_of_strips(len(found), EVERY_ROW)], wanted)
-            yield {"lamps": lamps, "way": way, "samples": samples, "seconds": seconds, "panel_db": decibels}
+        # Rows of the picture by each ray's own light.
+        settings = Settings(REFERENCE_SAMPLES, seed=seed + 1, shading="each")
+        source = every_strip(display_source(display, "exact", REFERENCE_SAMPLES, "chief", "fast", None), EVERY_ROW)
+        reference = render_rays(scene, source, settings).radiance
+        for name, samples in itertools.product(WAYS, SAMPLES):
+            seconds, picture = _drawn(scene, display, Settings(samples, seed=seed), name)
+            decibels = psnr_db(picture[rows_of_strips(len(picture), EVERY_ROW)], reference)
+            yield {"lamps": lamps, "way": name, "samples": samples, "seconds": seconds, "panel_db": decibels}
 
 
-def _reference(scene: Scene, display: Display, seed: int) -> Radiance:
-    """Return rows of the picture by each ray's own light, of many samples."""
-    settings = Settings(REFERENCE_SAMPLES, seed=seed + OTHER_SEED, shading="each")
-    source = display_source(display, "exact", REFERENCE_SAMPLES, "chief", "fast", None)
-    return render_rays(scene, every_strip(source, EVERY_ROW), settings).radiance
-
-
-def _drawn(scene: Scene, display: Display, settings: Settings, way: str) -> tuple[float, Radiance]:
+def _drawn(scene: Scene, display: Display, settings: Settings, name: str) -> tuple[float, Radiance]:
     """Return the seconds of a picture in one of the ways, and the picture."""
-    shading, program = WAYS[way]
+    shading, program = WAYS[name]
     source = display_source(display, "exact", settings.samples, "chief", "fast", None)
     with patch.object(renderer, "CachedProgram", program):
         rendered = render_rays(scene, source, replace(settings, shading=shading))
@@ -141,27 +128,24 @@ def _drawn(scene: Scene, display: Display, settings: Settings, way: str) -> tupl
 
 
 def likeness(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield `scene`, and `panel_db` and `view_db` of its pictures by shared light and by each ray's own.
-
-    `auto` is the way that `--shading auto` takes.
-    """
+    """Yield the PSNR of each scene's picture and view by shared light against each ray's own; `auto`: its shading."""
     for name in (*SCENES, *CAPTURED):
-        (each, shared, auto), display = _drawn_scene(scenes, name, seed, SHADINGS)
-        found = {"panel_db": psnr_db(shared.radiance, each.radiance)}
-        found["view_db"] = psnr_db(_seen(shared.radiance, display), _seen(each.radiance, display))
-        yield {"scene": name, **found, "auto": auto.shading}
+        (each, shared, auto), display = _drawn_scene(scenes, name, seed, ("each", "shared", "auto"))
+        panel_db = psnr_db(shared.radiance, each.radiance)
+        view_db = psnr_db(_view(shared.radiance, display), _view(each.radiance, display))
+        yield {"scene": name, "panel_db": panel_db, "view_db": view_db, "auto": auto.shading}
 
 
 def error_map(scenes: Path, seed: int) -> tuple[list[Radiance], list[str]]:
-    """Return the eye's view of the fish by each ray's own light, by shared light, and their difference; captions."""
+    """Return an eye's views of the fish by each ray's own light and by shared light, their difference, and captions."""
     drawn, display = _drawn_scene(scenes, SCENES[0], seed, ("each", "shared"))
-    seen = [_seen(one.radiance, display) for one in drawn]
-    difference = np.abs(seen[1] - seen[0]) * np.float32(MAP_GAIN)
-    return [*seen, difference], ["each ray's own light", "shared light", f"difference, {MAP_GAIN:g} times"]
+    views = [_view(one.radiance, display) for one in drawn]
+    difference = np.abs(views[1] - views[0]) * np.float32(MAP_GAIN)
+    return [*views, difference], ["each ray's own light", "shared light", f"difference, {MAP_GAIN:g} times"]
 
 
 def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]) -> tuple[list[Rendered], Display]:
-    """Return a scene's pictures by some ways to shade, and the display that shows them."""
+    """Return a scene's pictures with each shading, and the display that shows them."""
     ways = [Settings(COMPARED_SAMPLES, seed=seed, shading=shading) for shading in shadings]
     if name in CAPTURED:
         setup = load_setup(scenes / f"setups/{SETUP}.toml")
@@ -173,21 +157,17 @@ def _drawn_scene(scenes: Path, name: str, seed: int, shadings: Sequence[Shading]
     return [render_integral(scene, display, "exact", one) for one in ways], display
 
 
-def _seen(picture: Radiance, display: Display) -> Radiance:
+def _view(picture: Radiance, display: Display) -> Radiance:
     return observe(picture, display, Eye(EYE_MM), whole_window(display), VIEW_SAMPLES).radiance
 
 
 def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure what samples could save that go where the noise is: by each pixel's, or tile's, known or estimated noise.
+    """Yield the factors by which samples could be reduced at the same noise, when they are distributed by the noise.
 
-    A pixel of n samples has the mean squared error v / n^p, with p of the whole picture: 1 for samples at random, more
-    for even ones. The fewest samples for a mean error are those with n in proportion to v^(1 / (1 + p)) (Lagrange), but
-    each pixel needs a few before its noise is known.
-
-    Yields `scene`, `samples`, and by how much fewer samples, on average, meet the same noise: factors.
-
-    `pixel`: each pixel's error is known; `tile`: each tile's is; `found`: each pixel's is estimated from two pilots,
-    averaged over its neighbours, with all pilots counted. `power` is p.
+    A pixel of n samples has the mean squared error v / n^p, with one p (`power`) for the picture: 1 for random samples,
+    more for even ones. The minimum of samples for a mean error has n in proportion to v^(1 / (1 + p)) (Lagrange), but
+    each pixel needs a few before its noise is known. The error is known of each `pixel`, of each `tile`, or `found`: by
+    two pilots, averaged over neighbours, with all pilots counted.
     """
     display = middle(load_display(scenes / f"displays/{DISPLAY}.toml"), SIDE_PX)
     for name in SCENES:
@@ -198,22 +178,21 @@ def samples_saved(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
         of_fine = _apart(_encoded(scene, display, seed, FINE), exact)
         power = math.log(of_pilots.mean() / of_fine.mean()) / math.log(FINE / PILOT)
         true = of_pilots * PILOT**power
-        known = {"pixel": true, "tile": _of_tiles(true)}
-        pilots = _smoothed(_apart(pictures[0], pictures[1]))
+        rows, columns = (length // TILE_PX for length in true.shape)
+        means = true.reshape(rows, TILE_PX, columns, TILE_PX).mean(axis=(1, 3))
+        tiles = np.kron(means, np.ones((TILE_PX, TILE_PX)))
+        # Running sums round to less than 0.
+        pilots = np.maximum(uniform_filter(_apart(pictures[0], pictures[1]), 3, mode="nearest"), 0.0)
+        guesses = {"pixel": (true, PILOT), "tile": (tiles, PILOT), "found": (pilots, 2 * PILOT)}
         for samples in EVEN_SAMPLES:
-            factors = {
-                way: samples / samples_needed(true, guess, samples, PILOT, power) for way, guess in known.items()
-            }
-            factors["found"] = samples / samples_needed(true, pilots, samples, 2 * PILOT, power)
+            needed = {key: samples_needed(true, guess, samples, n, power) for key, (guess, n) in guesses.items()}
+            factors = {key: samples / number for key, number in needed.items()}
             yield {"scene": name, "samples": samples, "power": power, **factors}
 
 
 def samples_needed(true: Field, guess: Field, samples: float, least: float, power: float) -> float:
-    """Return the mean number of samples that meets the mean error, true / n^power, of `samples` everywhere.
-
-    They are shared out by a guess of the error, and each pixel has `least` at least.
-    """
-    wanted, share = true.mean() / samples**power, guess ** (1.0 / (1.0 + power))
+    """Return the mean samples, distributed by a guess, `least` or more each, for the error of `samples` everywhere."""
+    target, share = true.mean() / samples**power, guess ** (1.0 / (1.0 + power))
 
     def numbers(factor: float) -> Field:
         return np.maximum(least, factor * share)
@@ -221,21 +200,21 @@ def samples_needed(true: Field, guess: Field, samples: float, least: float, powe
     def error(factor: float) -> float:
         return float((true / numbers(factor) ** power).mean())
 
-    if error(0.0) <= wanted:
+    if error(0.0) <= target:
         return least
     low, high = 0.0, 1.0
-    while error(high) > wanted:
+    while error(high) > target:
         high *= 2.0
-        if high > 1e12:  # some noise that the guess denies: nothing but more samples for all helps
+        if high > 1e12:  # the guess is 0 where there is noise: only more samples for all pixels help
             return samples
     for _ in range(60):
         factor = 0.5 * (low + high)
-        low, high = (factor, high) if error(factor) > wanted else (low, factor)
+        low, high = (factor, high) if error(factor) > target else (low, factor)
     return float(min(numbers(high).mean(), samples))
 
 
 def _encoded(scene: Scene, display: Display, seed: int, samples: int) -> Field:
-    # Plain means, so that one law of noise holds for pilots and for pictures of many samples.
+    # Without owners, so that one law of noise holds for pilots and for pictures of many samples.
     source = replace(display_source(display, "exact", samples), owner=None)
     rendered = render_rays(scene, source, Settings(samples, seed=seed, shading="each"))
     return encode(rendered.radiance, "srgb").astype(np.float64)
@@ -246,23 +225,8 @@ def _apart(one: Field, other: Field) -> Field:
     return np.asarray(((one - other) ** 2).sum(axis=-1))
 
 
-def _of_tiles(values: Field) -> Field:
-    """Return each pixel's mean over its tile."""
-    rows, columns = (length // TILE_PX for length in values.shape)
-    tiles = values.reshape(rows, TILE_PX, columns, TILE_PX).mean(axis=(1, 3))
-    return np.kron(tiles, np.ones((TILE_PX, TILE_PX)))
-
-
-def _smoothed(values: Field) -> Field:
-    """Return each pixel's mean over itself and its eight neighbours."""
-    from scipy.ndimage import uniform_filter
-
-    # Its running sums round to less than 0.
-    return np.asarray(np.maximum(uniform_filter(values, 3, mode="nearest"), 0.0))
-
-
 def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
-    """Return a part of a picture: every so many strips of so many rows (`rows_of_strips`)."""
+    """Return a part of a picture: one strip of `rows` in every `every` (`rows_of_strips`)."""
     mi = mitsuba()
 
     def moved(b: Any, v: Any) -> tuple[Any, Any]:
@@ -273,31 +237,29 @@ def every_strip(source: RaySource, every: int, rows: int = 1) -> RaySource:
         return source.lines(b, u, moved(b, v)[1], square)
 
     height = source.height_px // (every * rows) * rows
-    taken = replace(source, height_px=height, lines=lines, owner=None)
     owner_of = source.owner
     if owner_of is None:
-        return taken
+        return replace(source, height_px=height, lines=lines)
 
     def owner(b: Any, u: Any, v: Any) -> Any:
         strip, v = moved(b, v)
-        # The strip's number is added, so that pixels of two strips never share.
+        # The strip's number keeps pixels of two strips from sharing.
         return owner_of(b, u, v) + mi.UInt32(mi.Int32(strip)) * 0x9E3779B1
 
-    return replace(taken, owner=owner)
+    return replace(source, height_px=height, lines=lines, owner=owner)
 
 
 def rows_of_strips(height_px: int, every: int, rows: int = 1) -> npt.NDArray[np.int64]:
-    """Return the picture's rows that `every_strip` takes, from the middle of the first group of strips on."""
+    """Return the picture's rows in `every_strip`, from the middle of the first group of strips on."""
     strips = np.arange(height_px // (every * rows)) * every + every // 2
-    taken: npt.NDArray[np.int64] = (strips[:, None] * rows + np.arange(rows)).ravel()
-    return taken
+    return np.asarray((strips[:, None] * rows + np.arange(rows)).ravel())
 
 
 @measurement(page="shading")
 def shading(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
-    """Measure time against error of light that each ray finds, that a pixel's surfaces share, and that lenslets share.
+    """Measure time against error of light by each ray, by a pixel's surfaces, and shared between lenslets.
 
-    And what samples could save that go where the noise is.
+    Also measures how many samples an adaptive distribution could save.
 
     Example: python -m tools.bench shading
     """
@@ -313,23 +275,18 @@ def shading(bench: MeasurementRun) -> tuple[Mapping[str, Any], Page]:
 def shading_page(
     origin: Mapping[str, str], tables: Mapping[str, Rows], views: tuple[list[Radiance], list[str]] | None = None
 ) -> Page:
-    """Return the page of `tools.bench shading`; `views` are the pictures of its sheet, and captions."""
+    """Return the page of `tools.bench shading`; `views` are the pictures and captions of its sheet."""
     drawn = [draw_shading(tables["shading"]), *contact_sheet("shading-map", views, 3)]
-    context = {
-        "rows": tables["shading"], "pairs": tables["shading-likeness"], "saved": tables["shading-adaptive"],
-        "constants": sys.modules[__name__],
-    }  # fmt: skip
-    return make_page("shading", origin, drawn, tables, context)
+    context = {"rows": tables["shading"], "pairs": tables["shading-likeness"], "saved": tables["shading-adaptive"]}
+    return make_page("shading", origin, drawn, tables, {**context, "constants": sys.modules[__name__]})
 
 
 def draw_shading(rows: Rows) -> Plot:
-    """Draw the error of ways to shade over their time, a picture for each number of lamps."""
+    """Draw error over time of the ways to shade, for each number of lamps."""
     kinds = groups(rows, "lamps")
     picture, axes = make_axes(1, len(kinds), (3.4, 3.2))
     for axis, kind in zip(axes[0], kinds, strict=True):
         draw_lines(axis, kind, "way", "seconds", "panel_db")
-        lamps = kind[0]["lamps"]
-        axis.set(
-            xlim=(0.0, None), xlabel="seconds", ylabel="panel, dB", title=f"{lamps} lamp{'s' if lamps > 1 else ''}"
-        )
+        title = f"{kind[0]['lamps']} lamp{'s' if kind[0]['lamps'] > 1 else ''}"
+        axis.set(xlim=(0.0, None), xlabel="seconds", ylabel="panel, dB", title=title)
     return Plot("shading", finish_picture(picture))

@@ -1,4 +1,4 @@
-"""A bench to test calibrations on: cameras that see all of a panel, and what goes wrong and stands in no model."""
+"""A bench to test calibrations: cameras that see all of a panel, and disturbances that no model has."""
 
 from __future__ import annotations
 
@@ -15,26 +15,23 @@ from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 from scipy import ndimage
 
-#: Lenslets across and down after which the pattern of hidden ones repeats.
+#: Period of the pattern of hidden lenslets, across and down.
 DUST_PERIOD = 1024
-#: Number and size (share of the picture's width) of the patches that a reflection is made of.
-PATCHES, PATCH = 6, 0.2
-#: Radius of the bright spot, as a share of the picture's width.
-SPOT = 0.02
-#: Share of the picture's width or height that `framed` fills with the panel.
+#: Number of patches of a reflection, and their radius and the bright spot's as fractions of the picture's width.
+PATCHES, PATCH, SPOT = 6, 0.2, 0.02
+#: Fraction of the picture's width or height that `framed` fills with the panel.
 FILL = 0.9
 
 
 @dataclass(frozen=True)
 class Disturbances(Bench):
-    """Disturbances of a display on a bench, and of its photographs. The defaults are none.
+    """Disturbances of a display on a bench, and of its photographs; none by default.
 
-    `bow_mm` is how much farther from the panel the array is at the panel's corners than in the middle; it grows with
-    the square of the distance. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary
-    values in every photograph) are shares. `reflection` is the light of a lamp's reflection, and `bright_spot` that of
-    its mirror image, as shares of the panel's white. `blur_px` is the deviation of a Gaussian blur in the photograph.
-    `moved_mm` moves the camera before the second half of the photographs. `seed` chooses the pixels and lenslets of the
-    display, which are the same for each position of the camera.
+    `bow_mm` is the array's additional distance from the panel at the panel's corners, quadratic in the distance from
+    its middle. `dead_pixels`, `hidden_lenslets` (dust) and `outliers` (camera pixels with arbitrary values) are
+    fractions. `reflection` and `bright_spot` are the light of a lamp's reflection and mirror image, as fractions of
+    white. `blur_px` is the deviation of a Gaussian blur. `moved_mm` moves the camera before the second half of the
+    photographs. `seed` chooses the display's pixels and lenslets, the same for each position of the camera.
     """
 
     bow_mm: float = 0.0
@@ -48,21 +45,21 @@ class Disturbances(Bench):
     seed: int = 0
 
     def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
-        """Return what a camera sees of the display, whose array is bowed, and some of whose lenslets are hidden."""
+        """Return the camera's projection of the display, with its bowed array and hidden lenslets."""
         return trace_projection(display, camera, samples, seed, disturbed(display, self))
 
     def move(self, camera: Camera) -> Camera:
-        """Return the camera as it stands for the second half of the photographs."""
+        """Return the camera of the second half of the photographs."""
         x, y, z = np.add(camera.position_mm, self.moved_mm).tolist()
         aim = np.add(camera.look_at_mm, self.moved_mm).tolist()
         return replace(camera, position_mm=(x, y, z), look_at_mm=(aim[0], aim[1], aim[2]))
 
     def photograph(
-        self, seen: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
+        self, projection: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
     ) -> CameraValues:
-        """Return the values that the camera stores: with dead pixels, reflections, a blur, and outliers."""
+        """Return the camera's values, with dead pixels, reflections, a blur, and outliers."""
         dead = np.random.default_rng((self.seed, 0xDEAD)).random(light.shape[:2]) < self.dead_pixels
-        picture = seen.photograph(np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light))
+        picture = projection.photograph(np.where(dead if light.ndim == 2 else dead[..., None], np.float32(0.0), light))
         added = reflected(picture.shape[:2], self.reflection, self.bright_spot, seed)
         added *= sensor.exposure / max(gain, 1e-30)
         picture = picture + (added if picture.ndim == 2 else added[..., None])
@@ -72,19 +69,19 @@ class Disturbances(Bench):
         if self.outliers == 0.0:
             return values
         # The same camera pixels in all photographs.
-        chosen = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < self.outliers
+        outliers = np.random.default_rng((seed, 0x0DD)).random(values.shape[:2]) < self.outliers
         noise = rng.integers(0, np.iinfo(values.dtype).max, values.shape, values.dtype, endpoint=True)
-        return np.where(chosen if values.ndim == 2 else chosen[..., None], noise, values)
+        return np.where(outliers if values.ndim == 2 else outliers[..., None], noise, values)
 
 
 def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fast") -> Tracer:
-    """Return the tracer through the array as it is: bowed, and some of its lenslets hidden."""
+    """Return the tracer through the bowed array with hidden lenslets."""
     deeper = display.misaligned(gap_mm=1.0)
     front = System.of(display).last_face_mm
 
     def trace(origin: Floats, direction: Floats) -> Hits:
         if disturbances.bow_mm != 0.0:
-            # A raised lenslet: the ray comes from as much lower, and goes as much farther, on a straight line.
+            # A raised lenslet is equivalent to a lower start of the ray, and a panel that is as much deeper.
             t = (front - origin[:, 2]) / direction[:, 2]
             height = bow_height(display, disturbances.bow_mm, origin[:, :2] + t[:, None] * direction[:, :2])
             origin = origin - np.stack([0.0 * height, 0.0 * height, height], axis=1)
@@ -102,20 +99,20 @@ def disturbed(display: Display, disturbances: Disturbances, engine: Engine = "fa
 
 
 def bow_height(display: Display, bow_mm: float, place_mm: Floats) -> Floats:
-    """Return how far a bowed array is raised at places (N, 2), mm from the panel's centre."""
+    """Return a bowed array's height at places (N, 2), mm from the panel's centre."""
     reach = math.hypot(0.5 * display.panel.width_mm, 0.5 * display.panel.height_mm)
     return np.asarray(bow_mm * (place_mm**2).sum(axis=1) / reach**2)
 
 
 def hidden(lenslet: Indices, share: float, seed: int) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets (N, 2) are hidden: this share of them, the same for the same seed."""
+    """Tell which lenslets (N, 2) are hidden, the same for the same seed."""
     i, j = lenslet.T % DUST_PERIOD
     dust = np.random.default_rng((seed, 0xD057)).random((DUST_PERIOD, DUST_PERIOD)) < share
     return np.asarray(dust[i, j])
 
 
 def reflected(shape: tuple[int, int], reflection: float, bright_spot: float, seed: int) -> Light:
-    """Return the light that a lamp adds to each photograph, (height, width): smooth patches, and a spot."""
+    """Return the light of a lamp in each photograph, (height, width): smooth patches, and a spot."""
     rng = np.random.default_rng((seed, 0x1A3B))
     height, width = shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float32)
@@ -138,9 +135,8 @@ def corners_mm(display: Display) -> Floats:
 
 
 def framed(camera: Camera, display: Display, fill: float = FILL) -> Camera:
-    """Return the camera with the focal length at which the panel fills this share of the picture."""
+    """Return the camera with the focal length at which the panel fills a fraction of the picture."""
     ideal = replace(camera, focal_px=1.0, principal_px=(0.0, 0.0), k1=0.0, k2=0.0)
     reach = np.abs(ideal.project(corners_mm(display))).max(axis=0)
-    return replace(
-        camera, focal_px=fill * float(min(np.array([0.5 * camera.width_px, 0.5 * camera.height_px]) / reach))
-    )
+    half = np.array([0.5 * camera.width_px, 0.5 * camera.height_px])
+    return replace(camera, focal_px=fill * float(min(half / reach)))

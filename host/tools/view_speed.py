@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 WIDTH_PX, HEIGHT_PX = 800, 600
 COUNT_S = 5.0
 
-#: Seconds from the start of the navigation until the first view is on the canvas: reading a pixel waits for it.
+#: Seconds from the start of the navigation to the first view on the canvas: reading a pixel waits for it.
 OPENED = """
 lippmann.viewer.then((viewer) => new Promise((done) => requestAnimationFrame(() => {
   const gl = viewer.renderer.gl;
@@ -50,7 +50,7 @@ COUNTED = """
 
 
 def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
-    """Measure pages of the fish, and of noise, which no coding makes smaller, on both of the paper's displays."""
+    """Measure pages of the fish and of incompressible noise on the founding paper's displays."""
     scene = load_scene(scenes / "fish/fish.xml")
     for name in ("paper-square", "paper-hex"):
         display = load_display(scenes / f"displays/{name}.toml")
@@ -65,10 +65,7 @@ def measure(scenes: Path, seed: int) -> Iterator[dict[str, Any]]:
 
 
 def _measured(html: bytes) -> dict[str, Any]:
-    """Return a page's size, seconds until its first view, and frames a second as laid out and when it fills the window.
-
-    `full_cpu_seconds` is the processor time, of all the browser's processes, for a frame that fills the window.
-    """
+    """Return a page's size, seconds until its first view, and frame rates as laid out and filling the window."""
     with tempfile.TemporaryDirectory() as folder, browser_page(WIDTH_PX, HEIGHT_PX) as page:
         file = Path(folder) / "page.html"
         file.write_bytes(html)
@@ -80,19 +77,14 @@ def _measured(html: bytes) -> dict[str, Any]:
         before = _processor_seconds(page)
         full_frames, full_seconds, *full_px = page.evaluate(COUNTED, COUNT_S)
         used = _processor_seconds(page) - before
-    return {
-        "page_mb": len(html) / 1e6,
-        "open_seconds": opened,
-        "page_px": tuple(page_px),
-        "page_rate": frames / seconds,
-        "full_px": tuple(full_px),
-        "full_rate": full_frames / full_seconds,
-        "full_cpu_seconds": used / full_frames,
-    }
+    row = {"page_mb": len(html) / 1e6, "open_seconds": opened}
+    row |= {"page_px": tuple(page_px), "page_rate": frames / seconds}
+    row |= {"full_px": tuple(full_px), "full_rate": full_frames / full_seconds}
+    return {**row, "full_cpu_seconds": used / full_frames}
 
 
 def _processor_seconds(page: Page) -> float:
-    """Return the processor time so far, seconds, of the browser's running processes."""
+    """Return the processor seconds of the browser's running processes."""
     browser = page.context.browser
     assert browser is not None
     processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]

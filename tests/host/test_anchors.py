@@ -59,7 +59,6 @@ def test_a_netlist_without_a_pll():
 def netlist(tmp_path, monkeypatch):
     """A netlist of those cells, a nextpnr that says what it is told to, and the netlists that it was given."""
     given, shares = [], iter([0.8, 0.9, 0.7, 0.9])
-    monkeypatch.setattr(anchors, "repository", lambda: tmp_path)
 
     def placed(command, record=None):
         trial, share = int(command[command.index("--seed") + 1]), next(shares)

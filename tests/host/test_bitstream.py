@@ -378,7 +378,7 @@ def test_a_seed_that_is_never_routed_is_given_up(routed, tmp_path, monkeypatch):
         (tmp_path / "nextpnr-ecp5").write_text("#!/bin/sh\nexit 1\n")
     (row,) = routed(*endless, patience_min=3)
     assert row["missed"] == "not routed after 3 min"
-    assert "not routed after 3 min" in "\n".join(bitstream._told(row))
+    assert "not routed after 3 min" in "\n".join(bitstream.describe(row))
 
 
 def _soon(run_program, *arguments, timeout_s, **more):

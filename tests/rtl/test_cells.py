@@ -240,7 +240,7 @@ def test_design_elaborates(name):
     """yosys reads each design, checks its hierarchy, and finds no loop and no net with two drivers."""
     said = run_tool([SYNTHESISER, "-p", f"{source(DESIGNS[name]).commands}; proc; check -assert"])
     assert "Found and reported 0 problems" in said
-    assert stages(DESIGNS[name].named) > 30
+    assert stages(DESIGNS[name].variant) > 30
 
 
 @pytest.mark.full
