@@ -176,7 +176,7 @@ def test_where_usb_is_not_listed_the_loader_looks(place, monkeypatch, capsys):
         ('echo "JTAG init failed with: usb_open() failed: Permission denied"; exit 1', "sudo usermod -aG plugdev"),
         ('echo "unable to open ftdi device: -4 (usb_open() failed)"; exit 1', "may not use the board"),
         ('echo "Error: found 2 matching devices"; exit 1', "several adapters of its kind are on USB (Error: found 2"),
-        ('echo "Error: found 12 matching devices"; exit 1', "name one with --serial: lippmann doctor tells the"),
+        ('echo "Error: found 12 matching devices"; exit 1', "name one with --serial: lippmann doctor lists the"),
         ('echo "multiple devices found"; echo "Error: exit"; exit 1', "name one with --serial"),
         ('echo "Error: no matching devices"; exit 1', "openFPGALoader failed (Error: no matching devices); plug"),
     ],

@@ -134,7 +134,7 @@ CAUSES = (
     (
         r"\b([2-9]|\d\d+) matching|\bmultiple (matching )?(adapter|board|cable|device)",
         "several adapters of its kind are on USB",
-        "name one with --serial: lippmann doctor tells the numbers",
+        "name one with --serial: lippmann doctor lists the serial numbers",
     ),
     (r"mismatch|id err", "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
     (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
@@ -234,7 +234,7 @@ def program(
     file = read_bitfile(path)
     board = board_of(path, file, name)
     if serial == "":
-        raise input_error("--serial", "is empty", "give the number that lippmann doctor or lsusb -v tells")
+        raise input_error("--serial", "is empty", "give a serial number that lippmann doctor lists")
     loader = LOADER.path()
     serial = choose_adapter(board, on_usb(board.usb), serial)
     logger.info(f"{path}: openFPGALoader writes it, which takes {'some minutes' if flash else 'a quarter of a minute'}")

@@ -19,33 +19,31 @@ from lippmann.base.files import is_full, made, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
-#: Commands in the order of the work. Each is a function `command` in a module of the command's name.
+#: Commands in the order of the work. Each is `command` in the module of its name.
 COMMANDS = (
     *("inspect", "fit", "trace", "vectors", "regress", "render", "layers", "animate", "capture", "observe", "view"),
     *("pattern", "calibrate", "export", "board", "stream", "play", "display", "live", "demo", "report", "doctor"),
 )
-#: Commands of earlier versions, and the answer to each.
-OLD_COMMANDS = {
-    "bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench",
-}
+#: Commands of earlier versions, and what replaces each.
+OLD_COMMANDS = {"bench": "measurements of Lippmann itself are made in a checkout: python -m tools.bench"}
 
 
 def summary_of(command: str) -> str:
-    """Return the first sentence of a command's help, from its source: to load all commands would take seconds."""
+    """Return the first sentence of a command's help, from its source: loading all commands takes seconds."""
     source = Path(__file__).with_name(f"{command}.py").read_text(encoding="utf-8")
     body = source.partition("\ndef command(")[2]
     return body.partition('"""')[2].partition("\n")[0].strip('"')
 
 
 class _Commands(click.Group):
-    """Loads a command's module when it is called, so that `--help` and the shell's completion are quick."""
+    """Loads the module of a command when it is called: help and completion are quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
-            # Shell completion, which is resilient, asks for the start of a name.
+            # Shell completion asks for parts of names.
             if ctx.resilient_parsing:
                 return None
             if cmd_name in OLD_COMMANDS:
@@ -60,7 +58,7 @@ class _Commands(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         commands = [CompletionItem(name, help=summary_of(name)) for name in COMMANDS if name.startswith(incomplete)]
-        # Of the group itself, click completes the options.
+        # click completes the group's options.
         return commands + click.Command.shell_complete(self, ctx, incomplete)
 
 
@@ -73,16 +71,15 @@ class _Commands(click.Group):
 def cli() -> None:
     """Integral photography: describe a display, trace its lenslets, render for it, look at it.
 
-    Exit codes: 0 done; 1 board, line or monitor failed; 2 wrong usage or bad input; 3 library missing, or no
-    space; 4 regress found wrong rays, calibrate a wrong display; 70 a fault of Lippmann's, to be reported; 130, 143 and
-    129 ended by Ctrl-C, by SIGTERM and by the loss of the terminal.
+    Exit codes: 0 done; 1 device failed; 2 bad usage or input; 3 library or disk space missing; 4 wrong rays or display;
+    70 a fault of Lippmann's, please report it; 130, 143, 129 ended by Ctrl-C, SIGTERM, loss of the terminal.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
 
 
 def run(arguments: list[str], command: click.Command = cli, name: str | None = "lippmann") -> int:
-    """Run the command line, or another command (None: named as it was called), and return the exit code."""
+    """Run the command line or another command, with the program's own name if None; return the exit code."""
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
@@ -93,7 +90,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     except SystemExit:
         raise
     except BrokenPipeError:
-        # Whoever read our output has enough of it: no failure.
+        # A reader that closes the pipe is no failure.
         _drop_output()
         return 0
     except BaseException as error:
@@ -103,13 +100,12 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     return code if isinstance(code, int) else 0
 
 
-#: What is said of a full disk when the system does not name the file.
+#: The message about a full disk without a file's name.
 FULL_DISK = "cannot write: no space left on the device; free space or choose another place"
-#: Longest line of an error.
-MOST_LETTERS = 1000
-#: Exit code of an error that no input should cause (EX_SOFTWARE of sysexits.h).
+MAX_LETTERS = 1000
+#: Exit code of an unexpected error (EX_SOFTWARE of sysexits.h).
 FAULT_CODE = 70
-#: What is said of a file that cannot be opened, where its reader does not say it.
+#: Remedies for files that cannot be opened.
 CANNOT_OPEN: dict[type[OSError], str] = {
     PermissionError: "you may not open it; change its permissions, or name another file",
     IsADirectoryError: "is a folder; name a file",
@@ -122,19 +118,18 @@ def _explain(error: BaseException) -> tuple[str, int]:
     if was_interrupted(error):
         return "interrupted; nothing half-written is left", interrupts.exit_code()
     if isinstance(error, click.exceptions.NoSuchOption | click.exceptions.NoSuchCommand) and error.possibilities:
-        del error.possibilities[1:]  # the likeliest only
+        del error.possibilities[1:]  # all but the likeliest
     if isinstance(error, click.ClickException):
         return error.format_message() + _usage(error), InputError.exit_code
     if is_full(error):
-        named = getattr(error, "filename", None)
-        error = no_space(str(named)) if named else NoSpaceError(FULL_DISK)
+        name = getattr(error, "filename", None)
+        error = no_space(str(name)) if name else NoSpaceError(FULL_DISK)
     if isinstance(error, MemoryError):
         error = InputError("out of memory; take a smaller panel or fewer samples")
     elif isinstance(error, ImportError) and not (error.name or "").startswith("lippmann"):
         error = missing_library(error)
     elif isinstance(error, OSError) and error.filename and error.strerror:
-        remedies = [remedy for kind, remedy in CANNOT_OPEN.items() if isinstance(error, kind)]
-        remedy = (*remedies, f"{error.strerror}; name another file")[0]
+        remedy = CANNOT_OPEN.get(type(error), f"{error.strerror}; name another file")
         error = InputError(f"{error.filename}: {remedy}")
     if isinstance(error, LippmannError):
         return str(error), error.exit_code
@@ -144,22 +139,21 @@ def _explain(error: BaseException) -> tuple[str, int]:
 
 
 def _fault(error: BaseException) -> str:
-    """Keep the traceback of an error that no input should cause in a file; return the line that says so."""
+    """Write an unexpected error's traceback to a file; return the message."""
     what = f"a fault of Lippmann's ({type(error).__name__}: {error})"
     trace = "".join(traceback.format_exception(error))
     try:
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", errors="replace", prefix="lippmann-fault-", suffix=".txt", delete=False
-        ) as file:
+        handle, path = tempfile.mkstemp(".txt", "lippmann-fault-")
+        with open(handle, "w", encoding="utf-8", errors="replace") as file:
             file.write(trace)
     except OSError as unwritable:
         click.echo(trace, err=True)
         return f"{what}; please report it with the traceback above (no file holds it: {unwritable.strerror})"
-    return f"{what}; please report it with the traceback in {file.name}"
+    return f"{what}; please report it with the traceback in {path}"
 
 
 def _usage(error: click.ClickException) -> str:
-    """Return where to read how to call the command; how, where an option is unlike all that it has."""
+    """Return a pointer to the help, and the usage if an option resembles no other."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         return ""
     if isinstance(error, click.exceptions.NoSuchOption) and not error.possibilities and error.ctx is not None:
@@ -168,7 +162,7 @@ def _usage(error: click.ClickException) -> str:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Tell whether Ctrl-C, or SIGTERM, is behind an error: libraries may wrap it, or fail to load because of it."""
+    """Tell whether Ctrl-C or SIGTERM caused an error, which libraries may wrap."""
     if interrupts.received:
         return True
     while error is not None:
@@ -183,18 +177,18 @@ def _fail(message: str, code: int, as_json: bool) -> int:
         click.echo(message, err=True)
         return code
     line = printable(" ".join(message.split()))
-    if len(line) > MOST_LETTERS:  # of a file's own words
-        line = f"{line[: MOST_LETTERS // 2]} ... {line[-MOST_LETTERS // 2 :]}"
+    if len(line) > MAX_LETTERS:  # it quotes a file
+        line = f"{line[: MAX_LETTERS // 2]} ... {line[-MAX_LETTERS // 2 :]}"
     click.echo(f"lippmann: {line}", err=True)
     try:
         if as_json:
             click.echo(json.dumps({"error": line, "exit_code": code}))
         sys.stdout.flush()
-    except OSError:  # said on stderr
+    except OSError:  # stderr has the message
         _drop_output()
     return code
 
 
 def _drop_output() -> None:
-    """Send what stdout holds nowhere: Python must not flush it at exit into a pipe or disk that takes nothing."""
+    """Discard stdout's buffer: at exit Python must not flush it into a closed pipe or full disk."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

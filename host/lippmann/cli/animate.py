@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 import click
 
@@ -13,9 +11,9 @@ from lippmann.base.animation import ANIMATION_SUFFIXES, animation_mb
 from lippmann.base.images import check_output
 from lippmann.base.tones import encoded_values
 from lippmann.base.variant import start_mitsuba
-from lippmann.cli.frame import Folder, argument, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point
-from lippmann.cli.options_rendering import RENDERING
+from lippmann.cli.frame import Folder, Name, argument, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, FOLDER, SEED, Point
+from lippmann.cli.options_rendering import RENDERING, SCHEDULER
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
@@ -24,40 +22,38 @@ from lippmann.eye.observer import Eye, observe, whole_window
 from lippmann.motion.film import Film, load_film
 from lippmann.motion.film_frames import FrameFolder, check_folder, choose_shading, plan_film, warn_of_frame
 from lippmann.motion.video import LOSSLESS_SUFFIXES, VIEW_SUFFIXES, even_window, write_video, write_views
-from lippmann.rendering.bands import BASE_MEMORY_MB, check_memory, check_memory_mb
+from lippmann.rendering.bands import BASE_MEMORY_MB, check_display_memory, check_memory_mb
 from lippmann.rendering.executors import choose_executor
 from lippmann.rendering.options import RenderOptions, Settings
-from lippmann.rendering.sampling import Window, colours_of
+from lippmann.rendering.sampling import Window
 from lippmann.rendering.sinks import render_into
 from lippmann.scenes.placement import SCALE_RANGE, warn_if_unplaced
 from lippmann.scenes.scene import check_scene_file
 
 MAX_VIEW_PX = 4096
-#: Most frames a second of a GIF: viewers show each for at least 20 ms.
+#: Maximum frame rate of a GIF: viewers show frames for at least 20 ms.
 GIF_SPEED = 50.0
 
 
 @make_command("animate")
 def command(
-    film_path: str = argument("FILM"),
+    film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
-    output: Folder = option("The frames' folder; made when missing."),
-    scale: float = option("Factor on the whole film, about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
-    fit: bool = option("Scale and move the whole film into the display's depth range.", False),
+    output: Folder = FOLDER,
+    scale: float = option("Scale about the display's centre.", 1.0, click.FloatRange(*SCALE_RANGE)),
+    fit: bool = option("Fit the film into the display's depth range."),
     options: RenderOptions = RENDERING,
-    video: str | None = option("The panel's frames as a lossless video.", None, metavar="FILE.mkv"),
-    view: str | None = option("What an eye sees of the film: .mp4, .gif or .png.", None, metavar="FILE"),
-    eye: Point | None = option("The eye of --view, mm; the display is at z = 0.", None),
-    width: int | None = option(f"Pixels of --view.  [default: {api.VIEW_PX}]", None, click.IntRange(2, MAX_VIEW_PX)),
-    cluster: str | None = option(
-        "Render on the workers of this Dask scheduler: tcp://HOST:8786.", None, metavar="ADDRESS"
-    ),
+    video: Name | None = option("Lossless video of the panel's frames.", metavar="FILE.mkv"),
+    view: Name | None = option("View of an eye: .mp4, .gif or .png."),
+    eye: Point | None = option("The eye of --view, mm."),
+    width: int | None = option(f"Pixels of --view.  [default: {api.VIEW_PX}]", kind=click.IntRange(2, MAX_VIEW_PX)),
+    cluster: str | None = SCHEDULER,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
     """Render a film, frame by frame, for a display.
 
-    Existing frames of the same scene, display and options are kept: after an interruption the same command continues.
+    Frames that are up to date are kept: after an interruption the same command continues.
 
     Example: lippmann animate scenes/films/swim.toml --display scenes/displays/paper-square.toml -o out/swim
     """
@@ -68,12 +64,12 @@ def command(
     if fit and scale != 1.0:
         raise InputError("--scale and --fit both place the film; leave one out")
     film, panel = load_film(film_path), display.panel
-    check_memory(panel.width_px, panel.height_px, options.settings, colours_of(panel))
+    check_display_memory(display, options.settings, f"display '{display.name}'")
     scene_path = check_scene_file(film.scene)
     if not fit:
         warn_if_unplaced(scene_path)
     check_folder(output, film.frames)
-    if video is not None:
+    if video:
         check_output(video, LOSSLESS_SUFFIXES)
     window = None if view is None else _view_window(view, film, display, width or api.VIEW_PX, options.settings)
     start_mitsuba(device)
@@ -85,41 +81,31 @@ def command(
     with progress_bar("frames") as progress:
         render_into(frames, choose_executor(scheduler=cluster, device=device), progress)
     seconds, rendered = time.perf_counter() - started, len(frames.missing_plans)
-    if video is not None:
+    if video:
         values = (encoded_values(image.radiance, panel.transfer, min(panel.bits, 8)) for image in frames.images())
         write_video(video, values, panel.width_px, panel.height_px, film.frames_per_second)
-    if view is not None and window is not None and eye is not None:
+    if view and window and eye:
         with progress_bar("view") as progress:
             views = (observe(one.radiance, display, Eye(eye), window).radiance for one in frames.images(progress))
             write_views(view, views, window, film.frames_per_second)
+    videos = [f"{path}: {film.frames / film.frames_per_second:.3g} s" for path in (video, view) if path]
+    cached = f", {film.frames - rendered} kept" if rendered < film.frames else ""
+    size = f"{film.frames} frames of {panel.width_px} x {panel.height_px}"
     result = {
         "folder": output, "film": film.name, "frames": film.frames, "frames_per_second": film.frames_per_second,
         "rendered": rendered, "kept": film.frames - rendered, "seconds": seconds, "video": video, "view": view,
     }  # fmt: skip
-    emit(result, _summary(output, film, display, rendered, seconds, (video, view)), display)
+    emit(result, [f"{output}: {size}, {rendered} rendered in {seconds:.1f} s{cached}", *videos], display)
 
 
-def _summary(
-    folder: Path, film: Film, display: Display, rendered: int, seconds: float, videos: Sequence[str | None]
-) -> list[str]:
-    """Return the lines about a finished film."""
-    kept = f", {film.frames - rendered} kept" if rendered < film.frames else ""
-    size = f"{display.panel.width_px} x {display.panel.height_px}"
-    films = [f"{video}: {film.frames / film.frames_per_second:.3g} s" for video in videos if video]
-    return [f"{folder}: {film.frames} frames of {size}, {rendered} rendered in {seconds:.1f} s{kept}", *films]
-
-
-def _view_window(path: str, film: Film, display: Display, width_px: int, settings: Settings) -> Window:
-    """Return the window of --view; refuse a file that cannot be written, or whose frames exceed the memory limit."""
+def _view_window(path: Name, film: Film, display: Display, width_px: int, settings: Settings) -> Window:
+    """Return the window of --view; refuse a bad file and frames beyond the memory limit."""
     suffix = check_output(path, VIEW_SUFFIXES + ANIMATION_SUFFIXES).suffix.lower()
     if suffix == ".gif" and film.frames_per_second > GIF_SPEED:
         raise InputError(f"{path}: a GIF shows at most {GIF_SPEED:g} frames a second; choose .mp4, .png or .apng")
     window = even_window(whole_window(display, width_px))
     count = film.frames if suffix in ANIMATION_SUFFIXES else 1
-    check_memory_mb(
-        BASE_MEMORY_MB + animation_mb(count, window.width_px, window.height_px),
-        settings.memory_mb,
-        f"{path}: {count} frames of {window.width_px} x {window.height_px} pixels in memory",
-        "give a smaller --width, or an .mp4 file",
-    )
+    needed_mb = BASE_MEMORY_MB + animation_mb(count, window.width_px, window.height_px)
+    what = f"{path}: {count} frames of {window.width_px} x {window.height_px} pixels in memory"
+    check_memory_mb(needed_mb, settings.memory_mb, what, "give a smaller --width, or an .mp4 file")
     return window

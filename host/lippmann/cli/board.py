@@ -15,15 +15,14 @@ from lippmann.board.session import REGISTERS, SCENE_BASE
 from lippmann.cli.board_start import start_command, stop_command
 from lippmann.cli.frame import argument, make_command, option
 from lippmann.cli.options import DISPLAY, vector
-from lippmann.cli.options_port import OPEN_BOARD, OpenBoard
+from lippmann.cli.options_port import FORCE_BOARD, OPEN_BOARD, OpenBoard
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError, device_error, did_you_mean, input_error
 from lippmann.fixed.registers import BOARD_REGISTERS, Field, Register
 
-#: A register's 32 bits.
 WORD = Field(0, 32)
-#: Bytes of the scene's addresses; addresses of the layers' looks, and the field with a layer's slot.
+#: Bytes of the scene's registers; addresses of the layers' looks; the field of a layer's slot.
 SCENE_BYTES = 0x400
 LOOKS = {register.address for name, register in REGISTERS.items() if name.endswith("_look")}
 LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
@@ -31,9 +30,9 @@ LOOK_SLOT = REGISTERS["scene.layer_0_look"].fields["slot"]
 
 @click.group("board")
 def command() -> None:
-    """Start a virtual board, or use a real or virtual one.
+    """Start a virtual board; use a real or virtual one.
 
-    Example: lippmann board start --display scenes/displays/paper-square.toml
+    Example: lippmann board info
     """
 
 
@@ -44,33 +43,24 @@ command.add_command(stop_command)
 @make_command("program", command)
 def program_command(
     file: Path = argument("FILE.bit"),
-    board: str | None = option("The board, for a bitstream that names none.", None, metavar="NAME"),
-    serial: str | None = option("Serial number of the board's USB adapter, where there are two boards.", None),
-    flash: bool = option("Write the board's flash memory: the FPGA loads it at each power-up.", False),
-    display_path: Path | None = option("Refuse a bitstream that is for another display.", None),
+    board: str | None = option("Kind of board, for a bitstream that names none.", metavar="NAME"),
+    serial: str | None = option("Serial number of the board's USB adapter."),
+    flash: bool = option("Write the flash memory: it outlasts power-off."),
+    display_path: Path | None = option("Refuse a bitstream for another display."),
 ) -> None:
-    """Load a bitstream into an FPGA board by openFPGALoader.
-
-    It stays until the board is switched off.
+    """Load a bitstream into an FPGA board by openFPGALoader, without --flash until power-off.
 
     Example: lippmann board program build/bitstream/ulx3s-vga-square.bit
     """
     header = read_bitfile(file)
-    if display_path is not None:
+    if display_path:
         display = load_display(display_path)
         if header.identity != display.identity:
             what = f"the bitstream is for display {header.identity or 'unknown'}, {display_path} is {display.identity}"
-            raise input_error(str(file), what, f"run make bitstream DISPLAY={display_path}")
+            raise input_error(file, what, f"run make bitstream DISPLAY={display_path}")
     programmed = program(file, board, serial, flash)
-    result = {
-        "file": file,
-        "board": programmed.name,
-        "device": header.device,
-        "display": header.display,
-        "identity": header.identity,
-        "design": header.design,
-        "flash": flash,
-    }
+    about = {name: getattr(header, name) for name in ("device", "display", "identity", "design")}
+    result = {"file": file, "board": programmed.name, **about, "flash": flash}
     what = f"{header.display} (design {header.design})" if header.display else str(file)
     emit(result, f"{programmed.name}: {'its flash memory holds' if flash else 'runs'} {what}")
 
@@ -83,7 +73,8 @@ def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
     """
     with open_board() as board:
         hello = board.info
-        registers = {name: board.read(register.address)[0] for name, register in BOARD_REGISTERS.items()}
+        registers = {name: board.word(name) for name in BOARD_REGISTERS}
+        counters = {name: count for name, count in registers.items() if name.startswith("counters")}
         result = {
             "port": board.line.url,
             "identity": f"{hello.identity:016x}",
@@ -94,45 +85,33 @@ def info_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
             **({} if hello.version < SCENE_VERSION else {"scene": vars(SceneBoard(board).build)}),
             "shown_crc": f"{registers['shown_crc']:08x}",
             "frames": registers["frames"],
-            "counters": {
-                name.removeprefix("counters_"): count
-                for name, count in registers.items()
-                if name.startswith("counters")
-            },
+            "counters": {name.removeprefix("counters_"): count for name, count in counters.items()},
         }
     texts = {k: ", ".join(f"{n} {x}" for n, x in v.items()) if isinstance(v, dict) else v for k, v in result.items()}
     emit(result, (f"{key:<12}{text}" for key, text in texts.items()))
 
 
 @make_command("setup", command)
-def setup_command(
-    display: Display = DISPLAY,
-    force: bool = option("Accept a board that drives another display.", False),
-    open_board: OpenBoard = OPEN_BOARD,
-) -> None:
-    """Write a display's optics to the board.
+def setup_command(display: Display = DISPLAY, force: bool = FORCE_BOARD, open_board: OpenBoard = OPEN_BOARD) -> None:
+    """Write a display's optics to the board, for its rays and test patterns.
 
-    The board needs them for its rays and its test patterns.
-
-    Example: lippmann board setup --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
+    Example: lippmann board setup --display scenes/displays/vga-square.toml
     """
     with open_board(None if force else display, "set it up") as board:
-        count = board.write_optics(display)
-        url = board.line.url
-    emit({"port": url, "writes": count}, f"{url}: optics of {display.name}", display)
+        result = {"port": board.line.url, "writes": board.write_optics(display)}
+    emit(result, f"{result['port']}: optics of {display.name}", display)
 
 
 @make_command("abort", command)
 def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """End the frame that a board's optics trace, and drop a start that waits.
+    """End the frame that a board's optics trace, or drop a waiting start.
 
-    It prints whether there was one. Requests that need the optics are refused while a frame runs. The panel and its
-    frame are not touched.
+    Requests that need the optics are refused until then. The panel's picture stays.
 
-    Example: lippmann board abort --port socket://127.0.0.1:4000
+    Example: lippmann board abort
     """
     with open_board() as board:
-        ran = board.frame_runs()  # a moment before: it may still end by itself
+        ran = board.frame_runs()  # it may end by itself
         board.abort()
         text = "the frame was ended" if ran else "no frame ran"
         emit({"port": board.line.url, "aborted": ran}, f"{board.line.url}: {text}")
@@ -140,11 +119,9 @@ def abort_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 
 @make_command("reset", command)
 def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
-    """Reset a board over its line, to its state after power-up.
+    """Reset a board to its state after power-up: black panel, no frames, tiles or registers.
 
-    The panel turns black; the board forgets frames, tiles and registers.
-
-    Example: lippmann board reset --port socket://127.0.0.1:4000
+    Example: lippmann board reset
     """
     with open_board() as board:
         board.reset()
@@ -154,31 +131,24 @@ def reset_command(*, open_board: OpenBoard = OPEN_BOARD) -> None:
 @make_command("check", command)
 def check_command(
     display: Display = DISPLAY,
-    region: tuple[int, ...] | None = option(
-        "Pixels to compare; default: all.", None, vector("LEFT,TOP,WIDTH,HEIGHT", int)
-    ),
+    region: tuple[int, ...] | None = option("Compare only these pixels.", kind=vector("LEFT,TOP,WIDTH,HEIGHT", int)),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
-    """Compare the board's rays with those of the integer twin.
+    """Compare the board's rays with the integer twin's, bit for bit, by one CRC-32.
 
-    Every bit must be equal. The board returns only one CRC-32 for all rays, so a slow line is enough for a whole panel.
-
-    Example: lippmann board check --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
+    Example: lippmann board check --display scenes/displays/vga-square.toml
     """
     panel = display.panel
-    left, top, width, height = region or (0, 0, panel.width_px, panel.height_px)
-    if not (0 <= left <= left + width - 1 < panel.width_px and 0 <= top <= top + height - 1 < panel.height_px):
+    column, row, width, height = region or (0, 0, panel.width_px, panel.height_px)
+    columns, rows = (column, column + width - 1), (row, row + height - 1)
+    if not (0 <= column <= columns[1] < panel.width_px and 0 <= row <= rows[1] < panel.height_px):
         what = f"is not inside a panel of {panel.width_px} x {panel.height_px} pixels"
         raise input_error("--region", what, "give pixels: LEFT,TOP,WIDTH,HEIGHT")
     with open_board(display) as board:
-        check = check_rays(board, display, (left, left + width - 1), (top, top + height - 1))
-        url = board.line.url
+        check, url = check_rays(board, display, columns, rows), board.line.url
     if not check.equal:
-        raise device_error(
-            url,
-            f"the board's rays differ from the twin's (CRC-32 {check.board_crc:08x}, not {check.twin_crc:08x})",
-            "update the board; compare single rays with lippmann trace --engine twin",
-        )
+        what = f"the board's rays differ from the twin's (CRC-32 {check.board_crc:08x}, not {check.twin_crc:08x})"
+        raise device_error(url, what, "update the board; compare single rays with lippmann trace --engine twin")
     result = {"port": url, "rays": check.rays, "crc": f"{check.board_crc:08x}", "equal": check.equal}
     emit(result, f"{url}: {check.rays} rays equal the twin's (CRC-32 {result['crc']})")
 
@@ -189,12 +159,11 @@ def read_command(
     count: int = argument(None, 1, kind=click.IntRange(1, 64)),
     open_board: OpenBoard = OPEN_BOARD,
 ) -> None:
-    """Read registers, by name or address.
+    """Read COUNT registers from a name or an address on.
 
-    COUNT words are read. Names of the optics block begin with `optics.` (address 0x200), those of a board's scene with
-    `scene.` (address 0x400).
+    Names of the optics block (address 0x200) begin with `optics.`, those of the scene (0x400) with `scene.`.
 
-    Example: lippmann board read display --port socket://127.0.0.1:4000
+    Example: lippmann board read display
     """
     target = _register(register)
     with open_board() as board:
@@ -206,14 +175,12 @@ def read_command(
 
 
 def _lines(address: int, word: int) -> Iterator[str]:
-    """Yield a register's address, word and name, and each field with its value and the value's meaning."""
-    at_address = (name for name, register in REGISTERS.items() if register.address == address)
-    name = next(at_address, "")
+    """Yield a register's address, word and name; each field's value and meaning."""
+    name = next((name for name, register in REGISTERS.items() if register.address == address), "")
     yield f"0x{address:03X}  0x{word:08X}  {name}".rstrip()
     for field_name, field in (REGISTERS[name].fields if name else {}).items():
-        value = field.value(word)
-        meaning = dict(field.names).get(value)
-        yield f"       {field_name} = {value}" + (f" ({meaning})" if meaning else "")
+        meaning = dict(field.names).get(field.value(word))
+        yield f"       {field_name} = {field.value(word)}" + (f" ({meaning})" if meaning else "")
 
 
 @make_command("write", command)
@@ -224,18 +191,18 @@ def write_command(
 ) -> None:
     """Write registers, by name or address.
 
-    VALUES are words for this register and the next ones, or fields of this register: FIELD=VALUE.
+    VALUES are words for this register and the next ones, or fields of this one: FIELD=VALUE.
 
-    Example: lippmann board write display pattern=4 --port socket://127.0.0.1:4000
+    Example: lippmann board write display pattern=4
     """
     target = _register(register)
     fields = target.fields
-    by_field = ["=" in value for value in values]
-    if any(by_field) and not (all(by_field) and fields):
+    by_field = any("=" in value for value in values)
+    if by_field and not (fields and all("=" in value for value in values)):
         raise InputError(f"{' '.join(values)}: give words, or FIELD=VALUE of a register name")
     if "write" not in target.access:
         raise input_error(register, "can only be read", "see docs/generated/board-registers.md")
-    numbers = [] if any(by_field) else [_number(value, value, WORD) for value in values]
+    numbers = [] if by_field else [_number(value, value, WORD) for value in values]
     if fields and len(numbers) == 1:  # a memory has no fields
         if numbers[0] & ~sum(field.mask for field in fields.values()):
             raise input_error(values[0], f"{register} has no field in some of these bits", f"use {', '.join(fields)}")
@@ -243,22 +210,19 @@ def write_command(
             _check_named(values[0], name, field, numbers[0])
     with open_board() as board:
         slots = _check_scene(board, register, target.address, len(values))
-        if any(by_field):
+        if by_field:
             numbers = [_changed(register, fields, values, board.read(target.address)[0])]
         for address, word in enumerate(numbers, target.address // 4):
             if 4 * address in LOOKS and (slot := LOOK_SLOT.value(word)) >= slots:
-                text = " ".join(values)
-                raise input_error(text, f"the board has no slot {slot}", f"it has {slots}: give 0 to {slots - 1}")
+                what = f"the board has no slot {slot}"
+                raise input_error(" ".join(values), what, f"it has {slots}: give 0 to {slots - 1}")
         board.write(target.address, numbers)
     result = {"address": target.address, "words": numbers}
     emit(result, f"0x{target.address:03X}  {' '.join(f'0x{n:08X}' for n in numbers)}")
 
 
 def _check_scene(board: Board, name: str, address: int, count: int) -> int:
-    """Return a board's number of slots, 0 for registers other than the scene's; refuse those that it does not have.
-
-    Raises DeviceError for a board that draws no scenes, InputError for a layer that it does not have.
-    """
+    """Return a board's slots, or 0 for registers outside the scene; refuse registers that it lacks."""
     if not SCENE_BASE <= address < SCENE_BASE + SCENE_BYTES:
         return 0
     build = SceneBoard(board).build
@@ -269,7 +233,7 @@ def _check_scene(board: Board, name: str, address: int, count: int) -> int:
 
 
 def _register(name: str) -> Register:
-    """Return a register by its name, or one without fields by its address."""
+    """Return a register by name, or by address without its fields."""
     if name in REGISTERS:
         return REGISTERS[name]
     try:
@@ -279,28 +243,27 @@ def _register(name: str) -> Register:
         raise input_error(name, "no such register", remedy) from None
 
 
-def _check_named(argument_text: str, name: str, field: Field, word: int) -> None:
-    """Refuse a word with an undefined value in a field; `argument_text` is what the user wrote."""
-    value = (word & field.mask) >> field.low
-    if field.names and value not in dict(field.names):
-        listed = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
-        raise input_error(argument_text, f"{name} {value} is not defined", f"choose from {listed}")
+def _check_named(where: str, name: str, field: Field, word: int) -> None:
+    """Refuse an undefined value of a field."""
+    if field.names and field.value(word) not in dict(field.names):
+        values = ", ".join(f"{number} {meaning}" for number, meaning in field.names)
+        raise input_error(where, f"{name} {field.value(word)} is not defined", f"choose from {values}")
 
 
-def _number(argument_text: str, text: str, field: Field) -> int:
-    """Return the register word of a number in a field; `argument_text` is what the user wrote."""
+def _number(where: str, text: str, field: Field) -> int:
+    """Return the register word of a number in a field."""
     try:
         number = int(text, 0)
     except ValueError:
-        raise input_error(argument_text, "is not an integer", "give one such as 12 or 0x1F") from None
+        raise input_error(where, "is not an integer", "give one such as 12 or 0x1F") from None
     low, high = field.limits
     if not low <= number <= high:
-        raise input_error(argument_text, "is out of range", f"give {low} to {high}")
+        raise input_error(where, "is out of range", f"give {low} to {high}")
     return field.bits(number)
 
 
 def _changed(register: str, fields: dict[str, Field], values: tuple[str, ...], word: int) -> int:
-    """Return a register's word with some of its fields changed."""
+    """Return a register's word after changes to its fields."""
     names = [value.partition("=")[0] for value in values]
     if len(set(names)) < len(names):
         raise InputError(f"{' '.join(values)}: a field is named twice; name each once")

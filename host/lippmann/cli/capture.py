@@ -1,8 +1,7 @@
-"""`lippmann capture`: the integral image that an imaging lens, a microlens array and a camera capture."""
+"""The command `lippmann capture`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ from lippmann.base.machine import peak_memory_mb
 from lippmann.base.variant import current_device
 from lippmann.capturing.capture import placement_before, shown_depth
 from lippmann.capturing.capture_setup import Pickup, Setup, load_setup
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options import DEVICE, SEED
+from lippmann.cli.frame import Name, argument, make_command, option
+from lippmann.cli.options import DEVICE, PICTURE, SEED
 from lippmann.cli.options_rendering import SETTINGS
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
@@ -27,52 +26,45 @@ from lippmann.rendering.sampling import Aperture
 from lippmann.scenes.placement import warn_if_unplaced
 from lippmann.scenes.scene import Scene, check_scene_file
 
-#: The settings of a render that `lippmann.capture` takes.
+#: The parameters of `lippmann.capture` that `Settings` has.
 CAPTURE_SETTINGS = ("samples", "integrator", "max_depth", "seed", "memory_mb", "shading")
 
 
 @make_command("capture")
 def command(
-    scene_path: str = argument("SCENE"),
+    scene_path: Name = argument("SCENE"),
     setup_path: Path = option("Set-up file (.toml)."),
-    output: Path = option(".exr or .tif linear, .png for the panel.", metavar="OUT"),
+    output: Path = PICTURE,
     rotate: bool | None = option(
-        "Rotate each elemental image by 180 degrees, so that depth comes out right.  [default: --rotate, for "
-        "concave lenslets --no-rotate]",
-        None,
+        "Rotate elemental images by 180 degrees, for correct depth.  [default: unless lenslets are concave]",
         flag="--rotate/--no-rotate",
     ),
-    size: int | None = option("Width of the image in pixels, for the same window.  [default: the display's]", None),
-    display_out: Path | None = option("Write the file of the display that shows the image (.toml).", None),
-    aperture: Aperture | None = option(
-        "For a pickup: rays over the whole lenslet, or chief rays.  [default: full]", None
-    ),
+    size: int | None = option("Width of the image, pixels.  [default: the display's]"),
+    display_out: Path | None = option("Also write the file of the display for the image (.toml)."),
+    aperture: Aperture | None = option("For a pickup: full lenslet, or chief rays.  [default: full]"),
     settings: Settings = SETTINGS,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Capture a scene through an imaging lens and a microlens array.
-
-    The result is an integral image for a display.
+    """Capture a scene through an imaging lens and a microlens array, as an integral image for a display.
 
     Example: lippmann capture scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o fish.exr
     """
     path, setup = check_output(output), load_setup(setup_path)
     setup = setup if size is None else setup.resized(size)
-    if display_out is not None:
+    if display_out:
         check_output(display_out, (".toml",))
         if display_out.exists() and display_out.read_bytes() != display_text(setup.display).encode():
-            what = "exists already and is not the display of this image"
-            raise input_error(str(display_out), what, "give another name")
+            raise input_error(display_out, "exists already and is not the display of this image", "give another name")
     rotate = not setup.concave if rotate is None else rotate
     scene_file = check_scene_file(scene_path)
     warn_if_unplaced(scene_file)
     scene = api.load_scene(scene_file, placement_before(setup, scene_file, setup_path), device)
+    values = {name: getattr(settings, name) for name in CAPTURE_SETTINGS}
     with progress_bar("capture") as progress:
-        chosen = {name: getattr(settings, name) for name in CAPTURE_SETTINGS}
-        image = api.capture(scene, setup, rotate=rotate, aperture=aperture, progress=progress, **chosen)
+        image = api.capture(scene, setup, rotate=rotate, aperture=aperture, progress=progress, **values)
     image.save(path)
-    if display_out is not None:
+    if display_out:
         write_file(display_out, display_text(setup.display))
     result = {
         **_geometry(setup, scene, rotate),
@@ -89,19 +81,19 @@ def command(
     emit(result, _text(result), setup.display)
 
 
-def _text(result: Mapping[str, Any]) -> str:
+def _text(result: dict[str, Any]) -> str:
     low, high = result["shown_depth_mm"]
-    shading = "shared light, " if result["shading"] == "shared" else ""
+    light = "shared light, " if result["shading"] == "shared" else ""
     form = (
         "{output}: {width_px} x {height_px}, {light}{image} {relief} image from {low:.1f} to {high:.1f} mm on "
         "'{display}', vignetting {vignetting_percent:.2f} %, lost in the array {array_loss_percent:.2f} %, "
         "{seconds:.2f} s ({rate:.2f} M samples/s)"
     )
-    return form.format(**result, light=shading, low=low, high=high, rate=result["samples_per_second"] / 1e6)
+    return form.format(**result, light=light, low=low, high=high, rate=result["samples_per_second"] / 1e6)
 
 
 def _geometry(setup: Setup, scene: Scene, rotated: bool) -> dict[str, Any]:
-    """Return the distances of a capture by the lens equations, for the result."""
+    """Return the distances of a capture by the lens equations."""
     far, near = scene.depth_range_mm
     depth = shown_depth(setup, [far, near], rotated)
     image = "real" if depth.min() >= 0.0 else "virtual" if depth.max() <= 0.0 else "real and virtual"

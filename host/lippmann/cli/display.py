@@ -1,4 +1,4 @@
-"""`lippmann display`: an image on a monitor of this machine, pixel by pixel."""
+"""The command `lippmann display`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import click
 from lippmann.base.fullscreen import full_screen
 from lippmann.base.images import check_input
 from lippmann.board.panel_frames import Target, load_frame
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options import finite
+from lippmann.cli.frame import Name, argument, make_command, option
+from lippmann.cli.options import FORCE, finite
 from lippmann.cli.options_port import BAUD, opened_board
 from lippmann.cli.output import emit
 from lippmann.display.description import Display
@@ -17,17 +17,15 @@ from lippmann.errors import InputError
 
 @make_command("display")
 def command(
-    image: str = argument(),
-    display: Display | None = option("Display file; its panel is the monitor.", None),
-    port: str | None = option("A board that knows the display behind the monitor.", None, metavar="URL"),
+    image: Name = argument("IMAGE"),
+    display: Display | None = option("Display file whose panel is the monitor."),
+    port: str | None = option("A board that reports the monitor's display.", metavar="URL"),
     baud: int | None = BAUD,
     monitor: int = option("Number of the monitor, from 0.", 0, click.IntRange(0)),
-    seconds: float | None = option("Duration; default: until Escape or q is pressed.", None, finite(0.0)),
-    force: bool = option("Show an image that was rendered for another display, or names none.", False),
+    seconds: float | None = option("Duration.  [default: until Escape or q]", kind=finite(0.0)),
+    force: bool = FORCE,
 ) -> None:
-    """Show an image on a monitor, full-screen and unscaled.
-
-    The monitor is the panel behind the microlens array.
+    """Show an image full-screen and unscaled on a monitor, the panel behind the microlens array.
 
     Example: lippmann display out/fish.png --display scenes/displays/uhd-4k.toml --monitor 1
     """
@@ -43,11 +41,6 @@ def command(
     pixels = load_frame(image, target, None, panel, force)
     with full_screen((target.width, target.height), monitor) as show:
         show(pixels, seconds)
-    result = {
-        "image": image,
-        "monitor": monitor,
-        "width": target.width,
-        "height": target.height,
-        "identity": f"{target.identity:016x}",
-    }
+    size = {"width": target.width, "height": target.height}
+    result = {"image": image, "monitor": monitor, **size, "identity": f"{target.identity:016x}"}
     emit(result, f"{image}: shown on monitor {monitor}, {target.width} x {target.height}")

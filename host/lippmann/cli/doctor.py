@@ -1,11 +1,11 @@
-"""`lippmann doctor`: check of this machine's libraries, tools and ports."""
+"""The command `lippmann doctor`."""
 
 from __future__ import annotations
 
-import importlib.metadata
 import re
 import sys
 from collections.abc import Callable, Iterator
+from importlib import metadata
 from typing import Any
 
 from lippmann import __version__
@@ -17,7 +17,7 @@ from lippmann.cli.output import emit
 from lippmann.errors import EXTRA_MODULES, DeviceError, LippmannError, MissingLibraryError, missing_library, to_install
 from lippmann.simulation.toolchain import RTL_TOOLS
 
-#: The error of a machine without the libraries of ports; None where they are installed.
+#: The error when the libraries of ports are missing, else None.
 NO_PORTS: MissingLibraryError | None = None
 try:
     from lippmann.board.bitstreams import LOADER
@@ -31,14 +31,12 @@ NO_ANSWER = "the port opens, but no board answers at any baud rate; check the bo
 
 @make_command("doctor")
 def command(
-    port: str | None = option(
-        "Look for a board at this port, at each common baud rate (a second each).", None, metavar="URL"
-    ),
+    port: str | None = option("Look for a board at this port, at each common baud rate.", metavar="URL"),
 ) -> int:
     """Check libraries, rendering, the RTL's tools and serial ports.
 
-    Exit code 3: something that is needed is missing; with --port, 1: no board answers there. The RTL's tools are
-    needed only for simulation (`trace --engine rtl`, the virtual board), synthesis and proofs.
+    Exit code 3: something required is missing; with --port, 1: no board answers. Only simulation (`trace --engine rtl`,
+    the virtual board), synthesis and proofs require the RTL's tools.
 
     Example: lippmann doctor
     """
@@ -50,8 +48,8 @@ def command(
     check("python", sys.version_info >= (3, 11), sys.version.split()[0])
     for package, extra in _packages():
         try:
-            check(package, True, importlib.metadata.version(package), needed=not extra)
-        except importlib.metadata.PackageNotFoundError:
+            check(package, True, metadata.version(package), needed=not extra)
+        except metadata.PackageNotFoundError:
             check(package, False, f"not installed; {to_install(extra)}", needed=not extra)
     for device, needed in (("llvm", True), ("cuda", False)):
         try:
@@ -87,21 +85,20 @@ def command(
 
 
 def _check_ports(check: Callable[..., None]) -> None:
-    """Check the files of boards, and the serial ports of known adapters."""
     try:
         fpga_boards()
-    except LippmannError as error:  # of a reader's own board: the ports are looked at all the same
+    except LippmannError as error:  # in the file of a user's own board
         check("board files", False, str(error), needed=False)
     adapters = adapter_ports()
     for url in ports():
-        # Opening a port moves its control lines, which resets some devices.
+        # Opening a port resets some devices.
         trouble = port_trouble(url) if url in adapters else None
         detail = "serial port, can be opened" if url in adapters else "serial port, not a known USB adapter: not opened"
         check(url, trouble is None, f"{_board_text(url)}{trouble or detail}", needed=False)
 
 
 def _board_text(url: str) -> str:
-    """Return what is known of a port's board, and the number that `board program --serial` takes; else nothing."""
+    """Return a port's board, if known, with the number for `board program --serial`."""
     board, info = board_of_port(url), port_info(url)
     if board is None or info is None:
         return ""
@@ -110,9 +107,9 @@ def _board_text(url: str) -> str:
 
 
 def _packages() -> Iterator[tuple[str, str]]:
-    """Yield the packages that Lippmann requires, as its own metadata name them, and the extra of each or ""."""
-    yield "drjit", "render"  # which Mitsuba brings
-    for line in importlib.metadata.requires("lippmann") or []:
+    """Yield the required packages from Lippmann's metadata, and the extra of each or ""."""
+    yield "drjit", "render"  # required by Mitsuba
+    for line in metadata.requires("lippmann") or []:
         package, _, condition = line.partition(";")
         extra = "".join(re.findall(r'extra == "(\w+)"', condition))
         if extra in ("", *EXTRA_MODULES) and not package.startswith("lippmann["):

@@ -1,10 +1,9 @@
-"""`lippmann export`: scenes and pictures in the forms of other tools, a sub-command for each."""
+"""The commands `lippmann export`."""
 
 from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,9 @@ from lippmann.capturing.capture import check_placement, placement_before
 from lippmann.capturing.capture_setup import load_setup
 from lippmann.capturing.povray_export import POVRAY, export_display, write_folder
 from lippmann.capturing.povray_optics import setup_view
-from lippmann.cli.frame import Folder, argument, flag_of, make_command, option
+from lippmann.cli.frame import Folder, Name, argument, flag_of, make_command, option
 from lippmann.cli.observe import MAX_VIEW_PX
-from lippmann.cli.options import DEVICE, DISPLAY, MAX_NUMBERS, SEED, Point, finite, vector
+from lippmann.cli.options import DEVICE, DISPLAY, FOLDER, MAX_NUMBERS, SEED, Point, finite, vector
 from lippmann.cli.options_rendering import MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import with_progress
@@ -41,90 +40,81 @@ from lippmann.scenes.window_views import EYES, eyes_note, eyes_text, quilt_path,
 
 @click.group("export")
 def command() -> None:
-    """Write scenes and pictures in the forms of other tools.
+    """Write scenes and pictures in the formats of other tools.
 
-    Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
+    Example: lippmann export quilt --help
     """
 
 
 @make_command("povray", command)
 def povray(
-    scene_path: str = argument("SCENE"),
-    display: Display | None = option("Display file (.toml): the rays of its pixels.", None),
-    setup_path: Path | None = option("Set-up file (.toml): camera, lenslets and imaging lens.", None),
-    output: Folder = option("The files' folder; made when missing."),
-    model: Model | None = option("Lens model of a display's rays.  [default: exact]", None),
+    scene_path: Name = argument("SCENE"),
+    display: Display | None = option("Display file (.toml): export the rays of its pixels."),
+    setup_path: Path | None = option("Set-up file (.toml): export its camera and lenses."),
+    output: Folder = FOLDER,
+    model: Model | None = option("Lens model of a display's rays.  [default: exact]"),
     device: str = DEVICE,
 ) -> None:
     """Write files that POV-Ray 3.7 renders to linear images.
 
-    With a set-up, its camera, lenslets and imaging lens are objects in POV-Ray's scene, which renders the image of
-    `lippmann capture --no-rotate`. With a display, POV-Ray traces one ray for each of its pixels.
+    With a set-up, its optics are objects in POV-Ray's scene: the image of `lippmann capture --no-rotate`. With a
+    display, POV-Ray traces one ray for each pixel.
 
-    A scene may contain spheres, rectangles, ply and obj meshes; diffuse, plastic, mirror and dielectric materials;
-    bitmaps; point lights. Anything else is an error.
+    docs/reference/povray.md lists what a scene may contain; anything else is an error.
 
     Example: lippmann export povray scenes/fish/fish.xml --setup scenes/setups/fig8a.toml -o out/pov
     """
     if (display is None) == (setup_path is None):
-        raise InputError("give one of --display and --setup, which POV-Ray shall render through")
-    if model is not None and setup_path is not None:
-        raise InputError("--model is for --display: a set-up's lenslets are objects in POV-Ray's scene; leave it out")
-    folder = output
+        raise InputError("give one of --display and --setup")
+    if model and setup_path:
+        raise InputError("--model is for --display; leave it out with --setup")
     path = check_scene_file(scene_path)
-    make_folder(folder, "choose another place with -o")
+    make_folder(output, "choose another place with -o")
     if kind_of(path) != "mitsuba":
-        raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes only those")
-    if setup_path is not None:
+        raise input_error(scene_path, "is no Mitsuba scene", "give an .xml: POV-Ray's export takes no other")
+    if setup_path:
         setup = load_setup(setup_path)
         view, panel = setup_view(setup), setup.display.panel
         start_mitsuba(device)
         scene = load_scene(path, placement_before(setup, path, setup_path))
         check_placement(scene, setup)
-        exported = write_folder(scene, view, folder)
+        exported = write_folder(scene, view, output)
     else:
         assert display is not None
         panel = display.panel
         start_mitsuba(device)
-        exported = export_display(load_scene(path), display, model or "exact", folder)
-    at = POVRAY.find()
-    result = {
-        "folder": folder,
-        **vars(exported),
-        "width_px": panel.width_px,
-        "height_px": panel.height_px,
-        "povray": at,
-    }
-    lines = [
-        f"{folder}: {len(exported.files)} files; render: cd {shlex.quote(str(folder))} && povray {exported.ini.name}"
-    ]
+        exported = export_display(load_scene(path), display, model or "exact", output)
+    program = POVRAY.find()
+    size = {"width_px": panel.width_px, "height_px": panel.height_px}
+    result = {"folder": output, **vars(exported), **size, "povray": program}
+    line = f"cd {shlex.quote(str(output))} && povray {exported.ini.name}"
+    lines = [f"{output}: {len(exported.files)} files; render: {line}"]
     if exported.spare_rows:
         lines.append(f"POV-Ray's image has {exported.spare_rows} row more than the panel: remove the top row")
-    if at is None:
+    if program is None:
         lines.append(f"POV-Ray is not installed; {POVRAY.remedy}")
     emit(result, lines)
 
 
 @dataclass(frozen=True)
 class _Subject:
-    """What is looked at: a scene, or the display that shows an image."""
+    """A scene, or a display that shows an image, and its viewer."""
 
     display: Display
     window: Window
     view_from: Viewer
     scene: Scene | None
 
-    @property
-    def middle(self) -> Point:
-        """The middle eye, mm."""
-        return eyes_of(self.display, 1)[0]
+    def place(self, eye: Point | None) -> Point:
+        """Return the position of an eye, or of the middle one, mm."""
+        return eyes_of(self.display, 1)[0] if eye is None else eye
 
 
 def _subject(
-    source: str = argument("SOURCE"),
+    source: Name = argument("SOURCE"),
     display: Display = DISPLAY,
     width: int = option("Width of a view, pixels.", 400, click.IntRange(1, MAX_VIEW_PX)),
-    samples: int = option("Rays for each pixel of a view.", 16, click.IntRange(1, MAX_SAMPLES)),
+    samples: int = option("Rays for each pixel.", 16, click.IntRange(1, MAX_SAMPLES)),
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
@@ -133,7 +123,7 @@ def _subject(
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the views would be {window.height_px} pixels high; give a smaller --width")
     if Path(source).suffix.lower() in SUFFIXES:
-        for name in moved.given:
+        for name in moved.changes:
             raise InputError(f"{flag_of(name)} is for scenes; leave it out with an image")
         image = IntegralImage.load(source, display)
         start_mitsuba(device)
@@ -144,12 +134,11 @@ def _subject(
     return _Subject(display, window, scene_viewer(scene, window, Settings(samples=samples, seed=seed)), scene)
 
 
-#: The options of all views.
 SUBJECT: Any = _subject
-CONE = option(
-    "Angle between the outermost eyes, degrees.  [default: the viewing zone]", None, finite(0.0), flag="--cone"
-)
-DISTANCE = option("Distance of the eyes, mm.  [default: the display's]", None, finite(0.0), flag="--distance")
+CONE = option("Angle between the outermost eyes, degrees.  [default: the viewing zone]", kind=finite(0.0))
+DISTANCE = option("Distance of the eyes, mm.  [default: the display's]", kind=finite(0.0))
+EYE = option("Position of the eye, mm.  [default: the middle one]")
+LINEAR = option("EXR files of linear light instead of PNG.")
 DEPTHS = vector("Z,Z,...", remedy="give a list of numbers such as -20,0,20")
 TILES = click.IntRange(1, MAX_NUMBERS)
 
@@ -157,148 +146,132 @@ TILES = click.IntRange(1, MAX_NUMBERS)
 @make_command("quilt", command)
 def quilt(
     subject: _Subject = SUBJECT,
-    output: Path = option("The quilt; the tiling is added to its name.", metavar="FILE.png"),
+    output: Path = option("The quilt; its name gets the tiling.", metavar="FILE.png"),
     columns: int = option("Views across.", 8, TILES),
     rows: int = option("Views up.", 6, TILES),
     cone: float | None = CONE,
     distance: float | None = DISTANCE,
 ) -> None:
-    """Write a quilt, as Looking Glass displays and their tools read it: NAME_qs8x6a0.75.png.
+    """Write a quilt for Looking Glass displays and their tools: NAME_qs8x6a0.75.png.
 
-    SOURCE is a scene, or an integral image, whose views are those through the display's lenslets. The first view, of
-    the leftmost eye, is at the bottom left, the last one at the top right.
+    SOURCE is a scene, or an integral image seen through the lenslets. The leftmost eye's view is at the bottom left.
 
     Example: lippmann export quilt scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o fish.png
     """
     window = subject.window
-    path = check_output(quilt_path(output, columns, rows, window.width_px / window.height_px))
-    eyes = [Eye(at) for at in eyes_of(subject.display, columns * rows, 1, cone, distance)]
-    check_memory_mb(
-        BASE_MEMORY_MB + len(eyes) * window.width_px * window.height_px * 12 / 1e6,
-        None,
-        f"{len(eyes)} views of {window.width_px} x {window.height_px} pixels",
-        "give a smaller --width or fewer views",
-    )
+    aspect = window.width_px / window.height_px
+    path = check_output(quilt_path(output, columns, rows, aspect))
+    places = eyes_of(subject.display, columns * rows, 1, cone, distance)
+    text = f"{len(places)} views of {window.width_px} x {window.height_px} pixels"
+    needed_mb = BASE_MEMORY_MB + len(places) * window.width_px * window.height_px * 12 / 1e6
+    check_memory_mb(needed_mb, None, text, "give a smaller --width or fewer views")
+    eyes = [Eye(place) for place in places]
     picture = tiled(map(subject.view_from, with_progress("views", eyes)), columns, rows)
-    eyes_metadata = eyes_note((window.width_mm, window.height_mm), [eye.position_mm for eye in eyes])
-    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": subject.display.name, **eyes_metadata})
+    metadata = eyes_note((window.width_mm, window.height_mm), places)
+    write_picture(path, picture, {"quilt": f"{columns}x{rows}", "display": subject.display.name, **metadata})
     result = {
         "output": path,
         "columns": columns,
         "rows": rows,
-        "aspect": window.width_px / window.height_px,
+        "aspect": aspect,
         "width_px": picture.shape[1],
         "height_px": picture.shape[0],
         "view_width_px": window.width_px,
         "view_height_px": window.height_px,
-        "eyes_mm": [list(eye.position_mm) for eye in eyes],
+        "eyes_mm": places,
     }
-    emit(result, f"{path}: {columns * rows} views of {window.width_px} x {window.height_px} pixels")
+    emit(result, f"{path}: {text}")
 
 
 @make_command("views", command)
 def views(
     subject: _Subject = SUBJECT,
-    output: Folder = option("The views' folder; made when missing."),
+    output: Folder = FOLDER,
     across: int = option("Eyes from left to right.", 9, TILES),
     down: int = option("Rows of eyes, from the bottom.", 1, TILES),
     cone: float | None = CONE,
     distance: float | None = DISTANCE,
-    linear: bool = option("EXR files of linear light instead of PNG.", False),
+    linear: bool = LINEAR,
 ) -> None:
     """Write the views of a scene or an integral image, a file each, and views.json with their eyes.
 
     Example: lippmann export views fish.exr --display scenes/displays/paper-square.toml -o out/views
     """
-    eyes = [Eye(at) for at in eyes_of(subject.display, across, down, cone, distance)]
-    names = _write_folder(subject, eyes, output, "view", linear)
-    window = subject.window
-    text = eyes_text(
-        (window.width_mm, window.height_mm),
-        names,
-        [eye.position_mm for eye in eyes],
-        width_px=window.width_px,
-        height_px=window.height_px,
-        across=across,
-        down=down,
-    )
+    places, window = eyes_of(subject.display, across, down, cone, distance), subject.window
+    names = _write_folder(subject, [Eye(place) for place in places], output, "view", linear)
+    counts = {"width_px": window.width_px, "height_px": window.height_px, "across": across, "down": down}
+    text = eyes_text((window.width_mm, window.height_mm), names, places, **counts)
     write_file(output / EYES, text)
-    emit(
-        {"folder": output, **json.loads(text)},
-        f"{output}: {len(eyes)} views of {window.width_px} x {window.height_px} pixels",
-    )
+    summary = f"{output}: {len(places)} views of {window.width_px} x {window.height_px} pixels"
+    emit({"folder": output, **json.loads(text)}, summary)
 
 
 @make_command("focal-stack", command)
 def focal_stack(
     subject: _Subject = SUBJECT,
-    output: Folder = option("The pictures' folder; made when missing."),
-    eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None),
-    pupil: float = option("Diameter of its pupil, mm; a camera's lens is wider than an eye's.", 10.0, finite(0.0)),
-    depths: tuple[float, ...] | None = option("Depths z in focus, mm.  [default: five in the scene]", None, DEPTHS),
+    output: Folder = FOLDER,
+    eye: Point | None = EYE,
+    pupil: float = option("Diameter of the pupil, or of a camera's lens, mm.", 10.0, finite(0.0)),
+    depths: tuple[float, ...] | None = option("Depths z in focus, mm.  [default: five in the scene]", kind=DEPTHS),
     count: int = option("Number of depths through the scene.", 5, TILES),
-    linear: bool = option("EXR files of linear light instead of PNG.", False),
+    linear: bool = LINEAR,
 ) -> None:
-    """Write what one eye with a wide pupil sees, focused at one depth after the other, a file each.
+    """Write what an eye with a wide pupil sees, focused at one depth after the other, a file each.
 
     Example: lippmann export focal-stack scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o out/focus
     """
-    at = subject.middle if eye is None else eye
+    at = subject.place(eye)
     if depths is not None:
         focus = list(depths)
     elif subject.scene is not None:
         focus = focus_depths(subject.scene.depth_range_mm, count)
     else:
-        raise InputError("an image does not tell the depths of its scene; give --depths")
+        raise InputError("an image does not tell depths; give --depths")
     eyes = [Eye(at, pupil, z) for z in focus]
     names = _write_folder(subject, eyes, output, "focus", linear)
     pictures = [{"file": name, "focus_mm": z} for name, z in zip(names, focus, strict=True)]
-    emit(
-        {"folder": output, "eye_mm": list(at), "pupil_mm": pupil, "pictures": pictures},
-        [f"{output}: {len(eyes)} pictures, in focus at {', '.join(f'{z:.4g}' for z in focus)} mm"],
-    )
+    result = {"folder": output, "eye_mm": list(at), "pupil_mm": pupil, "pictures": pictures}
+    emit(result, f"{output}: {len(eyes)} pictures, in focus at {', '.join(f'{z:.4g}' for z in focus)} mm")
 
 
 @make_command("depth", command)
 def depth(
     subject: _Subject = SUBJECT,
     output: Path = option("Depths z: .tif in mm, or .png in 16 bits, the farthest 0."),
-    eye: Point | None = option("Position of the eye, mm.  [default: the middle one]", None),
+    eye: Point | None = EYE,
 ) -> None:
-    """Write how far away a scene is in each pixel of an eye's view.
+    """Write the depth z of a scene in each pixel of an eye's view.
 
-    Pixels without a surface are as far as the farthest.
+    Pixels without a surface get the farthest depth.
 
     Example: lippmann export depth scenes/fish/fish.xml --display scenes/displays/vga-square.toml -o depth.tif
     """
     path = check_output(output, (".tif", ".tiff", ".png"))
     if subject.scene is None:
         raise InputError("an integral image does not tell depths; give the scene")
-    at = Eye(subject.middle if eye is None else eye).position_mm
+    at = Eye(subject.place(eye)).position_mm
     depths = first_depths(subject.scene, at, subject.window)
-    there = np.isfinite(depths)
-    if not there.any():
+    hit = np.isfinite(depths)
+    if not hit.any():
         raise InputError("the eye sees no surface; give another --eye")
-    far, near = float(depths[there].min()), float(depths[there].max())
-    depths[~there] = far
+    far, near = float(depths[hit].min()), float(depths[hit].max())
+    depths[~hit] = far
     metadata = {"depth": "z, mm, towards the viewer", "far_mm": repr(far), "near_mm": repr(near)}
     is_png = path.suffix.lower() == ".png"
     values = (depths - far) / max(near - far, 1e-9) if is_png else depths
     write_picture(path, np.repeat(values[..., None], 3, axis=2), metadata, "linear", 16)
-    empty = float(1.0 - there.mean())
+    empty = float(1.0 - hit.mean())
     result = {"output": path, "eye_mm": list(at), "far_mm": far, "near_mm": near, "empty_share": empty}
     emit(result, f"{path}: depths from {far:.4g} to {near:.4g} mm; {100 * empty:.1f} % of the pixels see no surface")
 
 
-def _write_folder(subject: _Subject, eyes: Sequence[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
-    """Write what eyes see into a folder, a file each; return their names. InputError when it holds others."""
+def _write_folder(subject: _Subject, eyes: list[Eye], folder: Path, stem: str, linear: bool) -> list[str]:
+    """Write what eyes see, a file each; return the names. Refuse a folder with other such files."""
     make_folder(folder, "choose another place with -o")
     names = [f"{stem}_{k:04d}.{'exr' if linear else 'png'}" for k in range(len(eyes))]
     others = sorted({path.name for path in folder.glob(f"{stem}_[0-9][0-9][0-9][0-9].*")} - set(names))
     if others:
-        raise input_error(
-            str(folder), f"holds {others[0]} of another export", "choose another -o, or remove the folder"
-        )
+        raise input_error(folder, f"holds {others[0]} of another export", "choose another -o, or remove the folder")
     for name, eye in zip(names, with_progress("views", eyes), strict=True):
         write_picture(folder / name, subject.view_from(eye), {})
     return names

@@ -1,4 +1,4 @@
-"""`lippmann fit`: the cheapest model, samples and build of the RTL, and layers of a scene, that meet a tolerance."""
+"""The command `lippmann fit`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from lippmann.base.variant import own_variant
 from lippmann.cli.frame import argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, SEED, TEXELS, vector
 from lippmann.cli.options_rendering import MOVED, Moved
@@ -21,60 +22,57 @@ from lippmann.layers.layer_choice import BLOCK_RAMS, MULTIPLIERS, SLOTS, TOLERAN
 from lippmann.optics.display_properties import display_properties
 from lippmann.optics.model_choice import TOLERANCE
 from lippmann.rendering.options import Settings
-from lippmann.rendering.plan import open_scene, place_scene
 from lippmann.scenes.scene import check_scene_file
 
 
 @make_command("fit")
 def command(
     display: Display = argument("DISPLAY.toml"),
-    tolerance: float = option("Largest error, in pixels of the reconstructed view; greater than 0.", TOLERANCE),
+    tolerance: float = option("Maximum error, pixels of the reconstructed view; above 0.", TOLERANCE),
     depths: tuple[float, float] | None = option(
-        "The scene's range of z, mm.  [default: the display's own depth range]", None, vector("FAR,NEAR")
+        "The scene's range of z, mm.  [default: the display's depth range]", kind=vector("FAR,NEAR")
     ),
-    scene: Path | None = option("Scene (.xml): also choose the layers of it that a board draws.", None),
-    tolerance_db: float = option("Least PSNR of the layers' view at any place of a moving eye, dB.", TOLERANCE_DB),
+    scene: Path | None = option("Scene (.xml): also choose its layers for a board that draws."),
+    tolerance_db: float = option("Minimum PSNR of the layers' view, wherever the eye moves, dB.", TOLERANCE_DB),
     slot: tuple[tuple[int, int], ...] = option(
-        f"Texels of a slot that is tried; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
+        f"Size of a slot to try; may be repeated.  [default: {', '.join(f'{w}x{h}' for w, h in SLOTS)}]",
         SLOTS,
         TEXELS,
         multiple=True,
     ),
-    block_rams: int = option("Most block RAMs of the drawing.", BLOCK_RAMS, click.IntRange(1)),
-    multipliers: int = option("Most multipliers of the drawing.", MULTIPLIERS, click.IntRange(1)),
+    block_rams: int = option("Maximum block RAMs for the drawing.", BLOCK_RAMS, click.IntRange(1)),
+    multipliers: int = option("Maximum multipliers for the drawing.", MULTIPLIERS, click.IntRange(1)),
     moved: Moved = MOVED,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Choose the cheapest lens model, samples and RTL build; of a scene also the layers and the build that draws them.
+    """Choose the cheapest lens model, samples and RTL build; with --scene also layers and a build for them.
 
-    Their errors stay within --tolerance for the display's chief rays. The reasons are printed.
+    Errors of the display's chief rays stay within --tolerance. The reasons are printed.
 
-    Example: lippmann fit scenes/displays/paper-square.toml --tolerance 0.25 --depths -40,30
+    Example: lippmann fit scenes/displays/paper-square.toml --depths -40,30
     """
-    if scene is None and moved.given:
-        raise InputError(f"{flag_of(next(iter(moved.given)))} places a scene; give --scene too")
+    if scene is None and moved.changes:
+        raise InputError(f"{flag_of(next(iter(moved.changes)))} places a scene; give --scene too")
     far, near = depths or display_properties(display).depth_range_mm
     if not far <= near:
         raise input_error("--depths", f"{far:g} is nearer to the viewer than {near:g}", "give FAR,NEAR")
-    display_fit = fit(display, (far, near), tolerance)
-    build = None if display_fit.build is None else display_fit.build.as_dict()
+    best = fit(display, (far, near), tolerance)
     result = {
         "tolerance": tolerance,
         "depths_mm": [far, near],
-        "model": display_fit.choice.model,
-        "model_errors": display_fit.choice.error_px,
-        "samples": display_fit.samples,
-        "sample_error": display_fit.sample_error_px,
-        "build": build,
-        "build_error": display_fit.build_error_px,
+        "model": best.choice.model,
+        "model_errors": best.choice.error_px,
+        "samples": best.samples,
+        "sample_error": best.sample_error_px,
+        "build": best.build and best.build.as_dict(),
+        "build_error": best.build_error_px,
     }
-    lines = [str(display_fit.choice), _samples(display_fit, tolerance), _build(display_fit, tolerance)]
-    if scene is not None:
-        settings, checked = Settings(samples=16, seed=seed), check_scene_file(scene)
-        placement, arrange = moved.placement(checked), moved.arrange(checked)
-        with progress_bar("fit") as progress, open_scene(checked, placement, device) as loaded:
-            placed = place_scene(loaded, display, arrange)
+    lines = [str(best.choice), _samples(best, tolerance), _build(best, tolerance)]
+    if scene:
+        settings, path = Settings(samples=16, seed=seed), check_scene_file(scene)
+        with progress_bar("fit") as progress, own_variant(device):
+            placed = moved.load(path, display)
             choice = choose_layers(placed, display, tolerance_db, slot, block_rams, multipliers, settings, progress)
         result |= {
             "tolerance_db": tolerance_db, "layers": choice.chosen, "best": choice.best, "limit": choice.limit,
@@ -85,30 +83,24 @@ def command(
     emit(result, (head, *lines), display)
 
 
-def _samples(display_fit: Fit, tolerance: float) -> str:
-    if display_fit.samples is None:
-        enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(display_fit.sample_error_px)
-        return (
-            f"samples: {MOST_SAMPLES} a pixel, the most, are not enough for {tolerance:g} at these depths; "
-            f"they are enough for --tolerance {enough:g}"
-        )
-    return (
-        f"samples {display_fit.samples} per pixel: its light is at most {display_fit.sample_error_px:.2g} from a ray "
-        f"(tolerance {tolerance:g})"
-    )
+def _samples(best: Fit, tolerance: float) -> str:
+    error = best.sample_error_px
+    if best.samples is None:
+        enough = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(error)
+        refusal = f"samples: {MOST_SAMPLES} a pixel, the maximum, are not enough for {tolerance:g} at these depths"
+        return f"{refusal}; they are enough for --tolerance {enough:g}"
+    return f"samples {best.samples} per pixel: its light is at most {error:.2g} from a ray (tolerance {tolerance:g})"
 
 
-def _build(display_fit: Fit, tolerance: float) -> str:
-    build, error = display_fit.build, display_fit.build_error_px
+def _build(best: Fit, tolerance: float) -> str:
+    build, error = best.build, best.build_error_px
     if build is None and math.isinf(error):
         return "RTL: no build can hold this display or give its rays"
     if build is None:
         return f"RTL: no build is within {tolerance:g} (smallest error {error:.2g})"
     kind = f"{build.model}, {build.grid}" + ", near eye" * build.converge
-    return (
-        f"RTL {kind}, F {build.fraction_bits}: the cheapest hardware and the shortest words within {tolerance:g} "
-        f"(error {error:.2g})"
-    )
+    quality = f"the cheapest hardware and the shortest words within {tolerance:g} (error {error:.2g})"
+    return f"RTL {kind}, F {build.fraction_bits}: {quality}"
 
 
 def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
@@ -131,5 +123,5 @@ def _layers(choice: LayerChoice, tolerance_db: float) -> Iterator[str]:
 
 
 def _cut(decibels: float) -> str:
-    """Return decibels rounded down, so that what misses a tolerance shows less than it."""
+    """Return decibels rounded down, so that no figure below a tolerance shows as the tolerance."""
     return f"{math.floor(100.0 * decibels) / 100.0:.2f}"

@@ -1,21 +1,21 @@
-"""`lippmann inspect`: the numbers that follow from a display file."""
+"""The command `lippmann inspect`."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import click
 
+from lippmann.base import toml
 from lippmann.base.images import check_output
-from lippmann.base.toml import schema
 from lippmann.base.tones import transfer_name
-from lippmann.cli.frame import Choice, argument, make_command, option
+from lippmann.cli.frame import Choice, Name, argument, make_command, option
 from lippmann.cli.options import Point
 from lippmann.cli.output import emit
 from lippmann.display.description import Display, load_display
@@ -31,9 +31,9 @@ from lippmann.optics.display_properties import (
 )
 from lippmann.optics.zones import Zone, viewing_distance
 
-#: Kinds of files of --zones and --draw.
+#: File types of --zones and --draw.
 DRAWING_SUFFIXES = (".svg", ".png")
-#: Kind of TOML file -> module and class that declare it.
+#: Module and class of each kind of TOML file.
 FILES = {
     "display": ("lippmann.display.description", "DisplayFile"),
     "setup": ("lippmann.capturing.capture_setup", "SetupFile"),
@@ -47,40 +47,37 @@ FILES = {
 
 
 def schema_of(kind: str) -> dict[str, Any]:
-    """Return the JSON Schema of a kind of TOML file (a name of `FILES`)."""
+    """Return the JSON Schema of a kind of TOML file (a key of `FILES`)."""
     module, declared = FILES[kind]
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"Lippmann {kind} file"}
-    return {**head, **schema(getattr(import_module(module), declared))}
+    return {**head, **toml.schema(getattr(import_module(module), declared))}
 
 
 @make_command("inspect")
 def command(
-    display_path: str | None = argument("DISPLAY.toml", None),
-    kind: str | None = option(
-        "Print the JSON Schema of a kind of TOML file.", None, Choice(tuple(FILES)), flag="--schema"
-    ),
-    eye: Point | None = option("Tell what an eye sees from here, mm.", None),
-    zones: Path | None = option("Picture of the zones of eyes, from above.", None, metavar="FILE.svg|.png"),
-    draw: Path | None = option("Drawing of the panel and some lenslets.", None, metavar="FILE.svg|.png"),
+    display_path: Name | None = argument("DISPLAY.toml"),
+    schema: str | None = option("Print the JSON Schema of a kind of TOML file.", kind=Choice(tuple(FILES))),
+    eye: Point | None = option("Also print what an eye here sees, mm."),
+    zones: Path | None = option("Draw the zones of eyes from above.", metavar="FILE.svg|.png"),
+    draw: Path | None = option("Draw the panel and some lenslets.", metavar="FILE.svg|.png"),
 ) -> None:
     """Print the properties of a display file, with units and warnings, and what eyes will see.
 
-    With --schema it reads no display: it prints the JSON Schema with which an editor checks TOML files.
+    With --schema print the JSON Schema with which an editor checks TOML files, and read no display.
 
     Example: lippmann inspect scenes/displays/paper-square.toml
     """
-    if kind is not None:
-        click.echo(json.dumps(schema_of(kind), indent=2))
+    if schema:
+        click.echo(json.dumps(schema_of(schema), indent=2))
         return
     if display_path is None:
         raise click.UsageError("Missing argument 'DISPLAY.toml'.")
-    pictures = [check_output(path, DRAWING_SUFFIXES) for path in (zones, draw) if path is not None]
+    pictures = [check_output(path, DRAWING_SUFFIXES) for path in (zones, draw) if path]
     if len(set(pictures)) < len(pictures):
         raise click.UsageError("--zones and --draw name the same file; give two names")
     display = load_display(display_path)
     derived = display_properties(display)
     views = table_of_views(display)
-    at_usual = views[DISTANCES.index(1.0)]
     eye_view = None if eye is None else eye_views(display, [eye])[0]
     panel, array = display.panel, display.array
     result = {
@@ -88,21 +85,19 @@ def command(
         "identity": display.identity,
         "panel": {**panel.keys, "width_mm": panel.width_mm, "height_mm": panel.height_mm},
         "array": array.keys,
-        "gap_mm": display.gap_mm,
-        "viewing_distance_mm": display.viewing_distance_mm,
-        "viewing_axis_mm": display.viewing_axis_mm,
-        **dataclasses.asdict(derived),
+        **{name: getattr(display, name) for name in ("gap_mm", "viewing_distance_mm", "viewing_axis_mm")},
+        **asdict(derived),
         "distances": [_as_json(view) for view in views],
-        "eye": None if eye_view is None else _as_json(eye_view),
+        "eye": eye_view and _as_json(eye_view),
     }
     if pictures:
-        from lippmann.eye import display_drawing  # at its first use: it loads the engines
+        from lippmann.eye import display_drawing  # it loads the engines
 
-        if zones is not None:
+        if zones:
             display_drawing.draw_zones(display, zones, eye)
-        if draw is not None:
+        if draw:
             display_drawing.draw_display(display, draw)
-    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, at_usual.zone_mm)]
+    lines = [f"{name:<22}{value}" for name, value in _rows(display, derived, views[DISTANCES.index(1.0)].zone_mm)]
     if eye_view is not None:
         x, y, z = eye_view.eye_mm
         outside = "" if eye_view.sees_all else ": outside the zone, it sees crosstalk or dark lenslets somewhere"
@@ -112,18 +107,17 @@ def command(
 
 
 def _as_json(view: EyeView) -> dict[str, object]:
-    zone = view.zone_mm
-    return {**dataclasses.asdict(view), "zone_mm": None if zone is None else zone._asdict()}
+    return {**asdict(view), "zone_mm": view.zone_mm and view.zone_mm._asdict()}
 
 
 def _crosstalk(view: EyeView) -> str:
-    """Return the share of crosstalk in words; an eye that gets no light sees none, and nothing else either."""
+    """Return the fraction of crosstalk, or "dark" for an eye that gets no light."""
     share = view.status_share
     return percent(share["crosstalk"], not view.sees_all) if share["ok"] or share["crosstalk"] else "dark"
 
 
-def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
-    """Yield a line of headings and a line for each eye."""
+def _table(display: Display, views: list[EyeView]) -> Iterator[str]:
+    """Yield the headings, and a line for each eye."""
     form = "{:>8}  {:<12}{:<17}{:<18}{:<12}{:<10}{}"
     yield form.format("z, mm", "crosstalk", "zone, mm", "depth, mm", "view step", "lenslet", "moire")
     for view in views:
@@ -141,7 +135,6 @@ def _table(display: Display, views: Sequence[EyeView]) -> Iterator[str]:
 
 
 def _rows(display: Display, derived: DisplayProperties, zone: Zone | None) -> Iterator[tuple[str, str]]:
-    """Yield the names and values that the command prints."""
     panel, array = display.panel, display.array
     across, down, total = derived.lenslets
     plane, (far, near) = derived.central_depth_plane_mm, derived.depth_range_mm

@@ -1,4 +1,4 @@
-"""`lippmann layers`: a scene as a few layers, which a board draws by itself."""
+"""The command `lippmann layers`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import click
 
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
-from lippmann.cli.frame import Folder, argument, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, SEED, TEXELS
+from lippmann.base.variant import own_variant
+from lippmann.cli.frame import Folder, Name, argument, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, FOLDER, SEED, TEXELS
 from lippmann.cli.options_rendering import LIGHT, MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
@@ -35,26 +36,25 @@ from lippmann.layers.layers_folder import (
 from lippmann.layers.scene_cutting import SLOT, Cut
 from lippmann.layers.stack import MAX_LAYERS
 from lippmann.rendering.options import Settings
-from lippmann.rendering.plan import open_scene, place_scene
 from lippmann.scenes.scene import Part, Scene, check_scene_file, load_scene
 
-#: Layers of a scene, unless --count tells.
+#: Default number of a scene's layers.
 COUNT = 4
-#: Numbers of layers that --costs measures, up to --count.
+#: Numbers of layers that --costs measures.
 MEASURED = (1, 2, 3, 4, 6, 8)
 
 
 @make_command("layers")
 def command(
-    scene_path: str = argument("SCENE"),
+    scene_path: Name = argument("SCENE"),
     display: Display = DISPLAY,
-    output: Folder = option("Folder for the layers; it is made."),
-    count: int | None = option(f"Number of layers.  [default: {COUNT}]", None, click.IntRange(1, MAX_LAYERS)),
-    apart: str | None = option("Shapes by id (`*`, `?`) that become a layer of their own, to move.", None),
-    slot: tuple[int, int] = option("Most texels of a layer.  [default: 256x192]", SLOT, TEXELS),
+    output: Folder = FOLDER,
+    count: int | None = option(f"Number of layers.  [default: {COUNT}]", kind=click.IntRange(1, MAX_LAYERS)),
+    apart: str | None = option("Shapes by id (`*`, `?`) with a layer of their own, to move."),
+    slot: tuple[int, int] = option("Maximum texels of a layer.  [default: 256x192]", SLOT, TEXELS),
     samples: int = option("Samples for each texel.", 16, click.IntRange(1, 4096)),
-    filter: Filter = option("Filter that the printed hardware and decibels are for.", "nearest"),
-    costs: Path | None = option("Table: decibels over the number of layers, up to --count.", None, metavar="OUT.csv"),
+    filter: Filter = option("Texture filter of the printed hardware and decibels.", "nearest"),
+    costs: Path | None = option("Table of decibels for 1 to --count layers.", metavar="OUT.csv"),
     light: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
@@ -69,45 +69,43 @@ def command(
     table = None if costs is None else check_output(costs, (".csv",))
     cuts: list[tuple[Cut, list[float]]]
     if is_pictures(scene_path):
-        if moved.given or apart is not None or table is not None:
-            raise InputError(f"{scene_path}: pictures have their places; leave out --apart, --costs and placements")
+        if moved.changes or apart is not None or table:
+            raise InputError(f"{scene_path}: pictures have places; leave out --apart, --costs and placements")
         cut, names = cut_pictures(scene_path, display, slot)
         if count not in (None, len(names)):
             what = f"its {len(names)} pictures make {len(names)} layers, not {count}"
-            raise input_error(scene_path, what, "leave out --count, or change the pictures in the file")
+            raise input_error(scene_path, what, "leave out --count, or change the file")
         cuts = [(cut, [])]
     else:
-        settings = replace(light, samples=samples)
-        checked = check_scene_file(scene_path)
-        placement, arrange = moved.placement(checked), moved.arrange(checked)
+        settings, path = replace(light, samples=samples), check_scene_file(scene_path)
         count = COUNT if count is None else count
-        least = 1 if apart is None else 2
-        counts = [k for k in MEASURED if table is not None and least <= k < count] + [count]
-        measured_filter = None if table is None else filter
-        with progress_bar("layers") as progress, open_scene(checked, placement, device) as loaded:
-            placed = place_scene(loaded, display, arrange)
+        minimum = 1 if apart is None else 2
+        counts = [k for k in MEASURED if table and minimum <= k < count] + [count]
+        measured_filter = filter if table else None
+        with progress_bar("layers") as progress, own_variant(device):
+            placed = moved.load(path, display)
             parts = _split_parts(placed, apart)
             cuts = list(measured_cuts(placed, parts, display, counts, slot, settings, measured_filter, progress))
         cut = cuts[-1][0]
         names = tuple("apart" if k == cut.apart else f"layer_{k}" for k in range(len(cut.stack.layers)))
     check_for_display(cut.stack, display, scene_path)
     file = save_layers(output, cut.stack, names)
-    rows = [row_of(one, seen, slot, filter) for one, seen in cuts]
-    if table is not None:
+    rows = [row_of(one, decibels, slot, filter) for one, decibels in cuts]
+    if table:
         _write_table(table, rows)
     depths = [(name, layer.depth_mm) for name, layer in zip(names, cut.stack.layers, strict=True)]
     warn_of_textures(cut.stack, names)
     warn_of_depths(depths, display)
     _warn_if_undrawable(cut, display, names)
-    emit({"output": file, **_json(cut, names), "costs": rows}, _text(file, cut, names, rows), display)
+    emit({"output": file, "layers": [*_json(cut, names)], "costs": rows}, _text(file, cut, names, rows), display)
 
 
 def _split_parts(scene: Scene, apart: str | None) -> tuple[Scene, Scene | None]:
-    """Return what is cut by depths, and the shapes `apart`, which become a layer of their own."""
+    """Return what is cut by depths, and the shapes `apart`."""
     if apart is None:
         return scene, None
-    rest = load_scene(scene.path, scene.placement, part=Part(apart, matching=False))
-    return rest, load_scene(scene.path, scene.placement, part=Part(apart))
+    others = load_scene(scene.path, scene.placement, part=Part(apart, matching=False))
+    return others, load_scene(scene.path, scene.placement, part=Part(apart))
 
 
 def _write_table(path: Path, rows: list[Row]) -> None:
@@ -117,22 +115,10 @@ def _write_table(path: Path, rows: list[Row]) -> None:
         writer.writerows(rows)
 
 
-def _json(cut: Cut, names: tuple[str, ...]) -> dict[str, Any]:
-    layers = zip(names, cut.stack.layers, cut.slabs, cut.palette_db, strict=True)
-    return {
-        "layers": [
-            {
-                "name": name,
-                "depth_mm": layer.depth_mm,
-                "front_mm": slab.front_mm,
-                "back_mm": slab.back_mm,
-                "width": layer.width,
-                "height": layer.height,
-                "palette_db": palette_db,
-            }
-            for name, layer, slab, palette_db in layers
-        ]
-    }
+def _json(cut: Cut, names: tuple[str, ...]) -> Iterator[dict[str, Any]]:
+    for name, layer, slab, palette_db in zip(names, cut.stack.layers, cut.slabs, cut.palette_db, strict=True):
+        depths = {"depth_mm": layer.depth_mm, "front_mm": slab.front_mm, "back_mm": slab.back_mm}
+        yield {"name": name, **depths, "width": layer.width, "height": layer.height, "palette_db": palette_db}
 
 
 def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[Row]) -> Iterator[str]:
@@ -142,13 +128,13 @@ def _text(file: Path, cut: Cut, names: tuple[str, ...], rows: list[Row]) -> Iter
         quality = "exact" if math.isinf(palette_db) else f"{palette_db:.1f} dB"
         yield f"{name:<16} {where:<14} {layer.width:>4} x {layer.height:<4} palette {quality}"
     for row in rows:
-        seen = f"the eye's view {row['view_db']:.1f} dB (at least {row['worst_db']:.1f}), " if "view_db" in row else ""
-        spent = f"{row['load_bytes']} bytes, {row['block_rams']} block RAMs, {row['multipliers']} multipliers"
-        yield f"{_layers(row['layers'])}: {seen}{spent}"
+        view = f"the eye's view {row['view_db']:.1f} dB (at least {row['worst_db']:.1f}), " if "view_db" in row else ""
+        cost = f"{row['load_bytes']} bytes, {row['block_rams']} block RAMs, {row['multipliers']} multipliers"
+        yield f"{_layers(row['layers'])}: {view}{cost}"
 
 
 def _warn_if_undrawable(cut: Cut, display: Display, names: tuple[str, ...]) -> None:
-    """Warn when the registers of a board cannot hold the layers, which golden draws."""
+    """Warn when a board's registers cannot hold the layers."""
     try:
         scene_words(display, cut.stack, scene_build_of(cut.stack, "nearest", 1), names=names)
     except InputError as error:

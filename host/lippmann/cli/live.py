@@ -1,4 +1,4 @@
-"""`lippmann live`: a scene on a display, moved by mouse and keys."""
+"""The command `lippmann live`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from lippmann.base.machine import peak_memory_mb
 from lippmann.base.variant import start_mitsuba
 from lippmann.board.streaming import Sender
-from lippmann.cli.frame import argument, flag_of, make_command, option
+from lippmann.cli.frame import Name, argument, flag_of, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point, finite
-from lippmann.cli.options_port import BAUD, PORT, opened_board
+from lippmann.cli.options_port import BAUD, FORCE_BOARD, PORT, opened_board
 from lippmann.cli.options_rendering import LIGHT, MOVED, Moved
 from lippmann.cli.output import emit
 from lippmann.display.description import Display
@@ -25,36 +25,33 @@ from lippmann.motion.film import Film, is_film, load_film
 from lippmann.motion.film_frames import Reel, plan_film
 from lippmann.motion.live_picture import MAX_SAMPLES, PANEL, VIEW, EyeView, LivePicture, LiveShow, Played
 from lippmann.motion.screens import Hand, Screens, screens
-from lippmann.rendering.bands import check_memory
+from lippmann.rendering.bands import check_display_memory
 from lippmann.rendering.options import ModelOption, RenderOptions, Settings
 from lippmann.rendering.plan import choose_model
-from lippmann.rendering.sampling import colours_of
 from lippmann.scenes.placement import Placement
 from lippmann.scenes.scene import check_scene_file
 
-#: Width of the eye's view, pixels.
+#: Width of the view of --eye, pixels.
 VIEW_PX = 480
 
 
 @make_command("live")
 def command(
-    scene_path: str = argument("SCENE"),
+    scene_path: Name = argument("SCENE"),
     display: Display = DISPLAY,
-    monitor: int | None = option("Fill this monitor: the panel.  [default: a window]", None, click.IntRange(0)),
+    monitor: int | None = option("Fill this monitor: the panel.  [default: a window]", kind=click.IntRange(0)),
     window: bool | None = option(
-        "Show a window; --no-window leaves the picture to the board of --port.  [default: --window]",
-        None,
-        flag="--window/--no-window",
+        "Show a window; --no-window: only the board of --port.  [default: --window]", flag="--window/--no-window"
     ),
     port: str | None = PORT,
     baud: int | None = BAUD,
-    force: bool = option("Accept a board that drives another display.", False),
-    eye: Point | None = option("Open a second window with the view of this eye, mm.", None),
-    turn: float = option("Turn the scene by itself, degrees a second.", 0.0),
-    turn_seconds: float | None = option("Turn it for this long.  [default: to the end]", None, finite(0.0)),
-    seconds: float | None = option("End after this long, and when the picture is fine.", None, finite(0.0)),
-    samples: int = option("Samples of each pixel at which a resting picture is done.", MAX_SAMPLES, click.IntRange(1)),
-    model: ModelOption = option("Lens model; auto chooses the cheapest for the scene's first place.", "auto"),
+    force: bool = FORCE_BOARD,
+    eye: Point | None = option("Second window with the view of this eye, mm."),
+    turn: float = option("Rotate the scene, degrees per second.", 0.0),
+    turn_seconds: float | None = option("Duration of the rotation.  [default: to the end]", kind=finite(0.0)),
+    seconds: float | None = option("End after this time, with a complete picture.", kind=finite(0.0)),
+    samples: int = option("Samples for each pixel of a complete picture.", MAX_SAMPLES, click.IntRange(1)),
+    model: ModelOption = option("Lens model; auto chooses the cheapest, once.", "auto"),
     settings: Settings = LIGHT,
     moved: Moved = MOVED,
     seed: int = SEED,
@@ -62,9 +59,9 @@ def command(
 ) -> None:
     """Show a scene on a display, and move it by hand.
 
-    Drag to turn it, drag with the right button to shift it, scroll to scale it; arrow keys turn, with Shift they shift,
-    PageUp brings it nearer, + and - scale, r puts it back, q or Escape ends. While it rests its picture becomes finer.
-    A film plays; Space stops it, and comma and full stop step.
+    Drag to turn, with the right button to shift, scroll to scale; arrow keys turn, with Shift they shift, PageUp brings
+    nearer, + and - scale, r resets, q or Escape ends. At rest the picture becomes finer. A film plays; Space stops it,
+    comma and full stop step.
 
     Example: lippmann live scenes/fish/fish.xml --display scenes/displays/vga-square.toml --eye 0,0,600
     """
@@ -72,67 +69,57 @@ def command(
     path = check_scene_file(scene_path if film is None else film.scene)
     view = None if eye is None else EyeView(display, Eye(eye), whole_window(display, VIEW_PX))
     panel = display.panel
-    check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
+    check_display_memory(display, settings, f"display '{display.name}'")
     _check_panels(monitor, port, window, eye)
     turn_seconds = seconds if (turn or film) and turn_seconds is None else turn_seconds
     start_mitsuba(device)
     options = RenderOptions(model=model, settings=settings)
     reel = None if film is None else Reel(plan_film(film, display, options, _film_scale(moved)), film.frames_per_second)
     scene = moved.load(path, display) if reel is None else reel.plans[0].load()
-    chosen = choose_model(scene, display, options)
-    picture = LivePicture(scene, display, chosen, settings)
+    lens_model = choose_model(scene, display, options)
+    picture = LivePicture(scene, display, lens_model, settings)
     if view is not None:
-        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compiled before it waits
+        view.draw(np.zeros((panel.height_px, panel.width_px, 3), np.float32), moving=True)  # compiles it
     hand = Hand(scene.placement, picture.middle_mm, panel.width_mm / panel.width_px)
     with contextlib.ExitStack() as stack:
         sender, checked = None, None if force else display
         if port is not None:
             sender = Sender(stack.enter_context(opened_board(port, baud, checked, "show it", True)))
-        shown = Screens() if window is False else stack.enter_context(screens())
-        opened = _open_windows(shown, display, monitor, view)
-        show = LiveShow(picture, hand, shown, view, None if sender is None else sender.send, reel)
+        windows = Screens() if window is False else stack.enter_context(screens())
+        opened = time.perf_counter()
+        windows.open(PANEL, (panel.width_px, panel.height_px), monitor)
+        if view is not None:
+            windows.open(VIEW, (view.window.width_px, view.window.height_px))
+        show = LiveShow(picture, hand, windows, view, None if sender is None else sender.send, reel)
         played = show.run(turn_deg=turn, moving_s=turn_seconds, seconds=seconds, samples=samples, opened=opened)
         if sender is not None:
             sender.finish()
-    _emit_result(scene_path, display, chosen, played, hand, port, sender)
-
-
-def _open_windows(shown: Screens, display: Display, monitor: int | None, view: EyeView | None) -> float:
-    """Open the windows; return when that began (time.perf_counter)."""
-    opened = time.perf_counter()
-    shown.open(PANEL, (display.panel.width_px, display.panel.height_px), monitor)
-    if view is not None:
-        shown.open(VIEW, (view.window.width_px, view.window.height_px))
-    return opened
+    _emit_result(scene_path, display, lens_model, played, hand, port, sender)
 
 
 def _emit_result(
     scene: str, display: Display, model: str, played: Played, hand: Hand, port: str | None, sender: Sender | None
 ) -> None:
-    """Print what a live picture came to, and what a board was sent."""
     board = None
     if sender is not None:
         board = {"port": port, "frames": sender.frames, "tiles": sender.tiles, "wire_bytes": sender.wire_bytes}
-    result = {
-        "scene": scene,
-        "model": model,
-        **asdict(played),
-        "board": board,
-        "placement": str(hand.placement()),
-        "peak_memory_mb": peak_memory_mb(),
-    }
-    emit(result, _summary(played, hand), display)
+    placement = str(hand.placement())
+    result = {"scene": scene, "model": model, **asdict(played), "board": board, "placement": placement}
+    moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
+    end = f"{moving}{played.samples} samples at the end; stood at {placement}"
+    text = f"first picture after {played.first_s:.2f} s; {end}"
+    emit({**result, "peak_memory_mb": peak_memory_mb()}, text, display)
 
 
 def _load_film(path: str) -> Film | None:
-    """Return the film of a file; None for a scene. InputError for layers, which only a board draws."""
+    """Return the film of a file, or None; refuse layers, which only a board draws."""
     if is_layers(path):
         raise input_error(path, "is a folder of layers", "play it on a board: lippmann play")
     return load_film(path) if is_film(path) else None
 
 
 def _check_panels(monitor: int | None, port: str | None, window: bool | None, eye: Point | None) -> None:
-    """Refuse options that name two panels, or none to look at."""
+    """Refuse options that name two panels, or no visible one."""
     if monitor is not None and port is not None:
         raise InputError("--monitor and --port both name a panel; leave one out")
     if window is not None and monitor is not None:
@@ -141,20 +128,11 @@ def _check_panels(monitor: int | None, port: str | None, window: bool | None, ey
         raise InputError("--no-window shows nothing but on a board: give --port, and leave out --eye")
 
 
-def _summary(played: Played, hand: Hand) -> str:
-    """Return the line about a live picture that has ended."""
-    moving = f"{played.frames} frames at {played.frames_per_second:.1f} a second, " if played.frames else ""
-    return (
-        f"first picture after {played.first_s:.2f} s; {moving}{played.samples} samples at the end; "
-        f"stood at {hand.placement()}"
-    )
-
-
 def _film_scale(moved: Moved) -> float | None:
-    """Return the factor on a whole film; None to fit it. InputError for other options of a scene's placement."""
-    for name in moved.given.keys() - {"scale", "fit"}:
-        raise InputError(f"{flag_of(name)} does not place a film; use --scale or --fit, or its own [world]")
+    """Return the scale of a film; None to fit it. Refuse other placement options."""
+    for name in moved.changes.keys() - {"scale", "fit"}:
+        raise InputError(f"{flag_of(name)} does not place a film; use --scale, --fit or its [world]")
     if moved.fit and moved.scale is not None:
         raise InputError("--scale and --fit both place the film; leave one out")
     scale = 1.0 if moved.scale is None else moved.scale
-    return None if moved.fit else Placement(scale).scale  # which refuses a scale out of range
+    return None if moved.fit else Placement(scale).scale  # refuses a scale out of range

@@ -1,10 +1,8 @@
-"""`lippmann observe`: what an eye sees of a display that shows an image."""
+"""The command `lippmann observe`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -12,8 +10,8 @@ import numpy as np
 from lippmann import api
 from lippmann.base.animation import ANIMATION_SUFFIXES, FRAME_MS, write_contact_sheet
 from lippmann.base.images import SUFFIXES, check_output
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, LENS_MODEL, SEED, Point, vector
+from lippmann.cli.frame import Name, argument, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, FORCE, LENS_MODEL, SEED, Point, vector
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import with_progress
 from lippmann.display.description import Display
@@ -28,48 +26,36 @@ from lippmann.rendering.sampling import Window
 
 MAX_VIEW_PX = 16384
 SWEEP_FRAMES = 21
-#: Pixels of a panel beyond which the image stays in its file, and each part of a view reads the rows that it sees.
+#: Panel size, pixels, above which views read the rows that they see from the file.
 STORED_PX = 1 << 26
-
-
-def _misaligned(
-    rotation_error: float = option("Rotation of the array, degrees.", 0.0),
-    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), vector("X,Y")),
-    gap_error: float = option("Change of the gap, mm.", 0.0),
-    pitch_scale: float = option("Factor on the array's pitch.", 1.0),
-) -> Callable[[Display], Display]:
-    return lambda display: display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
-
-
-#: The options that misalign the array.
-MISALIGNED: Any = _misaligned
 
 
 @make_command("observe")
 def command(
-    image_path: str = argument("IMAGE"),
+    image_path: Name = argument("IMAGE"),
     display: Display = DISPLAY,
     eye: Point = option("Position of the eye, mm; the display is at z = 0, the viewer at z > 0."),
-    output: Path = option("Output: .png, .exr or .tif; with --sweep .mp4, .gif or .png.", metavar="VIEW"),
+    output: Path = option(".png, .exr or .tif; with --sweep .mp4, .gif or .png.", metavar="VIEW"),
     width: int = option("Width of the view, pixels.", api.VIEW_PX, click.IntRange(1, MAX_VIEW_PX)),
     samples: int = option("Rays for each pixel of the view.", 16, click.IntRange(1, MAX_SAMPLES)),
     pupil: float = option("Diameter of the pupil, mm.", 0.0),
     focus: float = option("Depth z on which the eye focuses, mm.", 0.0),
     model: Model = LENS_MODEL,
-    no_crosstalk: bool = option("Draw rays that see a neighbour's elemental image black.", False),
-    misalign: Callable[[Display], Display] = MISALIGNED,
-    sweep: tuple[float, float] | None = option(
-        "Move the eye from x = X0 to X1; writes an animation.", None, vector("X0,X1")
-    ),
-    frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", None, click.IntRange(2, 1000)),
-    sheet: Path | None = option("Contact sheet of a sweep.", None, metavar="SHEET.png"),
-    force: bool = option("Accept an image that was made for another display.", False),
+    no_crosstalk: bool = option("Draw crosstalk black."),
+    rotation_error: float = option("Rotation of the array, degrees.", 0.0),
+    offset_error: tuple[float, float] = option("Shift of the array, mm.", (0.0, 0.0), vector("X,Y")),
+    gap_error: float = option("Change of the gap, mm.", 0.0),
+    pitch_scale: float = option("Factor on the array's pitch.", 1.0),
+    sweep: tuple[float, float] | None = option("Animate an eye from x = X0 to X1.", kind=vector("X0,X1")),
+    frames: int | None = option(f"Views of a sweep.  [default: {SWEEP_FRAMES}]", kind=click.IntRange(2, 1000)),
+    sheet: Path | None = option("Contact sheet of a sweep.", metavar="SHEET.png"),
+    force: bool = FORCE,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
-    """Compute what an eye sees through the lenslets.
+    """Compute what an eye sees through the lenslets, with crosstalk.
 
-    Crosstalk is included. The -error options and --pitch-scale misalign the array.
+    The -error options and --pitch-scale misalign the array.
 
     Example: lippmann observe fish.exr --display scenes/displays/paper-square.toml --eye 50,0,600 -o view.png
     """
@@ -81,7 +67,7 @@ def command(
         window = even_window(window)
     if window.height_px > MAX_VIEW_PX:
         raise InputError(f"the view would be {window.height_px} pixels high; give a smaller --width")
-    built = misalign(display)
+    built = display.misaligned(rotation_error, offset_error, gap_error, pitch_scale)
     image = _load_image(image_path, display, force, len(eyes), window)
     views = [
         api.observe(
@@ -95,17 +81,17 @@ def command(
         views[0].save(path)
     else:
         write_views(path, [view.radiance for view in views], window, 1000.0 / FRAME_MS, there_and_back=True)
-    if sheet is not None:
-        chosen = np.linspace(0, len(xs) - 1, min(len(xs), 9)).round().astype(int)
-        captions = [f"eye x = {xs[k]:+.0f} mm" for k in chosen]
-        write_contact_sheet(sheet, [views[k].radiance for k in chosen], captions)
+    if sheet:
+        numbers = np.linspace(0, len(xs) - 1, min(len(xs), 9)).round().astype(int)
+        captions = [f"eye x = {xs[k]:+.0f} mm" for k in numbers]
+        write_contact_sheet(sheet, [views[k].radiance for k in numbers], captions)
     _emit_result(path, sheet, window, eyes, views, built)
 
 
 def _load_image(path: str, display: Display, force: bool, count: int, window: Window) -> IntegralImage:
-    """Load the image for so many views, a large one row by row; refuse views that do not fit into memory."""
+    """Load the image, if large row by row; refuse views beyond the memory limit."""
     panel_px = display.panel.width_px * display.panel.height_px
-    # The panel's light on the host and on the device, and each view as numbers and as a frame.
+    # The panel's light on host and device; each view twice.
     values = 2 * min(STORED_PX, panel_px) + 2 * count * window.width_px * window.height_px
     what = f"{count} views of {window.width_px} x {window.height_px} pixels"
     needed_mb = BASE_MEMORY_MB + 3 * 4 * values / 1e6
@@ -114,44 +100,34 @@ def _load_image(path: str, display: Display, force: bool, count: int, window: Wi
 
 
 def _emit_result(
-    path: Path, sheet: Path | None, window: Window, eyes: Sequence[Eye], views: Sequence[View], built: Display
+    path: Path, sheet: Path | None, window: Window, eyes: list[Eye], views: list[View], built: Display
 ) -> None:
-    """Print what was written and what the eyes see; log a border that is dark."""
+    """Print what was written and seen; log a dark border."""
     dark = max(view.status_share["blocked"] for view in views)
     if dark > 0.02:
         where = "beside the panel" if built.array.extent_mm is None else "beside the panel or on the array's mount"
-        log(f"note: up to {100 * dark:.1f} % of the rays end {where}, so the view has a dark border")
-    seen = [
-        {"eye_mm": list(one.position_mm), "status_share": view.status_share}
-        for one, view in zip(eyes, views, strict=True)
-    ]
-    share = np.mean([view.status_share["crosstalk"] for view in views])
-    emit(
-        {
-            "output": path,
-            "sheet": sheet,
-            "width_px": window.width_px,
-            "height_px": window.height_px,
-            "views": seen,
-        },
-        f"{path}: {window.width_px} x {window.height_px}, crosstalk in {100 * share:.2f} % of the rays",
-    )
+        log(f"note: up to {100 * dark:.1f} % of the rays end {where}: the view has a dark border")
+    shares = [view.status_share for view in views]
+    rows = [{"eye_mm": eye.position_mm, "status_share": share} for eye, share in zip(eyes, shares, strict=True)]
+    size = {"width_px": window.width_px, "height_px": window.height_px}
+    crosstalk = 100 * np.mean([share["crosstalk"] for share in shares])
+    text = f"{path}: {window.width_px} x {window.height_px}, crosstalk in {crosstalk:.2f} % of the rays"
+    emit({"output": path, "sheet": sheet, **size, "views": rows}, text)
 
 
 def _check_files(image: str, output: Path, sheet: Path | None, frames: int | None, moves: bool) -> Path:
-    """Refuse outputs and options that do not go together; return the output's path."""
+    """Refuse conflicting outputs and options; return the output's path."""
     if not moves and output.suffix.lower() in {*VIEW_SUFFIXES, *ANIMATION_SUFFIXES}.difference(SUFFIXES):
-        raise input_error(
-            str(output), "is a moving view", f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}"
-        )
+        remedy = f"give --sweep X0,X1 too, or choose from {', '.join(SUFFIXES)}"
+        raise input_error(output, "is a moving view", remedy)
     path = check_output(output, VIEW_SUFFIXES + ANIMATION_SUFFIXES if moves else SUFFIXES)
-    of_a_sweep = [flag for flag, value in (("--sheet", sheet), ("--frames", frames)) if value is not None]
-    if of_a_sweep and not moves:
-        raise InputError(f"{of_a_sweep[0]} is for a sweep; give --sweep X0,X1 too")
+    for flag, value in (("--sheet", sheet), ("--frames", frames)):
+        if value is not None and not moves:
+            raise InputError(f"{flag} is for a sweep; give --sweep X0,X1 too")
     for written in filter(None, (output, sheet)):
         if written.exists() and Path(image).exists() and written.samefile(image):
             raise InputError(f"{written}: is the image itself; give the view another name")
-    if sheet is not None:
+    if sheet:
         if sheet.resolve() == path.resolve():
             raise InputError(f"{sheet}: is the animation too; give the sheet another name")
         check_output(sheet, (".png",))

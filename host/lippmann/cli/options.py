@@ -5,22 +5,21 @@ from __future__ import annotations
 import functools
 import math
 from pathlib import Path
-from typing import Any
 
 import click
 
-from lippmann.cli.frame import KINDS, Choice, Kind, option
+from lippmann.cli.frame import KINDS, Choice, Kind, option, path_kind
 from lippmann.display.description import Display, load_display
 from lippmann.errors import InputError
 from lippmann.fixed.words import FRACTIONS, WIDEST
 
 Point = tuple[float, float, float]
-#: Most numbers of a list.
+#: Maximum length of a list of numbers.
 MAX_NUMBERS = 100
 
 
 def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
-    """Return the type of finite numbers, or integers, with commas as in 0,0,600, or with an x as in 256x192."""
+    """Return the type of finite numbers, separated as in `form`: 0,0,600 or 256x192."""
     separator = "," if "," in form else "x"
     size = form.count(separator) + 1
 
@@ -29,7 +28,7 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
             numbers = tuple(map(number, text.split(separator)))
             right = 1 <= len(numbers) <= MAX_NUMBERS if form.endswith("...") else len(numbers) == size
             right = right and all(map(math.isfinite, numbers))
-        except (ValueError, OverflowError):  # an integer beyond every float
+        except (ValueError, OverflowError):  # an integer too large for a float
             right = False
         if not right:
             how = remedy or f"give {size} {'whole' if number is int else 'finite'} numbers with commas"
@@ -40,7 +39,7 @@ def vector(form: str, number: type[float] = float, remedy: str = "") -> Kind:
 
 
 def finite(least: float = -math.inf) -> Kind:
-    """Return the type of a finite number, at least `least`."""
+    """Return the type of a finite number."""
 
     def read(text: str) -> float:
         number: float = click.FLOAT(text)
@@ -57,24 +56,21 @@ def finite(least: float = -math.inf) -> Kind:
 TEXELS = vector("WIDTHxHEIGHT", int, "give texels across and down, such as 256x192")
 
 KINDS |= {float: finite(), Point: vector("X,Y,Z")}
-KINDS[Display] = Kind("FILE", lambda text: functools.partial(load_display, text))
-#: The path of a display's file, and the display itself.
-DISPLAY_PATH = option("Display file (.toml).")
+KINDS[Display] = path_kind(lambda text: functools.partial(load_display, text))
+#: The path or the display, by the parameter's type.
 DISPLAY = option("Display file (.toml).", flag="--display")
-SCENES = option("The project's folder of scenes.", "scenes")
+FOLDER = option("Output folder; made when missing.")
+PICTURE = option(".exr or .tif linear, .png for the panel.", metavar="OUT")
+SCENES = option("The project's folder of scenes.", "scenes", path_kind(str, "FOLDER"))
 DEVICE = option("Where the fast engine and Mitsuba run.", "auto", Choice(["auto", "llvm", "cuda"]))
 LENS_MODEL = option("Lens model.", "exact")
+FORCE = option("Accept an image that was rendered for another display, or names none.")
 SEED = option("Random seed.", 0, click.IntRange(0, 2**32 - 1))
 FRACTION_BITS = click.IntRange(FRACTIONS[0], FRACTIONS[-1])
 
-
-def word_length(what: str, default: int = WIDEST) -> Any:
-    """Declare the option --fraction-bits; `what` names the things whose word length it is."""
-    return option(f"Word length of {what}.", default, FRACTION_BITS)
-
-
-#: The option --fraction-bits of commands that choose an engine.
-ENGINE_BITS = option(f"Word length of the engines twin and rtl.  [default: {WIDEST}]", None, FRACTION_BITS)
+#: The word lengths of files, and of commands with --engine.
+FILE_BITS = option("Word length of fixed-point files.", WIDEST, FRACTION_BITS)
+ENGINE_BITS = option(f"Word length of the engines twin and rtl.  [default: {WIDEST}]", kind=FRACTION_BITS)
 
 
 def shipped_scenes(path: str) -> Path:

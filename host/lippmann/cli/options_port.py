@@ -16,23 +16,15 @@ from lippmann.display.description import Display
 from lippmann.errors import input_error
 
 PORT = option(
-    "The board's port: a device, a pty, unix://PATH, or socket://HOST:PORT. Default: the one USB serial adapter, "
-    "or virtual board of yours on a Unix socket, that answers.",
-    None,
+    "The board's port: a device, a pty, unix://PATH or socket://HOST:PORT.  [default: the only board that answers]",
     metavar="URL",
 )
-BAUD = option(
-    "Baud rate of a serial port. Default: that of a known board (ULX3S: 3000000), else 115200.",
-    None,
-    click.IntRange(1),
-)
+BAUD = option("Baud rate of a serial port.  [default: that of a known board, else 115200]", kind=click.IntRange(1))
+FORCE_BOARD = option("Accept a board that drives another display.")
 
 
 def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
-    """Return port and baud rate; when `port` is None, the port of the only board that answers.
-
-    Raises DeviceError unless there is one.
-    """
+    """Return port and baud rate; without a port, find the only board. Raises as `find_board`."""
     url = find_board(baud=baud, allowed=_confirmed) if port is None else port
     return url, baud or usual_baud(url)
 
@@ -40,10 +32,7 @@ def chosen_port(port: str | None, baud: int | None) -> tuple[str, int]:
 def opened_board(
     port: str | None, baud: int | None, display: Display | None = None, action: str = "", frames: bool = False
 ) -> Board:
-    """Open a board; refuse one that drives another than a display. `action` is what --force would do all the same.
-
-    `frames`: it is to show frames, which `Board.check_panel` checks. Raises as `chosen_port` and `Board.open`.
-    """
+    """Open a board. Raises as `chosen_port`, `Board.open`, `check_board`, with `frames` as `Board.check_panel`."""
     board = Board.open(*chosen_port(port, baud))
     try:
         if display is not None:
@@ -63,21 +52,20 @@ def _open_board(*, port: str | None = PORT, baud: int | None = BAUD) -> OpenBoar
     return functools.partial(opened_board, port, baud)
 
 
-#: `opened_board` with the board that --port and --baud name, or the only board found.
+#: `opened_board` for --port and --baud.
 OPEN_BOARD: Any = _open_board
 
 
 def _confirmed(urls: list[str]) -> bool:
-    """Ask on the terminal whether to write to ports that may be other devices; without a terminal, do not."""
-    question = f"No board on a known USB adapter. Send a query to {', '.join(urls)}, too? Other devices may react to it"
+    """Ask on a terminal whether to write to ports that may be other devices."""
+    question = f"No board on a known USB adapter. Send a query to {', '.join(urls)}? Other devices may react to it"
     return sys.stdin is not None and sys.stdin.isatty() and click.confirm(question, err=True)
 
 
 def check_board(board: Board, display: Display, action: str = "") -> None:
-    """Refuse a board that drives another display; `action` is what --force would do all the same."""
-    own = f"{board.info.identity:016x}"
-    if own != display.identity:
-        what = f"the board drives display {own}, '{display.name}' is {display.identity}"
-        raise input_error(
-            board.line.url, what, f"give the board's display file{action and f', or {action} with --force'}"
-        )
+    """Refuse a board that drives another display; `action` names what --force would do."""
+    identity = f"{board.info.identity:016x}"
+    if identity != display.identity:
+        what = f"the board drives display {identity}, '{display.name}' is {display.identity}"
+        remedy = f"give the board's display file{action and f', or {action} with --force'}"
+        raise input_error(board.line.url, what, remedy)

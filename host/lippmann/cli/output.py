@@ -1,4 +1,4 @@
-"""Output of the commands: logs and warnings on stderr, the result on stdout as text or as one JSON object."""
+"""Output of the commands: logs and warnings on stderr, the result on stdout."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from lippmann.display.description import Display
 
 logger = logging.getLogger("lippmann")
+#: Exit code of a command that has worked, and judged something wrong.
+FOUND_WRONG = 4
 
 
 def log(message: str) -> None:
@@ -31,11 +33,11 @@ def as_json() -> bool:
 
 
 def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display | None = None) -> None:
-    """Print a result, and the display that it is for: with --json as one object, paths as texts; else only `text`."""
+    """Print `text`; with --json a result, and its display, as one object."""
     if display is not None:
         result = {"display": display.name, "identity": display.identity, **result}
     if as_json():
-        # JSON has no infinities and no NaN: they become null.
+        # JSON has no infinities and no NaN; null replaces them.
         finite = json.loads(json.dumps(result, default=os.fspath), parse_constant=lambda _: None)
         click.echo(json.dumps(finite))
     else:
@@ -43,17 +45,17 @@ def emit(result: Mapping[str, Any], text: str | Iterable[str], display: Display 
 
 
 class _StderrLines(logging.Handler):
-    """Writes each record as one line to stderr; a warning begins with "note:"."""
+    """Writes each record as one line to stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a record."""
+        """Write a record; a warning begins with "note:"."""
         prefix = "note: " if record.levelno >= logging.WARNING else ""
         log(prefix + record.getMessage())
 
 
 @contextmanager
 def logs_on_stderr() -> Iterator[None]:
-    """Write what the package logs from level INFO on, and its warnings, to stderr while a command runs."""
+    """Write the package's warnings and logs, from INFO on, to stderr."""
     handler, level = _StderrLines(), logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -61,20 +63,13 @@ def logs_on_stderr() -> Iterator[None]:
         warnings.simplefilter("always", LippmannWarning)
         show_others = warnings.showwarning
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
+        def show_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             if issubclass(category, LippmannWarning):
                 logger.warning("%s", message)
             else:
-                show_others(message, category, filename, lineno, file, line)
+                show_others(message, category, *place, **more)
 
-        warnings.showwarning = show
+        warnings.showwarning = show_warning
         try:
             yield
         finally:

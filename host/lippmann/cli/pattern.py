@@ -1,4 +1,4 @@
-"""`lippmann pattern`: test patterns for a display's panel."""
+"""The command `lippmann pattern`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from lippmann.base.images import check_output
 from lippmann.base.variant import own_variant
 from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, FRACTION_BITS, Point, vector
+from lippmann.cli.options import DEVICE, DISPLAY, FRACTION_BITS, PICTURE, Point, vector
 from lippmann.cli.output import emit, log
 from lippmann.display.description import Display
 from lippmann.eye.observer import Eye
@@ -21,12 +21,10 @@ from lippmann.rendering.options import Settings
 def command(
     kind: Kind = argument("KIND"),
     display: Display = DISPLAY,
-    output: Path = option(".png for the panel; .exr or .tif linear.", metavar="OUT"),
-    eye: Point | None = option("The eye of white-for-eye, mm; the display is at z = 0.", None),
-    lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", None, vector("I,J", int)),
-    fraction_bits: int | None = option(
-        "Draw it as a board of this word length does.  [default: exactly]", None, FRACTION_BITS
-    ),
+    output: Path = PICTURE,
+    eye: Point | None = option("The eye of white-for-eye, mm."),
+    lens: tuple[int, int] | None = option("The lenslet of single-lens.  [default: 0,0]", kind=vector("I,J", int)),
+    fraction_bits: int | None = option("Word length, as of a board.  [default: exact]", kind=FRACTION_BITS),
     device: str = DEVICE,
 ) -> None:
     """Draw a test pattern for a display's panel.
@@ -41,7 +39,7 @@ def command(
     image.save(path)
     lit = float(image.radiance.any(axis=2).mean())
     if eye is not None and not lit:
-        log("note: this eye sees no pixel through its own lenslet, so the panel is black; see lippmann inspect --eye")
+        log("note: this eye sees no pixel through its own lenslet: the panel is black; see lippmann inspect --eye")
     size = {"width_px": panel.width_px, "height_px": panel.height_px}
     result = {"output": path, "kind": kind, **size, "lit_share": lit}
     emit(result, f"{path}: {kind}, {panel.width_px} x {panel.height_px}, {100 * lit:.2f} % of the pixels lit", display)

@@ -1,4 +1,4 @@
-"""`lippmann play`: a board draws a film of layers by itself."""
+"""The command `lippmann play`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import click
 from lippmann.base import interrupts
 from lippmann.board.drawn_scene import Loaded, SceneBoard
 from lippmann.board.film_player import Played, load_textures, play_film
-from lippmann.cli.frame import argument, make_command, option
+from lippmann.cli.frame import Name, argument, make_command, option
 from lippmann.cli.options import DISPLAY
-from lippmann.cli.options_port import OPEN_BOARD, OpenBoard
+from lippmann.cli.options_port import FORCE_BOARD, OPEN_BOARD, OpenBoard
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display
@@ -22,19 +22,19 @@ from lippmann.motion.layer_film import check_keys, load_layer_film
 
 @make_command("play")
 def command(
-    film_path: str = argument("FILM"),
+    film_path: Name = argument("FILM"),
     display: Display = DISPLAY,
-    repeat: int = option("Play the film this many times; 0: until Ctrl-C.", 1, click.IntRange(0)),
-    every_frame: bool = option("Wait until the panel shows each frame: a virtual board is slower than a film.", False),
-    force: bool = option("Accept a board that drives another display.", False),
+    repeat: int = option("Play the film so many times; 0: until Ctrl-C.", 1, click.IntRange(0)),
+    every_frame: bool = option("Wait until the panel shows each frame: virtual boards are slow."),
+    force: bool = FORCE_BOARD,
     open_board: OpenBoard = OPEN_BOARD,
-) -> None:
+) -> int:
     """Play a film of layers, or show a folder of layers, on a board that draws.
 
-    FILM is a film file of layers, or a folder that lippmann layers has made. The textures go to the board once; blocks
-    that it holds are not sent again. Then each frame is one short packet. The last frame stays on the panel.
+    FILM is a film file of layers, or a folder of lippmann layers. Textures that the board lacks are sent first. The
+    last frame stays on the panel.
 
-    Example: lippmann play swim-layers.toml --display scenes/displays/vga-square.toml --port socket://127.0.0.1:4000
+    Example: lippmann play scenes/films/swim-layers.toml --display scenes/displays/vga-square.toml
     """
     film = load_layer_film(film_path)
     check_for_display(film.stack, display, film_path)
@@ -54,7 +54,7 @@ def command(
         except KeyboardInterrupt:  # the end of --repeat 0
             code = interrupts.exit_code()
     emit({"port": board.line.url, "film": film_path, **vars(played), "load": vars(loaded)}, _text(loaded, played))
-    click.get_current_context().exit(code)
+    return code
 
 
 def _text(loaded: Loaded, played: Played) -> Iterator[str]:
@@ -63,7 +63,6 @@ def _text(loaded: Loaded, played: Played) -> Iterator[str]:
     if played.frames == 1:
         yield f"1 frame; {played.underflows} pixels late"
     else:
-        yield (
-            f"{played.frames} frames in {played.seconds:.4g} s, {played.bytes} bytes on the line, at most "
-            f"{played.most_bytes} a frame; {played.late} frames late, {played.underflows} pixels late"
-        )
+        size = f"{played.bytes} bytes on the line, at most {played.most_bytes} a frame"
+        late = f"{played.late} frames late, {played.underflows} pixels late"
+        yield f"{played.frames} frames in {played.seconds:.4g} s, {size}; {late}"

@@ -1,4 +1,4 @@
-"""Progress on the terminal: a bar with the remaining time, or a line now and then."""
+"""Progress on the terminal: a bar with the remaining time, or lines."""
 
 from __future__ import annotations
 
@@ -10,18 +10,15 @@ from contextlib import contextmanager
 from lippmann.base.progress import Item, Progress, report_each
 from lippmann.cli.output import as_json, log
 
-#: Seconds between two lines about a long work's progress.
+#: Time between two lines.
 LOGGED_S = 30.0
-#: Seconds of work from which a rate is taken: the estimate of fewer would be far off.
+#: Shortest work whose rate gives a useful estimate.
 MIN_RATE_S = 5.0
 
 
 @contextmanager
 def progress_bar(label: str) -> Iterator[Progress]:
-    """Provide a callback that draws a bar with the remaining time.
-
-    With --json, or where stderr is no terminal, it logs a line now and then.
-    """
+    """Provide a callback that draws a bar, or logs lines with --json or without a terminal."""
     if as_json() or not sys.stderr.isatty():
         yield _progress_lines(label)
         return
@@ -38,35 +35,34 @@ def progress_bar(label: str) -> Iterator[Progress]:
     )
     with rich_progress.Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        yield lambda steps, total: bar.update(task, completed=steps, total=total)
 
 
 def with_progress(label: str, items: Collection[Item]) -> Iterator[Item]:
-    """Yield the items, with a bar that counts those that are done."""
+    """Yield the items; a bar counts them."""
     with progress_bar(label) as progress:
         yield from report_each(items, progress)
 
 
 def _progress_lines(label: str) -> Progress:
-    """Return a callback that logs a line every `LOGGED_S` seconds in which something was done.
+    """Return a callback that logs a line every `LOGGED_S` seconds while work advances.
 
-    The rate is measured from the first report on: what an earlier run did took this one no time, and what comes before
-    the first report, such as a compilation, is not repeated.
+    The rate begins with the first report, without an earlier run's work or a compilation.
     """
     started = logged = time.monotonic()
     first: tuple[float, int] | None = None
 
-    def log_line(done: int, total: int) -> None:
+    def log_line(steps: int, total: int) -> None:
         nonlocal logged, first
         now = time.monotonic()
-        first = first or (now, done)
-        elapsed_s, new_steps = now - first[0], done - first[1]
+        first = first or (now, steps)
+        elapsed_s, new_steps = now - first[0], steps - first[1]
         if now - logged < LOGGED_S or new_steps <= 0:
             return
         logged = now
         estimate = ""
         if elapsed_s >= MIN_RATE_S:
-            estimate = f", about {elapsed_s * (total - done) / new_steps:.0f} s left"
-        log(f"{label}: {100 * done // total} % after {now - started:.0f} s{estimate}")
+            estimate = f", about {elapsed_s * (total - steps) / new_steps:.0f} s left"
+        log(f"{label}: {100 * steps // total} % after {now - started:.0f} s{estimate}")
 
     return log_line

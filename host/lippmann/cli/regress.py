@@ -1,23 +1,22 @@
-"""`lippmann regress`: judges the rays of another tracer."""
+"""The command `lippmann regress`."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
 from lippmann.base import interrupts
 from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
 from lippmann.base.provenance import provenance
-from lippmann.cli.frame import Folder, flag_of, make_command, option
-from lippmann.cli.options import LENS_MODEL, word_length
-from lippmann.cli.output import as_json, emit, log
+from lippmann.cli.frame import Folder, flag_of, is_given, make_command, option
+from lippmann.cli.options import FILE_BITS, LENS_MODEL
+from lippmann.cli.output import FOUND_WRONG, as_json, emit, log
 from lippmann.conformance.comparison import Bounds, load_bounds
 from lippmann.conformance.coverage_points import summary
 from lippmann.conformance.judge import Verdict, judge
@@ -28,32 +27,25 @@ from lippmann.display.description import Display
 from lippmann.errors import InputError, input_error, printable
 from lippmann.optics.rays import Model
 
-#: Exit code when rays were judged and found wrong. It differs from the codes of failures: the command worked.
-FOUND_WRONG = 4
-
 
 @make_command("regress")
 def command(
-    display: Display | None = option("Display file (.toml). With --rays.", None),
-    rays_path: Path | None = option("Rays to judge: .npz, .csv or .mem.", None),
-    stream: bool = option("Judge the answers to lippmann vectors --stream, from stdin.", False),
-    inputs_path: Path | None = option("Inputs of a .mem; by default inputs.mem beside it.", None),
+    display: Display | None = option("Display file (.toml). With --rays."),
+    rays_path: Path | None = option("Rays to judge: .npz, .csv or .mem."),
+    stream: bool = option("Judge the answers to lippmann vectors --stream on stdin."),
+    inputs_path: Path | None = option("Inputs of a .mem.  [default: inputs.mem beside it]"),
     model: Model = LENS_MODEL,
-    fraction_bits: int = word_length("a .csv or .mem"),
-    tolerance_urad: float | None = option(
-        "Tolerance of directions in numbers, beside the effect of rounding the inputs to float32.  [default: 2]",
-        None,
-    ),
-    tolerance_nm: float | None = option(
-        "Tolerance of points in numbers, beside the effect of that rounding.  [default: 50]", None
-    ),
-    bounds_path: Path | None = option("Bounds by step and by hard case (.toml), for both tolerances.", None),
-    junit: Path | None = option("JUnit XML of the verdicts, for continuous integration.", None),
-    report: Folder | None = option("Folder for a page with plots of the errors.", None),
+    fraction_bits: int = FILE_BITS,
+    tolerance_urad: float | None = option("Tolerance of directions in numbers.  [default: 2]"),
+    tolerance_nm: float | None = option("Tolerance of points in numbers.  [default: 50]"),
+    bounds_path: Path | None = option("Bounds by step and hard case (.toml) instead."),
+    junit: Path | None = option("JUnit XML of the verdicts, for continuous integration."),
+    report: Folder | None = option("Folder for a page with plots of the errors."),
 ) -> int:
     """Check the rays of another ray tracer or RTL design.
 
-    Numbers are compared with golden; words with the RTL's twin, bit for bit. The first wrong step is named.
+    Numbers are compared with golden; the tolerances grow by the effect of rounding the inputs to float32. Words must
+    equal the RTL's twin's. The first wrong step is named.
 
     Exit code 0: every ray is right; 4: some are wrong.
 
@@ -62,9 +54,8 @@ def command(
     bounds = _read_bounds(bounds_path, tolerance_urad, tolerance_nm)
     output = _Output(junit, report)
     if stream:
-        source = click.get_current_context().get_parameter_source
         for name in ("display", "rays_path", "inputs_path", "model", "fraction_bits"):
-            if source(name) is not ParameterSource.DEFAULT:
+            if is_given(name):
                 flag = flag_of(name)
                 raise input_error(flag, "the stream has it", f"leave out {flag} or --stream")
         return _judge_stream(bounds, output)
@@ -75,41 +66,42 @@ def command(
 
 def _read_bounds(path: Path | None, urad: float | None, nm: float | None) -> Bounds:
     """Return the bounds of a file, or those of two tolerances."""
-    tolerances = {"direction_urad": urad, "point_nm": nm}
-    for (key, value), name in zip(tolerances.items(), ("--tolerance-urad", "--tolerance-nm"), strict=True):
-        if value is not None and path is not None:
+    for key, value, name in (("direction_urad", urad, "--tolerance-urad"), ("point_nm", nm, "--tolerance-nm")):
+        if value is not None and path:
             raise input_error(name, "the file of bounds has it", f"write {key} there, or leave out --bounds")
         if value is not None and value <= 0.0:
             raise input_error(name, f"{value:g} is not positive", "give a positive number")
-    if path is not None:
+    if path:
         return load_bounds(path)
     return Bounds(direction_urad=urad or Bounds.direction_urad, point_nm=nm or Bounds.point_nm)
 
 
 class _Output:
-    """The files that verdicts are written to, where they are asked for."""
+    """The files of --junit and --report."""
 
     def __init__(self, junit: Path | None, report: Path | None) -> None:
         self.junit, self.report, self.maps = junit, report, None
-        if junit is not None:
+        if junit:
             check_output(junit, (".xml",))
-        if report is not None:
-            from lippmann.conformance.regress_page import ErrorMaps  # with the libraries that draw its plots
+        if report:
+            from lippmann.conformance.regress_page import ErrorMaps  # it loads the plots' libraries
 
             make_folder(report)
             self.maps = ErrorMaps()
 
-    def count_errors(self, foreign: ForeignRays, bounds: Bounds) -> None:
-        """Count the errors of a set for the page."""
+    def judge(self, foreign: ForeignRays, bounds: Bounds, two_faults: bool = True) -> Verdict:
+        """Judge a set, and count its errors."""
+        verdict = judge(foreign, bounds, two_faults)
         if self.maps is not None:
             self.maps.add(foreign, bounds)
+        return verdict
 
     def write(
         self, verdicts: list[tuple[str, Verdict]], words: bool, ended: str | None, about: Mapping[str, object]
     ) -> None:
-        """Write the verdicts on sets of rays; `ended` says why there are no more, `about` what was judged, and how."""
+        """Write the verdicts; `ended` is why the stream ended early, `about` what was judged."""
         texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items() if value}
-        if self.junit is not None:
+        if self.junit:
             from lippmann.conformance.junit import write_junit
 
             write_junit(self.junit, verdicts, ended, texts)
@@ -121,24 +113,22 @@ class _Output:
 
 
 def _judge_file(path: Path, foreign: ForeignRays, bounds: Bounds, output: _Output) -> int:
-    """Judge the rays of a file."""
     display, words = foreign.inputs.display, foreign.words is not None
-    verdict = judge(foreign, bounds)
-    output.count_errors(foreign, bounds)
+    verdict = output.judge(foreign, bounds)
     if verdict.right:
         lines = [f"{verdict.rays} rays right ({verdict.on_edge} of them within a rounding of an edge)"]
     else:
         lines = verdict.headline.split("; ", 1)
     lines = [*verdict.lines, *lines, summary([verdict.covered], words)[1]]
-    about = {"rays": str(path), "identity": display.identity, "bounds": dataclasses.asdict(bounds)}
+    about = {"rays": str(path), "identity": display.identity, "bounds": asdict(bounds)}
     output.write([(path.stem, verdict)], words, None, about)
     own = {"right": verdict.right, "model": foreign.inputs.model, **about}
-    emit({**dataclasses.asdict(verdict), **own}, lines, display)
+    emit({**asdict(verdict), **own}, lines, display)
     return 0 if verdict.right else FOUND_WRONG
 
 
 def _judge_stream(bounds: Bounds, output: _Output) -> int:
-    """Judge the stream at stdin. If it ends early, tell the verdicts so far, and why."""
+    """Judge the stream on stdin, also if it ends early."""
     if sys.stdin is None:
         raise InputError("stdin is closed; run lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream")
     verdicts: list[tuple[str, Verdict]] = []
@@ -146,10 +136,9 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
     reader = StreamReader(bounded_lines(sys.stdin.buffer))
     try:
         for name, foreign in reader.sets():
-            # The search for a pair takes some ten seconds: again only for a set of more rays, which says more.
+            # A search for two faults takes ten seconds: it is repeated only for more rays.
             search = not any(one.searched and one.rays >= len(foreign.inputs.pixels) for _, one in verdicts)
-            verdict = judge(foreign, bounds, two_faults=search)
-            output.count_errors(foreign, bounds)
+            verdict = output.judge(foreign, bounds, search)
             verdicts.append((name, verdict))
             words = foreign.words is not None
             if not verdict.right and not as_json():
@@ -160,16 +149,17 @@ def _judge_stream(bounds: Bounds, output: _Output) -> int:
         ended, code = "interrupted", interrupts.exit_code()
     rays, wrong = (sum(getattr(verdict, name) for _, verdict in verdicts) for name in ("rays", "wrong"))
     points, line = summary((verdict.covered for _, verdict in verdicts), words)
-    sets = [{"set": name, "right": verdict.right, **dataclasses.asdict(verdict)} for name, verdict in verdicts]
-    number = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
-    lines = [f"{rays} rays in {number}: {f'{wrong} wrong' if wrong else 'right'}", line]
-    lines = [*lines, *[f"stream: {reader.hash}"] * bool(reader.hash)] if verdicts else ["nothing was judged"]
-    about = {"made": reader.command, "hash": reader.hash or None, "bounds": dataclasses.asdict(bounds)}
+    sets = [{"set": name, "right": verdict.right, **asdict(verdict)} for name, verdict in verdicts]
+    count = f"{len(verdicts)} set{'s' * (len(verdicts) != 1)}"
+    lines = [f"{rays} rays in {count}: {f'{wrong} wrong' if wrong else 'right'}", line]
+    if reader.hash:
+        lines.append(f"stream: {reader.hash}")
+    about = {"made": reader.command, "hash": reader.hash or None, "bounds": asdict(bounds)}
     output.write(verdicts, words, ended, about)
-    # As of any command that fails.
+    # The keys of every failure.
     failure = {"error": ended, "exit_code": code} if ended is not None else {}
     total = {"right": not (wrong or ended), "rays": rays, "wrong": wrong, "ended": ended, "covered": points}
-    emit({**total, **about, **failure, "sets": sets}, lines)
+    emit({**total, **about, **failure, "sets": sets}, lines if verdicts else "nothing was judged")
     if ended is not None:
         log(f"lippmann: {ended}")
         return code

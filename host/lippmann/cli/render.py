@@ -1,21 +1,20 @@
-"""`lippmann render`: the integral image of a scene, or of a folder of layers, for a display."""
+"""The command `lippmann render`."""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
 from lippmann.base.images import check_output
 from lippmann.base.machine import peak_memory_mb, process_seconds
 from lippmann.base.variant import current_device
-from lippmann.cli.frame import argument, flag_of, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY_PATH, SEED
-from lippmann.cli.options_rendering import MOVED, RENDERING, Moved
+from lippmann.cli.frame import Name, argument, flag_of, is_given, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, PICTURE, SEED
+from lippmann.cli.options_rendering import MOVED, RENDERING, SCHEDULER, Moved
 from lippmann.cli.output import emit
 from lippmann.cli.progress_bar import progress_bar
 from lippmann.display.description import Display, load_display
@@ -29,35 +28,29 @@ from lippmann.rendering.plan import Job, Plan, open_scene
 from lippmann.rendering.sinks import KeptBands, MemorySink, bands_folder, log_remaining_bands, render_into
 from lippmann.scenes.scene import check_scene_file
 
-#: Options that only scenes have.
-SCENE_ONLY_OPTIONS = ("aperture", "integrator", "max_depth", "tolerance", "shading", "memory_mb", "device")
+SCENE_OPTIONS = ("aperture", "integrator", "max_depth", "tolerance", "shading", "memory_mb", "device")
 
 
 @make_command("render")
 def command(
-    scene_path: str = argument("SCENE"),
-    display_path: Path = DISPLAY_PATH,
-    output: Path = option(".exr or .tif linear, .png for the panel.", metavar="OUT"),
+    scene_path: Name = argument("SCENE"),
+    display_path: Path = DISPLAY,
+    output: Path = PICTURE,
     options: RenderOptions = RENDERING,
     moved: Moved = MOVED,
     seed: int = SEED,
-    filter: Filter = option("Texture filter for layers: nearest or bilinear.", "nearest"),
-    workers: int | None = option(
-        "Processes on this machine that share the render.", None, click.IntRange(1, MAX_WORKERS)
-    ),
-    scheduler: str | None = option(
-        "Render on the workers of this Dask scheduler: tcp://HOST:8786.", None, metavar="ADDRESS"
-    ),
+    filter: Filter = option("Texture filter for layers.", "nearest"),
+    workers: int | None = option("Local processes that share the render.", kind=click.IntRange(1, MAX_WORKERS)),
+    scheduler: str | None = SCHEDULER,
     device: str = DEVICE,
 ) -> None:
     """Render the integral image of a scene, or of a folder of layers, for a display.
 
-    SCENE is Mitsuba's .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a picture and its depths.
+    SCENE is Mitsuba's .xml, a mesh, splats, a quilt, a folder of views, or a .toml of a picture and its depths. Layers
+    take --engine golden (default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
 
-    Layers take --engine golden (their default), twin or rtl, --samples 1, 2 or 4, --scale and --offset.
-
-    A large or long render, and one by workers, keeps its finished bands in OUT.bands: after an interruption the same
-    command goes on.
+    A large or long render, or one by workers, keeps its bands in OUT.bands: after an interruption the command
+    continues.
 
     Example: lippmann render scenes/fish/fish.xml --display scenes/displays/paper-square.toml -o fish.exr
     """
@@ -88,34 +81,27 @@ def command(
         "output": path, "width_px": display.panel.width_px, "height_px": display.panel.height_px,
         "model": metadata["model"], "engine": metadata["engine"], **own, "shading": metadata.get("shading"),
         "device": None if scene_file is None else current_device(), **measured,
-        # With the two above, the whole process: before the command, scene and warnings, and the file.
+        # With the times of `measured`, all of the process.
         **seconds, "peak_memory_mb": peak_memory_mb(),
     }  # fmt: skip
     emit(result, _summary(path, display, metadata, measured), display)
 
 
-def _summary(path: Path, display: Display, metadata: Mapping[str, str], measured: Mapping[str, float]) -> str:
-    """Return the line about a finished render."""
-    kept = measured.get("bands_kept")
-    before = f", after {kept} of {measured['bands']} bands of before" if kept else ""
-    return (
-        f"{path}: {display.panel.width_px} x {display.panel.height_px}, model {metadata['model']}, "
-        f"{'shared light, ' if metadata.get('shading') == 'shared' else ''}"
-        f"{measured['seconds']:.2f} s ({measured['samples_per_second'] / 1e6:.2f} M samples/s{before}), "
-        f"peak memory {peak_memory_mb():.0f} MB"
-    )
-
-
-def _given(name: str) -> bool:
-    return click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT
+def _summary(path: Path, display: Display, metadata: dict[str, str], measured: dict[str, float]) -> str:
+    cached = measured.get("bands_kept")
+    before = f", after {cached} of {measured['bands']} bands of before" if cached else ""
+    what = f"{display.panel.width_px} x {display.panel.height_px}, model {metadata['model']}"
+    light = ", shared light" if metadata.get("shading") == "shared" else ""
+    speed = f"{measured['seconds']:.2f} s ({measured['samples_per_second'] / 1e6:.2f} M samples/s{before})"
+    return f"{path}: {what}{light}, {speed}, peak memory {peak_memory_mb():.0f} MB"
 
 
 @contextlib.contextmanager
 def _open_scene(
     path: Path, display: Display, options: RenderOptions, moved: Moved, device: str, keeps_bands: bool
 ) -> Iterator[Plan]:
-    """Yield the plan of a scene's picture, with Mitsuba's variant set; refuse options that only layers have."""
-    if _given("filter"):
+    """Yield the plan of a scene; refuse options of layers."""
+    if is_given("filter"):
         raise InputError("--filter is for layers; leave it out with a scene")
     with open_scene(path, moved.placement(path), device) as scene:
         yield Job(scene, display, options, moved.arrange(path)).plan(portable=keeps_bands)
@@ -123,25 +109,19 @@ def _open_scene(
 
 @contextlib.contextmanager
 def _open_layers(path: str, display: Display, options: RenderOptions, moved: Moved, filter: Filter) -> Iterator[Plan]:
-    """Yield the plan of a picture of layers; refuse options that only scenes have."""
-    for name in moved.given.keys() - {"scale", "offset"} | {name for name in SCENE_ONLY_OPTIONS if _given(name)}:
+    """Yield the plan of layers; refuse options of scenes."""
+    for name in moved.changes.keys() - {"scale", "offset"} | {one for one in SCENE_OPTIONS if is_given(one)}:
         raise InputError(f"{flag_of(name)} is for scenes; leave it out with layers")
     stack, names = load_named_layers(path)
     scale = 1.0 if moved.scale is None else moved.scale
     try:
         stack = stack.moved(scale, moved.offset or (0.0, 0.0, 0.0))
-        for name, layer in zip(names, stack.layers, strict=True):
-            check_depth(layer.depth_mm, display, f"layer '{name}': depth")
-        plan = plan_layers(
-            stack,
-            display,
-            filter,
-            options.settings.samples,
-            "exact" if options.model == "auto" else options.model,
-            options.engine if _given("engine") else "golden",
-            options.fraction_bits,
-        )
         depths = [(name, layer.depth_mm) for name, layer in zip(names, stack.layers, strict=True)]
+        for name, depth in depths:
+            check_depth(depth, display, f"layer '{name}': depth")
+        model = "exact" if options.model == "auto" else options.model
+        engine = options.engine if is_given("engine") else "golden"
+        plan = plan_layers(stack, display, filter, options.settings.samples, model, engine, options.fraction_bits)
         warn_of_depths(depths, display)
         yield plan
     except InputError as error:

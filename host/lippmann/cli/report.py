@@ -1,17 +1,17 @@
-"""`lippmann report`: speed against error of every engine and lens model, as pages, plots and CSV."""
+"""The command `lippmann report`."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lippmann.base.files import make_folder
 from lippmann.base.images import check_output
 from lippmann.base.variant import start_mitsuba
-from lippmann.cli.frame import Folder, make_command, option
+from lippmann.cli.frame import KINDS, Folder, Name, make_command, option
 from lippmann.cli.options import DEVICE, SCENES, SEED, shipped_scenes
 from lippmann.cli.output import emit
 from lippmann.errors import input_error
@@ -21,40 +21,39 @@ if TYPE_CHECKING:
     from lippmann.conformance.pages import Page
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ReportOptions:
     """The options of a report."""
 
-    output: Folder = option("Output folder; created when missing.", Path("out/report"))
-    against: Folder | None = option("Folder of the run to compare with.  [default: the folder of -o]", None)
+    output: Folder = option("Folder for the report; made when missing.", Path("out/report"))
+    against: Folder | None = option("Folder of the run to compare with.  [default: the folder of -o]")
     scenes: str = SCENES
-    quick: bool = option("A trial: few measurements, no simulation.", False)
+    quick: bool = option("Trial with few measurements and no simulation.")
     seed: int = SEED
     device: str = DEVICE
 
     def words(self) -> str:
-        """Return the options that the figures depend on, as they were given."""
+        """Return the options that the figures depend on."""
         return f"--scenes {self.scenes} --seed {self.seed} --device {self.device}{' --quick' if self.quick else ''}"
 
 
 @make_command("report")
 def command(
-    display: tuple[str, ...] = option(
-        "Display file to measure; may be repeated.  [default: shipped displays]", (), str, multiple=True, metavar="FILE"
+    display: tuple[Name, ...] = option(
+        "Display file; may be repeated.  [default: the shipped displays]", (), KINDS[Name], multiple=True
     ),
     options: ReportOptions = ReportOptions,  # type: ignore[assignment]
 ) -> None:
     """Measure speed and error of each engine and lens model on displays, and write a report.
 
-    It lists what changed since an earlier run. The files are report.md, report.html, plots and CSV. Run it on a quiet
-    machine, in the project's top folder.
+    It also lists changes since an earlier run. Run it in the project's top folder on an idle machine.
 
     Example: lippmann report -o out/report
     """
     from lippmann.conformance.engine_report import QUICK, TABLES, Plan, display_sections, make_report
 
-    plan = dataclasses.replace(QUICK if options.quick else Plan(), display_files=display)
-    plan.load_displays(shipped_scenes(options.scenes))  # a wrong file is refused before anything is measured
+    plan = replace(QUICK if options.quick else Plan(), display_files=display)
+    plan.load_displays(shipped_scenes(options.scenes))  # refuses a wrong file before any measurement
     words = "".join(f" --display {file}" for file in display)
 
     def measure(scenes: Path, before: Stored | None) -> tuple[Page, Comparison]:
@@ -69,16 +68,16 @@ def write_report(
 ) -> None:
     """Write a report of some tables, and print what changed.
 
-    `measure` gets the folder of the scenes and the run to compare with. Raises InputError before it is called when the
-    folder of that run holds none or a broken one, or when the output cannot be written.
+    `measure` gets the folder of scenes and the earlier run. Raises InputError before, for an invalid run or an output
+    that cannot be written.
     """
     from lippmann.conformance.engine_report import PAGE
     from lippmann.conformance.figures import read_stored
 
     scenes, folder = shipped_scenes(options.scenes), options.output
     before = read_stored(options.against or folder, tables)
-    if options.against is not None and before is None:
-        raise input_error(str(options.against), "holds no run of the report", "name a folder that holds report-*.csv")
+    if options.against and before is None:
+        raise input_error(options.against, "holds no run of the report", "name a folder with report-*.csv")
     make_folder(folder, "choose another place")
     for name in (f"{PAGE}.md", f"{PAGE}.html"):
         check_output(folder / name, (".md", ".html"))
@@ -87,21 +86,21 @@ def write_report(
     page, comparison = measure(scenes, before)
     seconds = time.perf_counter() - started
     files = page.write(folder, as_html=True)
-    moves = [{**dataclasses.asdict(move), "ratio": move.ratio} for move in comparison.moved]
+    moves = [{**asdict(move), "ratio": move.ratio} for move in comparison.moved]
     result = {
         **page.origin,
         "folder": str(folder),
         "files": [str(file) for file in files],
         "seconds": seconds,
         "tables": {name: page.tables[name] for name in tables},
-        "comparison": {**dataclasses.asdict(comparison), "moved": moves},
+        "comparison": {**asdict(comparison), "moved": moves},
     }
     header = f"{folder / PAGE}.html, .md: {seconds:.0f} s, load {page.origin['load']}"
     emit(result, [header, *comparison_lines(comparison)])
 
 
 def comparison_lines(comparison: Comparison) -> list[str]:
-    """Return what a report tells in the terminal about the earlier run."""
+    """Return the lines about the earlier run."""
     then = f"the run of {comparison.before.get('date')}"
     if not comparison.before:
         return ["no run before to compare with"]

@@ -1,4 +1,4 @@
-"""`lippmann stream`: show images on a board's panel."""
+"""The command `lippmann stream`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lippmann.board.panel_frames import check_frame
 from lippmann.board.retries import END_SCENE
 from lippmann.board.streaming import Sent, send_frame
 from lippmann.board.tiles import Pixels
-from lippmann.cli.frame import argument, make_command, option
-from lippmann.cli.options import finite
+from lippmann.cli.frame import KINDS, Name, argument, make_command, option
+from lippmann.cli.options import FORCE, finite
 from lippmann.cli.options_port import BAUD, PORT, check_board, chosen_port
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
@@ -27,30 +27,21 @@ RETRY_S = 0.5
 
 @make_command("stream")
 def command(
-    images: tuple[str, ...] = argument("IMAGE...", kind=str, nargs=-1),
+    images: tuple[Name, ...] = argument("IMAGE...", kind=KINDS[Name], nargs=-1),
     port: str | None = PORT,
     baud: int | None = BAUD,
-    display: Display | None = option("The board's display file; its curve and bits must be the image's.", None),
-    transfer: TransferName | None = option(
-        "The panel's curve; must be the image's. Default: the image's, or srgb if it names none.", None
-    ),
-    force: bool = option("Stream an image that was rendered for another display, or names none.", False),
-    resume_s: float = option(
-        "When the connection is lost, wait for the board and continue with the tiles that it lacks.",
-        0.0,
-        finite(0.0),
-        metavar="SECONDS",
-        show_default=False,
-    ),
-    verify: bool = option("Compare the CRC-32 of the scanned-out frame with the image's.", False),
+    display: Display | None = option("The board's display file; its curve and bits must be the image's."),
+    transfer: TransferName | None = option("The panel's curve, as in the image.  [default: the image's, or srgb]"),
+    force: bool = FORCE,
+    resume_s: float = option("Seconds to wait for a board whose line is lost; then continue.", 0.0, finite(0.0)),
+    verify: bool = option("Compare the CRC-32 of the scanned-out frame with the image's."),
 ) -> None:
     """Stream images to the panel of a board.
 
-    Several images make an animation. The panel shows a frame when all of it has arrived and its CRC-32 is right; until
-    then it keeps the previous frame. Tiles that the board already holds are not sent: after an interruption, run the
-    same command again.
+    Several images make an animation. The panel keeps a frame until the next has arrived and its CRC-32 is right. Tiles
+    that the board holds are not sent: after an interruption, run the command again.
 
-    Example: lippmann stream out/fish.exr --port socket://127.0.0.1:4000 --verify
+    Example: lippmann stream out/fish.exr --verify
     """
     for image in images:
         check_input(image)
@@ -61,58 +52,58 @@ def command(
             check_board(stream.board, display, "stream")
         behind = stream.board.draws_scene()
         if behind and verify:
-            what = "the panel shows the scene that the board draws, so that a frame cannot be verified there"
+            what = "the panel shows the scene that the board draws: a frame cannot be verified there"
             raise device_error(url, what, f"{END_SCENE}; or stream without --verify")
         stream.board.check_panel()
         panel = None if display is None else display.panel
-        # All files are checked before the first frame is sent: when one is refused, nothing changes on the panel.
+        # All files are checked first, before the panel changes.
         files = [check_frame(image, hello, transfer, panel, force) for image in images]
         assumptions = [file.assumption for file in files if file.assumption]
         if assumptions:
             log(assumptions[0] + (f" (and {len(assumptions) - 1} other images)" if assumptions[1:] else ""))
         results, lines = [], []
         for image, file in zip(images, files, strict=True):
-            sent = stream.send(file.pixels(), f"streaming {image}")
-            rates = {"bytes_per_second": sent.rate, "overhead": sent.overhead}
+            total = stream.send(file.pixels(), f"streaming {image}")
+            rates = {"bytes_per_second": total.rate, "overhead": total.overhead}
             verified = {"verified": True} if verify else {}
-            lines.append(f"{image}: {_summary(sent, behind)}{', verified on the panel' if verify else ''}")
-            results.append({"image": image, **asdict(sent), "crc": f"{sent.crc:08x}", **rates, **verified})
+            lines.append(f"{image}: {_summary(total, behind)}{', verified on the panel' if verify else ''}")
+            results.append({"image": image, **asdict(total), "crc": f"{total.crc:08x}", **rates, **verified})
     result = {"port": url, "identity": f"{hello.identity:016x}", "behind_scene": behind, "frames": results}
     emit(result, lines)
 
 
 class _Stream:
-    """A board that is opened again when its connection is lost, for at most `resume_s` seconds each time."""
+    """A board that is opened again when its line is lost, within `resume_s` seconds."""
 
     def __init__(self, url: str, baud: int, resume_s: float, verify: bool) -> None:
         self._url, self._baud, self._resume_s, self._verify = url, baud, resume_s, verify
         self.board = self._opened()
 
     def close(self) -> None:
-        """Close the board that is open now."""
+        """Close the board."""
         self.board.close()
 
     def send(self, frame: Pixels, label: str) -> Sent:
-        """Show a frame, and verify it where that is asked for; continue it when the connection is lost."""
-        sent = Sent()
+        """Show and perhaps verify a frame; continue it when the line is lost."""
+        total = Sent()
         hello = self.board.info
         arrived, was_reset = -1, False
         with progress_bar(label) as progress:
             while True:
                 try:
-                    send_frame(self.board, frame, progress, sent=sent)
+                    send_frame(self.board, frame, progress, sent=total)
                     if self._verify:
-                        self.board.verify(sent.crc)
-                    return sent
+                        self.board.verify(total.crc)
+                    return total
                 except NoBoardError as error:
                     if not self._resume_s:
                         raise
-                    # Without a new tile since the last loss, another attempt would fail the same way.
-                    stuck = len(sent.arrived) == arrived
+                    # Without a new tile another attempt would fail too.
+                    stuck = len(total.arrived) == arrived
                     if stuck and (was_reset or hello.version < RESET_VERSION):
                         after = ", also after a reset" if was_reset else ""
                         raise NoBoardError(f"{error} (lost twice without a new tile in between{after})") from None
-                    arrived = len(sent.arrived)
+                    arrived = len(total.arrived)
                     log(f"{error}; looking for the board for {self._resume_s:g} s")
                     self.board.close()
                     self.board = self._opened()
@@ -123,28 +114,25 @@ class _Stream:
                         was_reset = True
 
     def _opened(self) -> Board:
-        """Open the board; repeat until it answers. Raises as `Board.open`."""
+        """Open the board when it answers. Raises as `Board.open`."""
         deadline = time.monotonic() + self._resume_s
         while True:
             try:
                 return Board.open(self._url, self._baud)
             except NoBoardError as error:
+                if not self._resume_s:
+                    raise
                 if time.monotonic() >= deadline:
-                    if not self._resume_s:
-                        raise
                     what = f"{error} (waited {self._resume_s:g} s; the same command continues the frame)"
                     raise NoBoardError(what) from None
             time.sleep(RETRY_S)
 
 
-def _summary(sent: Sent, behind: bool) -> str:
-    """Return what was sent of a frame, or that nothing was, in words."""
-    if sent.unchanged:
+def _summary(total: Sent, behind: bool) -> str:
+    if total.unchanged:
         return "stored already" if behind else "already on the panel"
-    counts = {kind: getattr(sent, kind) for kind in ("raw", "solid", "qoi", "copied", "skipped")}
+    counts = {kind: getattr(total, kind) for kind in ("raw", "solid", "qoi", "copied", "skipped")}
     kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
-    return (
-        f"{sent.image_bytes / 1000:.0f} KB in {sent.seconds:.3g} s "
-        f"({sent.rate / 1000:.4g} KB/s; {sent.wire_bytes / 1000:.4g} KB on the line; "
-        f"{sent.tiles} tiles: {kinds}; {sent.resends} sent again)"
-    )
+    speed = f"{total.rate / 1000:.4g} KB/s; {total.wire_bytes / 1000:.4g} KB on the line"
+    tiles = f"{total.tiles} tiles: {kinds}; {total.resends} sent again"
+    return f"{total.image_bytes / 1000:.0f} KB in {total.seconds:.3g} s ({speed}; {tiles})"

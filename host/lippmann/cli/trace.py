@@ -1,4 +1,4 @@
-"""`lippmann trace`: rays from pixels through the lenslets, into an .npz file."""
+"""The command `lippmann trace`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 import click
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.base.files import replacing
 from lippmann.base.images import check_output
 from lippmann.base.limits import MAX_RAYS, MAX_TABLE_BYTES, check_expanded, lines_of, load_arrays, read_limited
-from lippmann.cli.frame import make_command, option
+from lippmann.base.variant import start_mitsuba
+from lippmann.cli.frame import Name, make_command, option
 from lippmann.cli.options import DEVICE, DISPLAY, ENGINE_BITS, LENS_MODEL, SEED
 from lippmann.cli.output import emit
 from lippmann.display.description import Display
@@ -26,36 +26,32 @@ from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Engine, Floats, Model, Status
 from lippmann.optics.sample_points import square_to_cell
 
-#: Memory that the trace of a ray takes, bytes: measured with 10^6 rays of the engine golden.
+#: Memory for each ray, bytes (measured with golden).
 RAY_BYTES = 350
-#: The arrays of the file that come from `Rays`.
 ARRAYS = ("origin_mm", "direction", "status", "lenslet", "centre_mm", "local_mm")
 
 
 @make_command("trace")
 def command(
     display: Display = DISPLAY,
-    engine: Engine = option("Implementation of the ray trace.", "golden"),
+    engine: Engine = option("Engine that traces the rays.", "golden"),
     model: Model = LENS_MODEL,
-    pixels: str = option(
-        "N random pixels; or .npy/.npz (array `pixel`)/.csv with columns u, v: whole numbers mean pixel centres, "
-        "others are continuous pixel coordinates; a .csv may begin with the heading u,v.",
+    pixels: Name = option(
+        "N random pixels; or u, v in .npy, .npz (array `pixel`) or .csv: columns and rows, or pixel coordinates.",
         metavar="N|FILE",
     ),
-    aperture: Literal["chief", "full"] = option("Chief rays, or random points over the lenslet's cell.", "chief"),
+    aperture: Literal["chief", "full"] = option("Chief rays, or random points of the cell.", "chief"),
     fraction_bits: int | None = ENGINE_BITS,
-    wavelength_nm: float | None = option("nm; the array must name its glass.", None, flag="--wavelength"),
+    wavelength_nm: float | None = option("nm; the array must name its glass.", flag="--wavelength"),
     seed: int = SEED,
     device: str = DEVICE,
     output: Path = option(None, metavar="RAYS.npz"),
 ) -> None:
     """Trace rays from pixels through the lenslets.
 
-    The .npz holds pixel, origin_mm, direction, status, lenslet and more.
+    Status in the .npz: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
 
-    Status: 0 ok, 1 missed surface, 2 total internal reflection, 3 blocked, 4 crosstalk.
-
-    Example: lippmann trace --display scenes/displays/paper-square.toml --engine fast --pixels 1000 -o rays.npz
+    Example: lippmann trace --display scenes/displays/paper-square.toml --pixels 1000 -o rays.npz
     """
     if engine != "fast" and device == "cuda":
         raise click.UsageError(f"--device cuda belongs to the engine fast; leave it out with {engine}")
@@ -69,11 +65,9 @@ def command(
         s, t = random.uniform(size=(2, len(pixel)))
         points = np.stack(square_to_cell(NumpyBackend(), s, t, Lattice.of(display.array)), axis=1)
     if engine == "fast":
-        from lippmann.base.variant import start_mitsuba
-
         device = start_mitsuba(device)
     if engine == "rtl":
-        # Compile the RTL first: that time is not tracing time.
+        # Compile the RTL first, which is not tracing time.
         trace(display, pixel[:1], None if points is None else points[:1], model, engine, device, fraction_bits)
     started = time.perf_counter()
     rays = trace(display, pixel, points, model, engine, device, fraction_bits)
@@ -92,7 +86,7 @@ def command(
 
 
 def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
-    """Return pixel coordinates (N, 2) from a count or a file."""
+    """Return pixel coordinates (N, 2) of a count or a file."""
     panel = display.panel
     size = np.array([panel.width_px, panel.height_px])
     if re.fullmatch(r"[+-]?[0-9]{1,18}", spec):
@@ -120,8 +114,7 @@ def _pixels(spec: str, display: Display, random: np.random.Generator) -> Floats:
     return values
 
 
-def _table(path: Path) -> npt.NDArray[Any]:
-    """Return the array in a file of pixels."""
+def _table(path: Path) -> np.ndarray[Any, Any]:
     remedy = "give columns u, v"
     try:
         if path.suffix == ".npy":
@@ -129,7 +122,7 @@ def _table(path: Path) -> npt.NDArray[Any]:
         if path.suffix == ".npz":
             arrays, _ = load_arrays(path, ["pixel"], remedy, RAY_BYTES)
             if not arrays:
-                raise input_error(str(path), "cannot be read (it has no array pixel)", remedy)
+                raise input_error(path, "cannot be read (it has no array pixel)", remedy)
             return arrays["pixel"]
         if path.suffix in (".csv", ".txt"):
             text = read_limited(path, MAX_TABLE_BYTES, "give the pixels as .npy").decode("utf-8")
@@ -140,5 +133,5 @@ def _table(path: Path) -> npt.NDArray[Any]:
                 first = next(lines, "")
             return np.loadtxt(itertools.chain([first], lines), delimiter=",", ndmin=2) if first else np.empty((0, 2))
     except (ValueError, OSError, IndexError) as error:
-        raise input_error(str(path), f"cannot be read ({reason(error)})", remedy) from None
-    raise input_error(str(path), f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")
+        raise input_error(path, f"cannot be read ({reason(error)})", remedy) from None
+    raise input_error(path, f"unknown extension '{path.suffix}'", "choose from .npy, .npz, .csv")

@@ -1,4 +1,4 @@
-"""`lippmann vectors`: hard rays with the truth, to test another design."""
+"""The command `lippmann vectors`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 from lippmann.base.provenance import provenance
 from lippmann.cli.frame import Folder, make_command, option
-from lippmann.cli.options import DISPLAY_PATH, LENS_MODEL, SEED, word_length
+from lippmann.cli.options import DISPLAY, FILE_BITS, LENS_MODEL, SEED
 from lippmann.cli.output import as_json, emit
 from lippmann.conformance.hard_cases import hard_sets
 from lippmann.conformance.ray_stream import Stream
@@ -22,23 +22,23 @@ from lippmann.optics.rays import Model
 
 @make_command("vectors")
 def command(
-    display_path: Path = DISPLAY_PATH,
-    case: str = option("Name of a hard case, or all; an unknown name lists them.", "all"),
+    display_path: Path = DISPLAY,
+    case: str = option("Hard case, or all; an unknown name lists them.", "all"),
     model: Model = LENS_MODEL,
-    fraction_bits: int = word_length("the fixed-point files"),
+    fraction_bits: int = FILE_BITS,
     count: int = option("Approximate number of rays in each set.", 24, click.IntRange(1, 10_000)),
     seed: int = SEED,
-    output: Folder | None = option("New output folder.", None),
-    stream: bool = option("Write the questions to stdout, for a program before lippmann regress --stream.", False),
-    words: bool = option("With --stream: words of the RTL, hexadecimal.", False),
+    output: Folder | None = option("New output folder."),
+    stream: bool = option("Write lines to stdout, for a program before regress."),
+    words: bool = option("With --stream: words of the RTL, hexadecimal."),
     random: int = option("With --stream: random rays after the hard ones.", 0, click.IntRange(0, 10**8)),
 ) -> None:
     """Write test vectors: rays that are hard to compute.
 
-    Each set holds the rays with results from 50-digit arithmetic (.npz), and as words of the RTL (.csv, $readmemh).
-    With --stream they are lines of text: lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream.
+    Each set holds rays with 50-digit results (.npz), and as words of the RTL (.csv, $readmemh). For lines instead:
+    lippmann vectors --stream | YOUR PROGRAM | lippmann regress --stream.
 
-    Example: lippmann vectors --display scenes/displays/paper-square.toml --case tangent -o vectors
+    Example: lippmann vectors --display scenes/displays/paper-square.toml -o vectors
     """
     display = load_display(display_path)
     line = (
@@ -46,7 +46,7 @@ def command(
         f"--fraction-bits {fraction_bits} --count {count} --seed {seed}"
     )
     if stream:
-        if output is not None or as_json():
+        if output or as_json():
             other = "--json" if output is None else "-o"
             raise input_error(other, "the questions go to stdout", f"leave out {other} or --stream")
         line += f" --stream{' --words' * words}{f' --random {random}' * bool(random)}"
@@ -58,9 +58,8 @@ def command(
         raise input_error("--words" if words else "--random", "is of a stream", "add --stream")
     if output is None:
         raise InputError("no output; give a folder with -o, or --stream")
-    options = {"model": model, "fraction_bits": fraction_bits, "seed": seed}
     sets = hard_sets(display, case, seed, count)
-    about = provenance(line, ("numpy", "mpmath")) | options
+    about = provenance(line, ("numpy", "mpmath")) | {"model": model, "fraction_bits": fraction_bits, "seed": seed}
     entries = write_vectors(output, sets, model, fraction_bits, about)
     result = {
         "output": output,
@@ -69,5 +68,4 @@ def command(
         "words": sum(entry["words"] for entry in entries),
         "refused": {entry["set"]: entry["refused"] for entry in entries if entry["refused"]},
     }
-    text = f"{output}: {result['rays']} rays in {result['sets']} sets, {result['words']} of them in words"
-    emit(result, text)
+    emit(result, f"{output}: {result['rays']} rays in {result['sets']} sets, {result['words']} of them in words")

@@ -1,4 +1,4 @@
-"""`lippmann view`: a page that shows an integral image through its lenslets, in a browser."""
+"""The command `lippmann view`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from lippmann import api
 from lippmann.base import interrupts
 from lippmann.base.files import write_file
 from lippmann.base.images import SUFFIXES, check_output, read_picture
-from lippmann.cli.frame import KINDS, argument, flag_of, make_command, option
-from lippmann.cli.options import DEVICE, DISPLAY, SEED, Point, finite
+from lippmann.cli.frame import KINDS, Name, argument, flag_of, make_command, option
+from lippmann.cli.options import DEVICE, DISPLAY, FORCE, SEED, Point, finite
 from lippmann.cli.options_rendering import MOVED, Moved
 from lippmann.cli.output import emit, log
 from lippmann.cli.progress_bar import progress_bar
@@ -30,40 +30,39 @@ from lippmann.scenes.scene import check_scene_file
 
 @make_command("view")
 def command(
-    image_path: str = argument("IMAGE"),
+    image_path: Name = argument("IMAGE"),
     display: Display = DISPLAY,
-    output: Path | None = option("The page.  [default: beside the image, named after it]", None, metavar="PAGE.html"),
-    direct_paths: tuple[tuple[Point, str], ...] = option(
-        "A direct render of the scene from that eye, through the panel's window; may be repeated.",
+    output: Path | None = option("The page.  [default: IMAGE with .html]", metavar="PAGE.html"),
+    direct: tuple[tuple[Point, Name], ...] = option(
+        "Direct render from this eye, through the panel's window; may be repeated.",
         (),
-        (KINDS[Point], str),
-        flag="--direct",
+        (KINDS[Point], KINDS[Name]),
         multiple=True,
         metavar="X,Y,Z PICTURE",
     ),
-    scene_path: Path | None = option("Render direct views of this scene from a grid of eyes.", None, metavar="SCENE"),
+    scene_path: Path | None = option("Render direct views from a grid of eyes.", metavar="SCENE"),
     moved: Moved = MOVED,
-    frames_per_second: float = option("Of the frames of a film.", FRAMES_PER_SECOND, finite(0.1)),
-    title: str | None = option("Heading of the page.  [default: the image's name]", None),
-    serve: bool = option("Serve the page on loopback until Ctrl-C, instead of writing it.", False),
-    tcp_port: int = option("Port of --serve; 0: any free port.", 0, click.IntRange(0, 65535), show_default=False),
-    force: bool = option("Accept an image that was made for another display.", False),
+    frames_per_second: float = option("Frame rate of a film.", FRAMES_PER_SECOND, finite(0.1)),
+    title: str | None = option("Heading of the page.  [default: the image's name]"),
+    serve: bool = option("Write no file; serve the page on this machine until Ctrl-C."),
+    tcp_port: int = option("Port of --serve; 0: any free port.", 0, click.IntRange(0, 65535)),
+    force: bool = FORCE,
     seed: int = SEED,
     device: str = DEVICE,
 ) -> None:
     """Make a browser page that shows an integral image.
 
-    The page shows what an eye sees through the lenslets. It is one file, and needs WebGL 2 but no network. IMAGE may be
-    the folder of a film's frames, from lippmann animate: the page plays them.
+    It shows what an eye sees through the lenslets. It is one file, and needs WebGL 2 but no network. IMAGE may be a
+    folder of lippmann animate, which it plays.
 
     Example: lippmann view fish.png --display scenes/displays/paper-square.toml -o fish.html
     """
-    if moved.given and scene_path is None:
-        raise InputError(f"{flag_of(next(iter(moved.given)))} belongs to --scene; give both or neither")
+    if moved.changes and scene_path is None:
+        raise InputError(f"{flag_of(next(iter(moved.changes)))} belongs to --scene; give both or neither")
     path = _page_path(image_path, output, serve, tcp_port)
-    scene = None if scene_path is None else check_scene_file(scene_path)
+    scene = scene_path and check_scene_file(scene_path)
     image, *later = (IntegralImage.load(one, display, force) for one in frames_of(image_path))
-    directs = [_read_direct(eye, place, display) for eye, place in direct_paths]
+    directs = [_read_direct(eye, path, display) for eye, path in direct]
     with nullcontext() if scene is None else progress_bar("direct views") as progress:
         placement, arrange = (None, None) if scene is None else (moved.placement(scene), moved.arrange(scene))
         page = api.view_page(
@@ -89,9 +88,9 @@ def command(
 
 
 def _page_path(image_path: str, output: Path | None, serve: bool, tcp_port: int) -> Path | None:
-    """Return the page's file; `None` when the page is served. Refuse options that do not go together."""
-    if serve and output is not None:
-        raise InputError("--serve keeps the page in memory; leave out -o or --serve")
+    """Return the page's file, None with --serve; refuse conflicting options."""
+    if serve and output:
+        raise InputError("--serve writes no file; leave out -o or --serve")
     if tcp_port and not serve:
         raise InputError("--tcp-port belongs to --serve; give both or neither")
     if serve:
@@ -102,22 +101,20 @@ def _page_path(image_path: str, output: Path | None, serve: bool, tcp_port: int)
 
 
 def frames_of(path: str) -> list[str | Path]:
-    """Return the files of a film's frames in a folder, in their order; of an image, itself."""
+    """Return the frames of a film's folder in order, or the image."""
     if not Path(path).is_dir():
         return [path]
     files = sorted(Path(path).glob(f"{FRAME_STEM}*"))
     frames = [one for one in files if one.suffix.lower() in SUFFIXES]
     if not frames:
-        raise input_error(
-            path, f"is a folder without frames ({FRAME_STEM}0000.exr ...)", "render them: lippmann animate"
-        )
+        what = f"is a folder without frames ({FRAME_STEM}0000.exr ...)"
+        raise input_error(path, what, "render them: lippmann animate")
     return list(frames)
 
 
 def _read_direct(eye: Point, path: str, display: Display) -> Direct:
     """Read a direct render; errors name its file."""
-    position = Eye(eye).position_mm
-    direct = Direct(position, read_picture(path).radiance)
+    direct = Direct(Eye(eye).position_mm, read_picture(path).radiance)
     try:
         check_direct(direct, display)
     except LippmannError as error:

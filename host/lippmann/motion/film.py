@@ -88,8 +88,8 @@ class FilmFile:
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
     frames_per_second: Annotated[float, key("speed; at most 50 for a `.gif`", low=0.1, high=1000.0)] = 12.0
     motion: Annotated[Motion, key("interpolation between keys")] = "smooth"
-    near_mm: Annotated[Depth, key("front of the depths z that matter in every frame; primary rays start there")] = None
-    far_mm: Annotated[Depth, key("back of the depths z that matter in every frame")] = None
+    near_mm: Annotated[Depth, key("depth z at which primary rays start: in front of all objects in all frames")] = None
+    far_mm: Annotated[Depth, key("farthest depth z that matters in any frame")] = None
     object: tuple[Moving, ...] = ()
     world: MotionPath | None = None
 
