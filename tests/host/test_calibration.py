@@ -260,7 +260,7 @@ def test_the_derivatives_are_those_of_one_side_of_an_intervals_end(request):
     seams = np.full(len(problem.seam_powers), 0.01)
     array, lens = [pitch, pitch, 0.0, 0.0, 0.0, 0.0], [900.0, 400.0, 300.0, 0.0, 0.0]
     x = problem.packed(array=array, gap=display.gap_mm, seams=seams, lens=lens, pose=camera)
-    panel, photo = problem.seen(x, 0)
+    panel, photo = problem.predict(x, 0)
     half = rng.uniform(0.0, 0.3, (len(index), 2))
     ends = half * rng.choice([-1.0, 1.0], half.shape) + rng.normal(0.0, 1e-7, half.shape)
     near = dataclasses.replace(view, half_px=half, panel_mm=panel - ends * display.panel.pitches_mm, photo_px=photo)
@@ -735,8 +735,8 @@ def test_a_zoom_between_positions_is_told(case, photos, tmp_path, capfd, positio
 @pytest.mark.full
 def test_panel_points_that_scatter_are_told(case, photos, tmp_path, monkeypatch, capfd):
     """Those of any photographs do, by a limit below what the camera's noise allows."""
-    monkeypatch.setattr(solver, "MOST_SCATTER_PX", 1e-4)
-    monkeypatch.setattr(solver, "MOST_SCATTER", 1e-6)
+    monkeypatch.setattr(solver, "MAX_SCATTER_PX", 1e-4)
+    monkeypatch.setattr(solver, "MAX_SCATTER", 1e-6)
     said = refused_solve(photos, case.nominal, tmp_path, capfd)
     assert "the photographs do not fit a display like" in said
 

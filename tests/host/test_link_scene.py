@@ -199,7 +199,7 @@ def test_contents_that_do_not_fit_are_refused(model, contents, says):
 def test_more_layers_than_the_board_draws(model):
     rng = generator(SEED, "more")
     stack = LayerStack(tuple(layer(rng) for _ in range(5)))
-    says = r"5 layers do not fit this build, which has 4; leave layers out"
+    says = r"5 layers do not fit the board, which draws 4; cut the scene again with --count 4"
     with Board.open(model.url, FAST_BAUD) as board, pytest.raises(InputError, match=says):
         SceneBoard(board).set_stack(DISPLAY, stack)
 
@@ -223,7 +223,7 @@ def test_boards_that_do_not_draw():
     [
         (
             ["read", "scene.layer_7_s0"],
-            "scene.layer_7_s0: the board has 4 layers, 0 to 3; see docs/reference/scene-reg",
+            "scene.layer_7_s0: the board has 4 layers, 0 to 3; see docs/generated/scene-reg",
         ),
         (["read", "0x680"], "0x680: the board has 4 layers"),
         (["read", "scene.layer_3_s0", "9"], "scene.layer_3_s0: the board has 4 layers"),
@@ -262,7 +262,7 @@ def playing(model, tmp_path, monkeypatch):
     # The panel of the model shows what is written at once.
     monkeypatch.setattr(SceneBoard, "wait", lambda *_: None)
     shown = SceneStatus(True, False, frozenset(), 0, 0)
-    monkeypatch.setattr(SceneBoard, "status", lambda self: dataclasses.replace(shown, shown=model.is_drawn()))
+    monkeypatch.setattr(SceneBoard, "status", lambda self: dataclasses.replace(shown, is_shown=model.is_drawn()))
     return ["--display", display, "--force", "--port", model.url]
 
 

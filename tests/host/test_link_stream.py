@@ -51,9 +51,9 @@ def test_rows_are_sent_as_they_come(reset):
         rows = BoardSink(board, SimpleNamespace(display=display, bands=(range(70),)), force=True)
         for first, tiles in ((50, 0), (0, 0), (64, 4), (16, 8), (32, 8)):
             last = {50: 64, 64: 70}.get(first, first + 16)
-            rows.put(first, image[first:last])
+            rows.add_rows(first, image[first:last])
             assert len(model.tile_writes) == tiles
-        rows.put(48, image[48:50])
+        rows.add_rows(48, image[48:50])
         assert (len(model.tile_writes), model.shown) == (12, [])
         if reset:
             model.power_cycle()
@@ -330,13 +330,13 @@ def test_what_a_frame_took_is_summed_over_a_loss_of_the_line(patient):
         with Board.open(line.url, FAST_BAUD) as board:
             before = board.line.written
             with pytest.raises(NoBoardError, match="connection is lost"):
-                send_frame(board, image, lambda done, _: done == 40 and line.unplug(), sent=sent, window_bytes=3000)
+                send_frame(board, image, lambda done, _: done == 40 and line.unplug(), counts=sent, window_bytes=3000)
             written += board.line.written - before
         assert 40 <= len(sent.arrived) == sent.raw <= sent.sends < 70
         assert (sent.rounds, sent.resends) == (1, 0)
         with Board.open(line.url, FAST_BAUD) as board:
             before = board.line.written
-            assert send_frame(board, image, sent=sent) is sent
+            assert send_frame(board, image, counts=sent) is sent
             written += board.line.written - before
     assert (sent.tiles, sent.skipped, sent.rounds, sent.unchanged) == (70, 0, 2, False)
     assert sent.wire_bytes == written

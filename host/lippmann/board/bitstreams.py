@@ -1,8 +1,8 @@
 """Bitstreams: the header of an ECP5 bitstream (.bit), and the load into a board by openFPGALoader.
 
-A file begins with FF 00, texts that each end with 00 (`make bitstream` writes one), then FF. The configuration follows
-the preamble FF FF BD B3: commands of a byte, three bytes of options and their data. VERIFY_ID (E2) has the device's
-JTAG identity. The last command is PROGRAM_DONE (5E), FF may follow.
+A file begins with FF 00, texts that each end with 00, then FF; `make bitstream` writes one text. The preamble
+FF FF BD B3 precedes the configuration: commands of one byte, three bytes of options, and data. VERIFY_ID (E2) holds
+the device's JTAG identity. The last command is PROGRAM_DONE (5E), which FF may follow.
 """
 
 from __future__ import annotations
@@ -45,10 +45,7 @@ REMEDY = "give a file that make bitstream wrote"
 
 @dataclass(frozen=True)
 class BitFile:
-    """A bitstream's header; all but the first are empty when another program wrote it.
-
-    `design` is the hash of all that it was made of.
-    """
+    """A bitstream's header; without the text of `make bitstream`, only `idcode` is known."""
 
     idcode: int
     board: str
@@ -64,7 +61,7 @@ class BitFile:
 
 #: The digest in the text before it is known.
 NO_DIGEST = b"0" * 64
-#: The text that `make bitstream` writes. A file that has one of `WORDS`, and not the whole text, is damaged.
+#: The text that `make bitstream` writes; a file with one of `WORDS`, but without the whole text, is damaged.
 TEXT = re.compile(
     rb"Lippmann board=(\S+) display=([^\0]+?) identity=([0-9a-f]{16}) design=(\w+) seed=\d+ sha256=([0-9a-f]{64})\0"
 )
@@ -72,13 +69,13 @@ WORDS = (b"Lippmann", b"identity=", b"sha256=")
 
 
 def comment(board: str, display: str, identity: str, design: str, seed: int) -> str:
-    """Return the text in a bitstream's header, still without the digest of the file."""
+    """Return the header's text, with zeros for the digest."""
     text = f"Lippmann board={board} display={display} identity={identity} design={design} seed={seed}"
     return f"{text} sha256={NO_DIGEST.decode()}"
 
 
 def sealed(data: bytes) -> bytes:
-    """Return a bitstream with the digest of the whole file, in which it is zeros, in its text."""
+    """Return a bitstream with the digest of the file in its text."""
     return data.replace(b"sha256=" + NO_DIGEST, b"sha256=" + _digest(data), 1)
 
 
@@ -87,7 +84,7 @@ def _digest(data: bytes) -> bytes:
 
 
 def read_bitfile(path: Path) -> BitFile:
-    """Return the header of a bitstream; raise InputError for another kind of file, an unreadable one or a part."""
+    """Return the header of a bitstream; raise InputError for another, incomplete or unreadable file."""
     try:
         if path.exists() and not path.is_file():
             raise input_error(str(path), "cannot be read (it is no file)", REMEDY)
@@ -116,14 +113,13 @@ def read_bitfile(path: Path) -> BitFile:
 
 
 LOADER = Tool("openFPGALoader", "writes bitstreams into FPGA boards", "run sudo apt-get install -y openfpgaloader")
-#: Longest time of a load, which takes a quarter of a minute; into the flash memory some minutes, s.
+#: Longest time of a load, s: it takes a quarter of a minute, into the flash memory some minutes.
 LOAD_SECONDS = 600.0
 CONNECT = "connect its USB socket US1, and switch it on"
 REPLUG = "plug the board in again, then run it again"
-#: Where Linux lists the devices on USB.
+#: Linux's list of USB devices.
 USB_DEVICES = Path("/sys/bus/usb/devices")
-#: Words of openFPGALoader, in small letters, and what they come to: the cause is the first of these that it says,
-#: whatever it says last.
+#: Patterns in openFPGALoader's output, in small letters, with cause and remedy; the first that matches counts.
 CAUSES = (
     (
         r"permission denied|access denied|usb_open\(\) failed",
@@ -139,15 +135,13 @@ CAUSES = (
     (r"mismatch|id err", "the FPGA is not the bitstream's", "read the chip's print, and make one for it"),
     (r"crc", "the FPGA refuses the bitstream", "make it again (make bitstream)"),
 )
-#: Its words when it finds no board.
+#: Its words without a board.
 NOT_FOUND = ("not found", "no device", "unable to open ftdi", "no cable", "can't find")
-#: What is no cause: how its own error ends.
-EMPTY = "std::exception"
 
 
 @dataclass(frozen=True)
 class Adapter:
-    """A USB adapter: the text of its product, and its serial number, which may be empty."""
+    """A USB adapter: product text, and serial number, which may be empty."""
 
     text: str
     serial: str
@@ -157,10 +151,7 @@ class Adapter:
 
 
 def on_usb(usb: Usb) -> list[Adapter] | None:
-    """Return the adapters on USB with a board's identity, whatever their text; None where Linux does not list them.
-
-    A board without a serial port is found too: openFPGALoader takes the adapter from the port's driver.
-    """
+    """Return the adapters on USB with a board's identity; None where Linux does not list them."""
     if not USB_DEVICES.is_dir():
         return None
     adapters = []
@@ -173,10 +164,9 @@ def on_usb(usb: Usb) -> list[Adapter] | None:
 
 
 def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str | None) -> str | None:
-    """Return the serial number of the adapter to use; None: the only one there is, or where they are not listed.
+    """Return the serial number of the adapter to use; None for the only one, or where they are not listed.
 
-    `serial` names one also when its text is not the board's: that of a new chip is the maker's. Raises DeviceError
-    unless one is left.
+    `serial` may name an adapter with another text, as new chips have. Raises DeviceError unless one remains.
     """
     if adapters is None:
         return serial
@@ -204,10 +194,7 @@ def choose_adapter(board: FpgaBoard, adapters: list[Adapter] | None, serial: str
 
 
 def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
-    """Return the board that a bitstream is for; `name` stands for a header that names none.
-
-    Raises InputError when the bitstream is for another board or another FPGA.
-    """
+    """Return the board of a bitstream; `name` replaces a missing name. Refuse another board or FPGA."""
     if name is None and not file.board:
         raise input_error(str(path), "the bitstream names no board", "name it with --board")
     board = fpga_board(name or file.board)
@@ -219,17 +206,12 @@ def board_of(path: Path, file: BitFile, name: str | None) -> FpgaBoard:
     return board
 
 
-def program(
-    path: Path,
-    name: str | None = None,
-    serial: str | None = None,
-    flash: bool = False,
-) -> FpgaBoard:
+def program(path: Path, name: str | None = None, serial: str | None = None, flash: bool = False) -> FpgaBoard:
     """Load a bitstream into a board's FPGA, or into its flash memory; return the board.
 
-    `name` is the board, for a bitstream that names none; `serial` the serial number of its USB adapter, None for the
-    only board on USB. Raises InputError for a wrong file, MissingLibraryError without an openFPGALoader that runs, and
-    DeviceError when there is no board or more than one, or the loader fails.
+    `name` is the board, for a bitstream that names none. `serial` is the serial number of the USB adapter; None means
+    the only board. Raises InputError for a wrong file, MissingLibraryError without a working openFPGALoader, and
+    DeviceError unless there is one board and the loader succeeds.
     """
     file = read_bitfile(path)
     board = board_of(path, file, name)
@@ -265,7 +247,7 @@ def _failure(board: FpgaBoard, output: str, code: int, again: str) -> DeviceErro
             if re.search(words, line.lower()):
                 return device_error(board.name, f"{what} ({line})", remedy)
     wrong = [line for line in lines if any(word in line.lower() for word in ("error", "fail", "unable", *NOT_FOUND))]
-    telling = [line for line in wrong if EMPTY not in line]
+    telling = [line for line in wrong if "std::exception" not in line]  # which names no cause
     why = (telling or wrong or lines or [f"exit code {code}"])[-1]
     if any(word in output.lower() for word in NOT_FOUND):
         return no_board_error(board.name, f"openFPGALoader finds no board ({why})", CONNECT)

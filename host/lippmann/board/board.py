@@ -1,4 +1,4 @@
-"""A board with a panel: its rays, compared with the twin's, its images and test patterns; the search for boards."""
+"""A board with a panel: its images and its rays, which are compared with the twin's; the search for boards."""
 
 from __future__ import annotations
 
@@ -33,15 +33,13 @@ from lippmann.rendering.integral_image import IntegralImage
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.sinks import render_into
 
-#: Frame ends until one whole frame has begun and ended.
-FRAME_ENDS = 2
-#: Longest time for these frames, s: a simulated panel is slow.
+#: Longest time for two frames, s: a simulated panel is slow.
 FRAME_SECONDS = 120.0
-#: Pause between two queries of the frame counter, or of a signature, s.
+#: Pause between two queries, s.
 QUERY_S = 0.02
-#: Clocks for each ray of a SIGN: nine words, and one to spare.
+#: Clocks for each ray of a SIGN: nine words, and a reserve.
 SIGN_CLOCKS = 10
-#: Clocks for each tile of a RESET: two entries are cleared, in a table of a power of two.
+#: Clocks for each tile of a RESET, which clears two tables; doubled for safety.
 RESET_CLOCKS = 8
 #: Maximum of rays in a TRACE request.
 MAX_RAYS = 64
@@ -49,7 +47,7 @@ MAX_RAYS = 64
 CHUNK_RAYS = 1 << 20
 #: Longest silence of a port in a search, s.
 SEARCH_PATIENCE_S = 1.0
-#: Baud rates that boards are set to.
+#: Usual baud rates of boards.
 COMMON_BAUDS = (115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 6_000_000, 12_000_000)
 
 SIGNATURE = struct.Struct("<II")
@@ -65,7 +63,7 @@ class Board(Session):
     """
 
     def optics_build(self) -> Build:
-        """Return the build of the board's optics block; raises InputError for unknown optics."""
+        """Return the build of the optics block; raise InputError for an unknown one."""
         return build_of({name: self.word(f"optics.{name}") for name in ("identity", "version", "build")})
 
     def trace(self, u: Ints, v: Ints, a: Ints, b: Ints) -> FixedRays:
@@ -79,10 +77,7 @@ class Board(Session):
         return FixedRays(*out.T)
 
     def sign(self, rays: int) -> tuple[int, int]:
-        """Trace one frame of the raster, of about `rays` rays; return their number and the CRC-32 of their words.
-
-        The frame is ended when it lasts too long for so many rays, or when Ctrl-C is pressed.
-        """
+        """Trace a frame of about `rays` rays; return their number and CRC-32. A time-out or Ctrl-C ends it."""
         work_s = SIGN_CLOCKS * rays / SLOWEST_HZ
         seq, until = self.next_seq(), time.monotonic() + work_s + self.patience_s
         try:
@@ -103,16 +98,16 @@ class Board(Session):
         raise self.error(what, "write the raster's registers first; the frame was ended")
 
     def frame_runs(self) -> bool:
-        """Return whether the optics trace a frame, or a start waits (for the end of a frame, or for the raster)."""
+        """Return whether the optics trace a frame, or a start waits for a frame's end or the raster."""
         return bool(self.fields("optics.status")["running"])
 
     def abort(self) -> None:
-        """End the frame that the board's optics trace, drop a start that waits, and wait for an empty pipeline."""
+        """End the traced frame, drop a start that waits, and wait until the pipeline is empty."""
         self._needs_version_2(Kind.ABORT)
         self.ask(Kind.ABORT, b"", 0)
 
     def reset(self) -> None:
-        """Reset the board to its state after power-up, the line excepted: it forgets frames, tiles and registers."""
+        """Reset all of the board except its line: frames, tiles and registers are lost."""
         self._needs_version_2(Kind.RESET)
         self.ask(Kind.RESET, b"", 0, RESET_CLOCKS * self.info.grid.count / SLOWEST_HZ)
         self.hello()
@@ -123,14 +118,13 @@ class Board(Session):
             raise self.error(what, "update the board, or press its reset button")
 
     def show(self, image: IntegralImage, progress: Progress | None = None, force: bool = False) -> Sent:
-        """Show an image on the panel, encoded with the transfer curve and the bits of the image's display.
+        """Show an image on the panel, with the transfer curve and bits of its display; return the transfer's counts.
 
-        The panel keeps its frame until the new one has arrived whole and its CRC-32 is right. A board that draws a
-        scene stores the frame and goes on drawing, of which a LippmannWarning tells. Return the tiles, bytes and
-        seconds that the transfer took.
+        The panel keeps its frame until the new one is complete, with the right CRC-32. A board that draws a scene only
+        stores the frame; a LippmannWarning says so. `progress` counts tiles.
 
-        `progress` counts tiles. Raises InputError as `image_frame`, and DeviceError when the board does not answer,
-        shows a test pattern, or refuses the frame.
+        Raises InputError as `image_frame`, and DeviceError when the board does not answer, shows a test pattern, or
+        refuses the frame.
         """
         self.check_panel()
         return send_frame(self, image_frame(image, self.info, force), progress)
@@ -138,10 +132,9 @@ class Board(Session):
     def show_render(
         self, plan: Plan, executor: Executor = render_here, progress: Progress | None = None, force: bool = False
     ) -> Sent:
-        """Render a plan and show it: a band's tiles are sent before the next band is taken.
+        """Render a plan and show it: the tiles of each band are sent before the next band is taken.
 
-        `plan` is that of a `lippmann.rendering.plan.Job`, `progress` counts rows. Raises as `show`, and what `executor`
-        raises; the panel keeps its frame then.
+        `progress` counts rows. Raises as `show` and `executor`; the panel then keeps its frame.
         """
         self.check_panel()
         sink = BoardSink(self, plan, force)
@@ -149,45 +142,43 @@ class Board(Session):
         return sink.finish()
 
     def write_optics(self, display: Display) -> int:
-        """Write a display's optics, which the board then uses; return the number of its registers.
-
-        Raises InputError for a display that the board's optics do not support.
-        """
+        """Write and apply a display's optics; return the number of registers. Raises InputError if unsupported."""
         build = self.optics_build()
         writes = optics_writes(configuration(display, build, build.model))
         self.write_all([*writes, write("control", apply=1)])
         return len(writes)
 
     def check_no_pattern(self) -> None:
-        """Raise DeviceError while the panel shows a test pattern in place of the frame."""
+        """Raise DeviceError while the panel shows a test pattern."""
         if number := self.fields("display")["pattern"]:
             name = dict(REGISTERS["display"].fields["pattern"].names).get(number, "unknown")
             what = f"the panel shows test pattern {number} ({name}), not the frame"
             raise self.error(what, "end it with lippmann board write display pattern=0")
 
     def draws_scene(self) -> bool:
-        """Return whether the panel shows a scene that the board draws: a frame that is sent is stored behind it."""
+        """Return whether the panel shows a scene that the board draws."""
         return self.info.version >= SCENE_VERSION and bool(self.fields("scene.status")["shown"])
 
     def check_panel(self) -> None:
-        """Raise DeviceError while the panel shows a test pattern, warn while it shows a scene that the board draws."""
+        """Raise DeviceError while a test pattern is shown; warn while the board draws a scene."""
         self.check_no_pattern()
         if self.draws_scene():
             what = "the panel shows the scene that the board draws; the frame is stored, and shown when the scene ends"
             warnings.warn(what, LippmannWarning, stacklevel=3)
 
     def panel_crc(self) -> int:
-        """Return the CRC-32 of a frame that is scanned out whole after this call; DeviceError when there is none."""
+        """Return the CRC-32 of the next scanned-out frame; raise DeviceError without one."""
         first = self.word("frames")
         until = time.monotonic() + FRAME_SECONDS
-        while (self.word("frames") - first) & 0xFFFFFFFF < FRAME_ENDS:
+        # The second frame end completes a frame that began after the call.
+        while (self.word("frames") - first) & 0xFFFFFFFF < 2:
             if time.monotonic() > until:
                 raise self.error("the board scans out no frame", "check its clock and its cable")
             time.sleep(QUERY_S)
         return self.word("shown_crc")
 
     def verify(self, crc: int) -> None:
-        """Raise DeviceError when the scanned-out frame has another CRC-32 than the frame that was sent."""
+        """Raise DeviceError unless the next scanned-out frame has this CRC-32."""
         scanned = self.panel_crc()
         if scanned == crc:
             return
@@ -200,7 +191,7 @@ class Board(Session):
 
 @dataclass(frozen=True)
 class Check:
-    """A region's rays, and the CRC-32 of all their words from the board and from the twin."""
+    """The number of a region's rays, and the CRC-32 of their words from board and twin."""
 
     rays: int
     board_crc: int
@@ -208,15 +199,15 @@ class Check:
 
     @property
     def equal(self) -> bool:
-        """Whether every word of every ray is the same."""
+        """Whether both agree in every word."""
         return self.board_crc == self.twin_crc
 
 
 def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: tuple[int, int]) -> Check:
-    """Write a display's optics into the board and compare the chief rays of a region's pixels.
+    """Write a display's optics into the board and compare the chief rays of a region's pixels with the twin's.
 
-    `columns` and `rows` are first and last of the region; (0, 0) is the panel's top left pixel. Raises InputError for a
-    region off the panel, and for a display that the board's optics do not support.
+    `columns` and `rows` are the region's first and last, from the panel's top left. Raises InputError for a region off
+    the panel, and for a display that the board's optics do not support.
     """
     panel = display.panel
     frame = Raster(panel.width_px, panel.height_px, columns, rows)
@@ -237,7 +228,7 @@ def check_rays(board: Board, display: Display, columns: tuple[int, int], rows: t
 def find_boards(
     urls: Iterable[str], baud: int | None = None, patience_s: float = SEARCH_PATIENCE_S
 ) -> tuple[list[str], list[DeviceError]]:
-    """Send HELLO to each port, without `baud` at its `usual_baud`; return those of boards, and the others' errors."""
+    """Send HELLO to each port; return the ports of boards, and the errors of the others."""
     boards, errors = [], []
     for url in urls:
         try:
@@ -254,11 +245,10 @@ def find_board(
     patience_s: float = SEARCH_PATIENCE_S,
     allowed: Callable[[list[str]], bool] = lambda urls: False,
 ) -> str:
-    """Return the port of the one board that answers.
+    """Return the port of the one board that answers; raise DeviceError unless exactly one does.
 
-    A search writes to ports, and a device that is not a board may act on the bytes. So without `urls` it writes to
-    known USB adapters and this user's virtual boards on Unix sockets, and to this machine's other ports only when no
-    board answers there and `allowed`, called with them, returns True. Raises DeviceError unless one board answers.
+    A device that is not a board may act on the bytes of a search. So without `urls`, known USB adapters and this user's
+    virtual boards are tried; and if none answers, other ports, if `allowed`, called with them, returns True.
     """
     first_urls = [*adapter_ports(), *own_boards()] if urls is None else list(urls)
     other_urls = [url for url in ports() if url not in first_urls] if urls is None else []
@@ -278,5 +268,5 @@ def find_board(
 
 
 def baud_of_board(url: str) -> int | None:
-    """Return the first baud rate at which a board answers at a port, or None; raise InputError for an invalid URL."""
+    """Return the first baud rate at which a board answers, or None; raise InputError for an invalid URL."""
     return next((baud for baud in COMMON_BAUDS if find_boards([url], baud)[0]), None)

@@ -23,7 +23,7 @@ from lippmann.fixed.scene_pipeline import LayerWords, SceneWords
 from lippmann.layers.layers_folder import check_for_display
 from lippmann.layers.stack import LayerStack
 
-#: Maximum of bytes on their way: a block is on the line while the board stores another.
+#: Maximum of unacknowledged bytes: one block on the line, and one in the board.
 BLOCKS_WINDOW_BYTES = 2 * (BLOCK_BYTES + 16)
 
 BLOCK_REQUEST = struct.Struct("<BB")
@@ -44,17 +44,13 @@ class Loaded:
 
 @dataclass(frozen=True)
 class SceneStatus:
-    """What a scene's board says of itself.
+    """Whether the scene is shown, whether registers wait, busy slots, and counts since the reset."""
 
-    `shown`: the panel shows the scene; `waits`: written registers are not shown yet; `slots`: those that cannot be
-    written now; `frames` drawn and `underflows`, pixels that came too late, since the reset.
-    """
-
-    shown: bool
+    is_shown: bool
     waits: bool
     slots: frozenset[int]
     frames: int
-    underflows: int
+    underflows: int  # pixels that came too late
 
 
 #: Words of a layer.
@@ -85,12 +81,10 @@ class SceneBoard:
             raise board.error(what, UPDATE)
         #: What the board's scene can do.
         self.build = SceneBuild.of_word(word)
-        self._held: list[int] | None = None  # the layers' words on the board
-
-    # ---- slots ----
+        self._words: list[int] | None = None  # the layers' words on the board
 
     def crcs(self, slot: int) -> list[int]:
-        """Return the CRC-32 of each block of a slot; 0 for one that is not whole."""
+        """Return the CRC-32 of each block of a slot; 0 for an incomplete block."""
         count = 8 if slot == CURVE_SLOT else self.build.blocks
         crcs: list[int] = []
         for first in range(0, count, 255):
@@ -106,16 +100,14 @@ class SceneBoard:
         window_bytes: int = BLOCKS_WINDOW_BYTES,
         loaded: Loaded | None = None,
     ) -> Loaded:
-        """Load slots; blocks that the board holds are not sent, so that a load that was cut goes on where it was.
+        """Load slots; blocks that the board holds are not sent, so an interrupted load continues.
 
-        `contents` holds the bytes of each slot: texels row by row, then the palette (`slot_bytes`); for slot 15 the
-        table of the panel's curve. `window_bytes` is that of `Window`; `progress` counts blocks. The counts are added
-        to `loaded`, also when a load fails.
+        `contents` holds the bytes of each slot: texels row by row, then the palette (`slot_bytes`); slot 15 has the
+        panel's curve. `progress` counts blocks. `loaded` receives the counts, also when a load fails.
 
-        Raises InputError for contents that do not fit the board's slots, and DeviceError when a slot is shown, or the
-        board does not answer.
+        Raises InputError for contents that do not fit; DeviceError when a slot is shown, or the board does not answer.
         """
-        # An item of the window is a slot's number in the high bits, a block's number in the low 8 bits.
+        # The low 8 bits of an item are the block's number, the others the slot's.
         blocks = {
             slot << 8 | number: block
             for slot, content in contents.items()
@@ -152,7 +144,7 @@ class SceneBoard:
         raise self.board.error(what, "check its power, and that no other program uses it")
 
     def _blocks(self, slot: int, content: bytes) -> list[bytes]:
-        """Return the blocks of a slot's content; InputError for a slot or a size that the board does not have."""
+        """Return the blocks of a slot's content; refuse unknown slots and wrong sizes."""
         size = 8 * BLOCK_BYTES if slot == CURVE_SLOT else self.build.slot_bytes
         if not (0 <= slot < self.build.slots_built or slot == CURVE_SLOT):
             what = f"the board has no slot {slot}"
@@ -162,18 +154,15 @@ class SceneBoard:
         return _cut(content)
 
     def holds(self, slot: int, content: bytes) -> bool:
-        """Return whether a slot holds a content, block for block."""
+        """Return whether a slot holds a content."""
         return self.crcs(slot) == list(map(zlib.crc32, _cut(content)))
 
     def free_slots(self, contents: Sequence[bytes]) -> list[int]:
-        """Return a slot for each content: one that holds it already, or one that can be written.
-
-        Raises DeviceError when too few slots can be written while the scene is shown.
-        """
+        """Return a slot for each content: one that holds it, or a writable one; DeviceError without enough slots."""
         busy = self.status().slots
         crcs = {slot: self.crcs(slot) for slot in range(self.build.slots_built)}
         requested = [list(map(zlib.crc32, _cut(content))) for content in contents]
-        # Shown slots first, which only their own content can use; then the most alike: a cut load goes on.
+        # Shown slots, which cannot be written, come first; then those with the most equal blocks.
         slots: dict[int, int] = {}
         alike = sorted(
             (slot not in busy, -sum(a == b and a != 0 for a, b in zip(crcs[slot], one, strict=True)), slot, k)
@@ -185,63 +174,56 @@ class SceneBoard:
             if k not in slots and slot not in slots.values():
                 slots[k] = slot
         if len(slots) < len(contents):
-            shown = f"the board shows {len(busy - {CURVE_SLOT})} of its {self.build.slots_built}"
-            raise self.board.error(f"{len(contents)} textures need slots, and {shown}", END_SCENE)
+            what = f"{len(contents)} textures need slots, and the board shows {len(busy - {CURVE_SLOT})} of its "
+            raise self.board.error(f"{what}{self.build.slots_built}", END_SCENE)
         return [slots[k] for k in range(len(contents))]
-
-    # ---- registers ----
 
     def set_stack(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> int:
         """Write the layers' registers that have changed, in one request; return the number of its words.
 
-        The panel changes from one frame to the next, as a whole. Layers of the build behind the stack's are hidden.
-        The texture of layer k is in slot k, or `slots[k]`. Lattice and background are those of `prepare`. Raises
-        InputError for layers at or behind the eyes, and for what the registers cannot hold.
+        The panel changes between two frames. Layers of the build behind the stack's are hidden. The texture of layer k
+        is in slot k, or `slots[k]`. Raises InputError for layers at or behind the eyes, and for values out of range.
         """
-        return self.set_words(self._words(display, stack, slots))
+        return self._write_layers(self._scene_words(display, stack, slots))
 
-    def set_words(self, words: SceneWords) -> int:
-        """Write the registers of all layers that have changed, in one request; return the number of its words."""
+    def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
+        """Write optics, lattice, background and layers while no scene is shown; raises as `set_stack`."""
+        words = self._scene_words(display, stack, slots)
+        self.board.write_optics(display)
+        self.board.write(_COMMON, _common_words(words))
+        self._words = None
+        self._write_layers(words)
+
+    def _write_layers(self, words: SceneWords) -> int:
         hidden = [LayerWords()] * (self.build.layers - len(words.layers))
         every = [word for layer in (*words.layers, *hidden) for word in layer.words]
-        before = self._held or [-1] * len(every)
+        before = self._words or [-1] * len(every)
         changed = [k for k, (old, new) in enumerate(zip(before, every, strict=True)) if old != new]
         if not changed:
             return 0
         first, last = changed[0], changed[-1]
-        # Not known while the request is under way: it may have been executed, or not.
-        self._held = None
+        # Unknown during the request: the board may have executed it, or not.
+        self._words = None
         self.board.write(LAYERS_BASE + 4 * first, every[first : last + 1])
-        self._held = every
+        self._words = every
         return last + 1 - first
 
-    def prepare(self, display: Display, stack: LayerStack, slots: Sequence[int] | None = None) -> None:
-        """Write optics, lattice, background and all layers, while no scene is shown; raises as `set_stack`."""
-        words = self._words(display, stack, slots)
-        self.board.write_optics(display)
-        self.board.write(_COMMON, _common_words(words))
-        self._held = None
-        self.set_words(words)
-
     def holds_common(self, display: Display, stack: LayerStack) -> bool:
-        """Return whether the board has a display's lattice and the stack's background."""
+        """Return whether the board has this lattice and background."""
         words = _common_words(scene_words(display, stack, self.build))
         return self.board.read(_COMMON, len(words)) == words
 
     def draw(self, scene: bool) -> None:
-        """Show the scene from the next frame on, or the stored frame again; return when the panel does."""
+        """Show the scene, or the stored frame; return when the panel does."""
         self.board.write(REGISTERS["scene.source"].address, [int(scene)])
         self.wait(scene)
 
-    def wait(self, shown: bool | None = None) -> None:
-        """Wait until the panel shows the scene, or the stored frame (None: any), and all registers that were written.
-
-        Raises DeviceError when it does not within `FRAME_SECONDS`.
-        """
+    def wait(self, scene: bool | None = None) -> None:
+        """Wait until all written registers and the scene or the stored frame (None: either) are shown."""
         until = time.monotonic() + FRAME_SECONDS
-        while (status := self.status()).waits or shown not in (None, status.shown):
+        while (status := self.status()).waits or scene not in (None, status.is_shown):
             if time.monotonic() > until:
-                what = "the panel does not change to the " + ("stored frame" if shown is False else "scene")
+                what = "the panel does not change to the " + ("stored frame" if scene is False else "scene")
                 raise self.board.error(what, "check the board's clock and its cable")
             time.sleep(QUERY_S)
 
@@ -253,8 +235,11 @@ class SceneBoard:
         slots = frozenset(slot for slot in range(16) if value["slots"] >> slot & 1)
         return SceneStatus(bool(value["shown"]), bool(value["waits"]), slots, frames, underflows)
 
-    def _words(self, display: Display, stack: LayerStack, slots: Sequence[int] | None) -> SceneWords:
+    def _scene_words(self, display: Display, stack: LayerStack, slots: Sequence[int] | None) -> SceneWords:
         check_for_display(stack, display)
+        if len(stack.layers) > self.build.layers:
+            what = f"{len(stack.layers)} layers do not fit the board, which draws {self.build.layers}"
+            raise InputError(f"{what}; cut the scene again with --count {self.build.layers}")
         slots = range(len(stack.layers)) if slots is None else slots
         if len(slots) != len(stack.layers):
             raise InputError(f"{len(slots)} slots for {len(stack.layers)} layers; give each layer one")

@@ -1,4 +1,4 @@
-"""A film of layers on a board that draws: textures into slots, then one write of registers for each frame."""
+"""A film of layers on a board that draws: textures go into slots, then each frame is one write of registers."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def load_textures(
 ) -> tuple[Loaded, list[int]]:
     """Load a film's textures into free slots, and the panel's curve; return the counts, and the slot of each layer.
 
-    A scene that is shown stays, unless it has another curve. `progress` is called with (blocks done, blocks). Raises
-    InputError, before anything is sent, for layers that do not fit the build and for motion beyond a register's range,
-    after `where` and frame; DeviceError when too few slots are free, and as `SceneBoard.load`.
+    A scene that is shown stays, unless it has another curve. `progress` counts blocks. Before anything is sent, raises
+    InputError, with `where` and the frame, for layers that do not fit the build and for motion beyond a register's
+    range. Raises DeviceError when too few slots are free, and as `SceneBoard.load`.
     """
     contents = []
     for name, layer in zip(film.names, film.stack.layers, strict=True):
@@ -51,7 +51,7 @@ def load_textures(
             scene_words(display, stack, scene.build, numbers, [film.names[number] for number in numbers])
         except InputError as error:
             raise InputError(f"{where}: frame {frame}: {error}") from None
-    scene.wait()  # slots of a scene that was ended are free when the panel has left it
+    scene.wait()  # the slots of an ended scene are free when the panel no longer shows it
     slots = scene.free_slots(contents)
     loaded = scene.load(dict(zip(slots, contents, strict=True)), progress)
     curve = build_curve_table(display).tobytes()
@@ -70,12 +70,11 @@ def play_film(
     progress: Progress | None = None,
     played: Played | None = None,
 ) -> Played:
-    """Play a film whose textures are loaded; its last frame stays on the panel.
+    """Play a film `repeat` times, 0 without end; its last frame stays on the panel.
 
-    `slots` holds the slot of each of the film's layers, from `load_textures`. It is played `repeat` times; 0 plays
-    it without end. With `every_frame`, the next frame is written when the panel shows the one before, however long that
-    takes; without, frames are written at the film's speed. `progress` counts frames, unless the film has no end.
-    `played` receives the counts, also when Ctrl-C ends the film.
+    `slots` are those of `load_textures`. Frames are written at the film's speed, or with `every_frame` when the panel
+    shows the one before. `progress` counts frames, unless the film has no end. `played` receives the counts, also after
+    Ctrl-C.
 
     Raises DeviceError when the board refuses a write, its panel does not change, or it shows no scene at the end.
     """
@@ -111,16 +110,16 @@ def play_film(
     played.underflows = (after.underflows - before.underflows) % (1 << 32)
     if interrupt:
         raise interrupt
-    if not after.shown:
+    if not after.is_shown:
         raise scene.board.error("the board draws the scene no longer: it was reset, or ended", "play the film again")
     return played
 
 
 def _show_first(scene: SceneBoard, display: Display, film: LayerFilm, slots: list[int], played: Played) -> None:
-    """Show a film's first frame; a scene of the same lattice and background stays on the panel until then."""
+    """Show the first frame; a scene with the same lattice and background stays until then."""
     stack, numbers = film.at(0)
     order = [slots[number] for number in numbers]
-    is_shown = scene.status().shown
+    is_shown = scene.status().is_shown
     goes_on = is_shown and scene.holds_common(display, stack)
     if is_shown and not goes_on:
         scene.draw(False)

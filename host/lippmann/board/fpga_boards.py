@@ -23,7 +23,7 @@ FOLDER, FILE = Path("rtl", "board"), "board.toml"
 @documented
 @dataclass(frozen=True)
 class Fpga:
-    """The FPGA, as nextpnr names it, and as a bitstream's header does."""
+    """The FPGA, as nextpnr and a bitstream's header name it."""
 
     device: Annotated[str, key("nextpnr's option of the size, such as `85k`")]
     name: Annotated[str, key("the maker's name, such as `LFE5U-85F`")]
@@ -55,7 +55,7 @@ class Limits:
 @documented
 @dataclass(frozen=True)
 class Usb:
-    """How the board's adapter is known, and the name that openFPGALoader has for the board."""
+    """The board's USB adapter, and openFPGALoader's name of the board."""
 
     vendor: Annotated[int, key("vendor", low=0, high=0xFFFF)]
     product: Annotated[int, key("product", low=0, high=0xFFFF)]
@@ -88,7 +88,7 @@ class FpgaBoard:
 
     @property
     def folders(self) -> list[Path]:
-        """The folders of its RTL: its own, then those of the boards that it is like."""
+        """The folders of its RTL: its own, then inherited ones."""
         return [self.folder, *([] if self.like is None else fpga_board(self.like).folders)]
 
     def owns(self, port: ListPortInfo) -> bool:
@@ -103,7 +103,7 @@ def _names() -> list[str]:
 
 
 def _chain(path: Path) -> list[Path]:
-    """Return the file of a board, then those of the boards that it is like, each like the next."""
+    """Return the file of a board, then those of the boards that it inherits from."""
     chain = [path]
     while (name := load(chain[-1], "board").get("like")) is not None:
         where, boards = f"{chain[-1]}: like", _names()
@@ -118,18 +118,15 @@ def _chain(path: Path) -> list[Path]:
 
 
 def _keys(path: Path) -> dict[str, Any]:
-    """Return the keys of a file, with those of the boards that it is like where it has none, in its tables too.
-
-    Files of pins of another board are named from this one's folder.
-    """
+    """Return the keys of a file and those it inherits; paths are relative to the file's folder."""
     keys: dict[str, Any] = {}
     for one in reversed(_chain(path)):
         for name, value in load(one, "board").items():
             is_table = isinstance(value, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | value if is_table else value
             if name == "constraints" and isinstance(value, list) and one != path:
-                beside = Path("..", one.parent.name)
-                keys[name] = [os.path.normpath(beside / pin) if isinstance(pin, str) else pin for pin in value]
+                folder = Path("..", one.parent.name)
+                keys[name] = [os.path.normpath(folder / pin) if isinstance(pin, str) else pin for pin in value]
     return keys
 
 
@@ -139,7 +136,7 @@ def fpga_boards() -> dict[str, FpgaBoard]:
 
 
 def fpga_board(name: str) -> FpgaBoard:
-    """Return a board by its name; raise InputError for an unknown one, and for one whose file is wrong."""
+    """Return a board by its name; raise InputError for an unknown name or a wrong file."""
     boards, path = _names(), hardware() / FOLDER / name / FILE
     if name not in boards:
         remedy = did_you_mean(name, boards) or f"choose from {', '.join(boards)}"
@@ -151,11 +148,7 @@ def fpga_board(name: str) -> FpgaBoard:
 
 
 def board_of_port(url: str) -> FpgaBoard | None:
-    """Return the board that a serial port belongs to, by its USB adapter; None for any other port.
-
-    Boards that share an adapter differ in their bitstreams only; the first is returned. One whose file is wrong is
-    passed over.
-    """
+    """Return the first board whose USB adapter a serial port has; None for other ports."""
     port = None if "://" in url else port_info(url)
     if port is None:
         return None

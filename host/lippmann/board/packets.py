@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]  # the package comes without types
 
-#: Versions of the protocol, in the order in which this host asks for them; a board speaks one.
+#: Versions of the protocol, in the order in which this host asks for them.
 VERSIONS = (2, 3, 1)
 #: First version with ABORT and RESET; that of boards that draw scenes.
 RESET_VERSION, SCENE_VERSION = 2, 3
@@ -22,7 +22,7 @@ DELIMITER = b"\0"
 #: Bit that is set in the type of a reply.
 REPLY = 0x80
 
-#: The board's frame buffers: the one that tiles are written to, and the one that is scanned out.
+#: The board's frame buffers: tiles are written to BACK, FRONT is scanned out.
 BACK, FRONT = 0, 1
 
 HEADER = struct.Struct("<BH")
@@ -73,7 +73,7 @@ class Packet(NamedTuple):
 
 
 def packed(kind: int, seq: int, body: bytes) -> bytes:
-    """Return the bytes of a packet on the line, with its delimiter; raise ValueError for more than `MAX_PACKET`."""
+    """Return a packet's bytes on the line with the delimiter; raise ValueError beyond `MAX_PACKET`."""
     data = HEADER.pack(kind, seq) + body
     data += CRC.pack(zlib.crc32(data))
     if len(data) > MAX_PACKET:
@@ -82,17 +82,14 @@ def packed(kind: int, seq: int, body: bytes) -> bytes:
 
 
 class PacketReader:
-    """Finds packets in any bytes; drops an invalid packet and continues after the next delimiter.
-
-    Keeps at most one byte more than the longest packet has. `bytes` and `accepted` count the bytes and valid packets.
-    """
+    """Finds the valid packets in a stream of bytes, and counts both."""
 
     def __init__(self) -> None:
         self.bytes = self.accepted = 0
         self._held = b""
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Read the next bytes of the line; return the valid packets that end in them."""
+        """Return the valid packets that end in the next bytes of the line."""
         self.bytes += len(data)
         *ended, unfinished = (self._held + data).split(DELIMITER)
         # One byte too many is enough to refuse the packet at its end.
@@ -103,7 +100,7 @@ class PacketReader:
 
 
 def _parsed(stuffed: bytes) -> Packet | None:
-    """Return the packet that COBS encoded as these bytes; None for one that is damaged, too short or too long."""
+    """Return the packet in bytes before a delimiter, or None for an invalid one."""
     try:
         data = bytes(cobs.decode(stuffed)) if len(stuffed) <= MAX_STUFFED else b""
     except cobs.DecodeError:

@@ -33,7 +33,7 @@ class Target(NamedTuple):
 
 
 class Tones(NamedTuple):
-    """Transfer curve and bits of a panel; None where nothing names them."""
+    """Transfer curve and bits of a panel, None where unknown."""
 
     transfer: Transfer | None = None
     bits: int | None = None
@@ -44,18 +44,15 @@ USUAL_TRANSFER, USUAL_BITS = "srgb", 8
 
 
 def panel_values(radiance: npt.NDArray[np.float32], transfer: Transfer, bits: int) -> Pixels:
-    """Encode linear radiance (height, width, 3) with a panel's transfer curve and quantise it to the panel's bits.
-
-    The 2^bits levels of a panel with fewer than 8 bits are spread over 0 to 255.
-    """
+    """Encode linear radiance (height, width, 3) as panel values; fewer than 8 bits span 0 to 255."""
     return encoded_values(radiance, transfer, min(bits, LINK_BITS)).astype(np.uint8)
 
 
 def image_frame(image: IntegralImage, target: Hello | Target, force: bool = False) -> Pixels:
-    """Return the frame (height, width, 3) uint8 that an image's display asks for.
+    """Return the frame (height, width, 3) uint8 for an image's display.
 
-    Raises InputError for an image of another display, size, transfer curve or number of bits; with `force`, another
-    display of the same size is accepted.
+    Raises InputError for another display, size, transfer curve or number of bits; `force` accepts another display of
+    the same size.
     """
     check_image(image)
     name = check_shape(image.radiance.shape, image.display, target, force)
@@ -67,8 +64,8 @@ def image_frame(image: IntegralImage, target: Hello | Target, force: bool = Fals
 class FrameFile(NamedTuple):
     """An image file whose header fits a panel.
 
-    `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a broken file. `assumption` is a
-    sentence about the panel's tones that nothing names, or that nothing confirms, else empty.
+    `pixels` reads its frame (height, width, 3) uint8, and raises InputError for a broken file. `assumption` is empty,
+    or a sentence about tones that nothing names or confirms.
     """
 
     pixels: Callable[[], Pixels]
@@ -76,10 +73,7 @@ class FrameFile(NamedTuple):
 
 
 def check_shape(shape: tuple[int, ...], display: Display, target: Hello | Target, force: bool = False) -> str:
-    """Return the name of a display's image in messages; refuse a shape or a display that is not the panel's.
-
-    With `force`, another display of the same size is accepted.
-    """
+    """Return an image's name in messages; refuse another shape and, without `force`, another display."""
     name = f"image for display '{display.name}'"
     _check_identity(name, display.identity, target, force)
     panel_shape = (target.height, target.width, 3)
@@ -95,14 +89,13 @@ def check_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> FrameFile:
-    """Read the header of an image file that is to become a frame for a panel, and see whether its last row is there.
+    """Check the header and the last row of an image file that is to become a frame for a panel.
 
     The file holds linear radiance (.exr, .tif) or panel values (.png). Its metadata name the panel's transfer curve and
     bits; `transfer` and `panel` confirm them, or supply what the file does not name. The defaults are sRGB and 8 bits.
-    A PNG without metadata holds sRGB values.
 
     Raises InputError when the file is missing, cut, not an image, or made for another size, transfer curve or number of
-    bits; without `force` also when it was made for another display, or names none.
+    bits; without `force` also when it names another display, or none.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -126,7 +119,7 @@ def check_frame(
     if agreed.transfer is None or (agreed.bits is None and suffix not in ENCODED_SUFFIXES):
         assumption = f"{path}: {text} are assumed; name the panel with --display FILE"
     elif (curve, bits) != (USUAL_TRANSFER, USUAL_BITS) and panel is None and transfer is None:
-        # A board does not tell its panel's tones, and its identity leaves them out.
+        # A board does not tell its panel's tones.
         assumption = f"{path}: made for {text}; have the board's panel checked with --display FILE"
     return FrameFile(lambda: panel_values(read_picture(path, size_px, accept).radiance, curve, bits), assumption)
 
@@ -138,7 +131,7 @@ def load_frame(
     panel: Panel | None = None,
     force: bool = False,
 ) -> Pixels:
-    """Read an image file as a frame (height, width, 3) uint8; as `check_frame`, whose assumptions are logged."""
+    """Read an image file as a frame (height, width, 3) uint8, as `check_frame`; log its assumption."""
     file = check_frame(path, target, transfer, panel, force)
     if file.assumption:
         logger.info(file.assumption)
@@ -146,7 +139,7 @@ def load_frame(
 
 
 def _check_identity(name: str, identity: str | None, target: Hello | Target, force: bool) -> None:
-    """Refuse an image that was rendered for another display or names none, except with `force`."""
+    """Refuse an image of another or no display, except with `force`."""
     panel_identity = f"{target.identity:016x}"
     if identity != panel_identity and not force:
         what = f"was rendered for display {identity}" if identity else "names no display"
@@ -159,10 +152,7 @@ def _tones_of(panel: Panel) -> Tones:
 
 
 def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
-    """Return the transfer curve and the bits of the panel that an image's metadata name.
-
-    Version 0.1 wrote no bits; its `transfer` is the panel's curve only in encoded files (PNG).
-    """
+    """Return the tones in an image's metadata; version 0.1 wrote no bits, and its EXR no panel's curve."""
     bits = metadata.get("bits")
     if bits is not None and (len(bits) > 2 or not bits.isdecimal() or not 1 <= int(bits) <= 16):
         raise input_error(name, f"'{bits[:20]}' is not a panel's number of bits", "render it again")
@@ -170,7 +160,7 @@ def _tones_in(name: str, metadata: Mapping[str, str], encoded: bool) -> Tones:
 
 
 def _agreed(name: str, *sources: tuple[str, Tones]) -> Tones:
-    """Return the tones that several sources name; refuse two that differ."""
+    """Return the tones that several sources name; refuse a contradiction."""
     agreed = Tones()
     first: dict[str, str] = {}
     for source, tones in sources:

@@ -1,7 +1,6 @@
 """Ports of boards, opened by a URL, and packets over them: serial devices, Unix sockets and TCP.
 
-unix://PATH is a socket on this machine, socket://HOST:PORT one over TCP, with the token of a virtual board; pyserial
-opens the other URLs.
+unix://PATH is a socket on this machine, socket://HOST:PORT one over TCP; pyserial opens the other URLs.
 """
 
 from __future__ import annotations
@@ -27,31 +26,27 @@ from lippmann.errors import DeviceError, InputError, NoBoardError, device_error,
 
 #: Schemes of sockets.
 SCHEMES = ("unix://", "socket://")
-#: Bits on the line for each byte: start bit, eight data bits, stop bit.
+#: Bits per byte on the line: start bit, eight data bits, stop bit.
 BITS_A_BYTE = 10
 DEFAULT_BAUD = 115200
-#: Pause before a port without a file number is polled again, s.
-POLL_S = 0.001
-#: Received packets that are kept for the caller; when more come, the oldest are dropped.
+#: Maximum of received packets that wait for the caller; the oldest are dropped.
 MAX_WAITING = 1024
 READ_BYTES = 65536
-#: Longest time to write a request to the port before it is sent again, s.
+#: Longest time to write a request, s.
 SEND_S = 2.0
-#: Longest time until a host accepts a connection, s.
+#: Longest time to connect, s.
 CONNECT_S = 5.0
-#: Longest token that is sent, bytes.
+#: Longest token, bytes.
 MAX_TOKEN = 256
-#: Names of this machine.
-LOOPBACK = ("127.0.0.1", "localhost")
 #: USB vendors of the serial adapters on FPGA boards: FTDI, Silicon Labs, WCH, Prolific.
 ADAPTER_VENDORS = (0x0403, 0x10C4, 0x1A86, 0x067B)
 
 
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.SocketIO:
-    """Open a port for this program alone: a URL of pyserial's `serial_for_url`. Its reads and writes do not block.
+    """Open a port for this program alone; reads and writes do not block.
 
-    Raises InputError for an invalid URL or baud rate; NoBoardError when the port does not exist, is busy, needs a
-    permission, or refuses the connection; DeviceError when the port does not support the baud rate.
+    Raises InputError for an invalid URL or baud rate, NoBoardError when the port is missing, busy, not permitted or
+    refuses the connection, and DeviceError when it does not support the baud rate.
     """
     address: object = url
     if not (isinstance(address, str) and address):
@@ -73,17 +68,14 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> serial.Serial | socket.Sock
 
 
 def _connected(url: str) -> socket.SocketIO:
-    """Connect to unix://PATH or socket://HOST:PORT and send the token; the file's reads and writes do not block.
-
-    Raises ValueError for an invalid URL, and OSError when the connection is refused.
-    """
+    """Connect to a socket and send the token; raise ValueError for an invalid URL, else OSError."""
     if url.startswith("unix://"):
         connection, address = socket.socket(socket.AF_UNIX), url.removeprefix("unix://")
     else:
         connection, address = socket.create_connection(_address(url), timeout=CONNECT_S), ""
         # Send a short packet at once, before the one before it is acknowledged.
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    with connection:  # the file keeps it open
+    with connection:  # the file that is returned keeps it open
         if address:
             connection.settimeout(CONNECT_S)
             connection.connect(address)
@@ -102,29 +94,23 @@ def _address(url: str) -> tuple[str, int]:
 
 
 def token_of(url: str) -> bytes:
-    """Return the line that a board on TCP asks for first: the URL's ?token=, or that of this user's own board there.
-
-    Nothing for other ports, such as a real board behind a server of serial ports.
-    """
+    """Return the first line for a virtual board on TCP: the URL's ?token=, or this user's own token."""
     if not url.startswith("socket://"):
         return b""
     host, port = _address(url)
     tokens = parse_qs(urlsplit(url).query).get("token")
     if tokens:
         return tokens[0].encode()[:MAX_TOKEN] + b"\n"
-    if host in LOOPBACK and hasattr(os, "getuid"):  # Windows runs no virtual board
+    if host in ("127.0.0.1", "localhost") and hasattr(os, "getuid"):  # Windows runs no virtual board
         with contextlib.suppress(OSError), (private_path() / f"tcp-{port}.token").open("rb") as stream:
-            # Others may have made the folder: theirs is no token of ours.
+            # A folder that another user made may hold another user's token.
             if os.fstat(stream.fileno()).st_uid == os.getuid():
                 return stream.read(MAX_TOKEN)
     return b""
 
 
 def own_boards() -> list[str]:
-    """Return the URLs of the virtual boards on Unix sockets that this user runs.
-
-    They are not asked: to connect would take the place of another program that a board serves and that is silent.
-    """
+    """Return the URLs of this user's virtual boards, without connecting: each serves one program."""
     if not hasattr(socket, "AF_UNIX"):
         return []
     try:
@@ -136,7 +122,7 @@ def own_boards() -> list[str]:
 
 
 def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
-    """Return the error of a port that did not open: the cause and the remedy."""
+    """Return the error of a port that did not open."""
     cause: BaseException | None = error
     while isinstance(cause, serial.SerialException) and cause.errno is None:
         cause = cause.__context__
@@ -162,7 +148,7 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
             what, remedy = "the port is busy", "close the other program that uses it"
         case errno.ECONNREFUSED:
             what, remedy = "no program listens there", "start the virtual board: lippmann board start"
-        case _ if "configure port" in str(error):  # pyserial keeps no number of what termios refused
+        case _ if "configure port" in str(error):  # pyserial gives no errno for what termios refused
             what, remedy = "is not a serial port", "give a serial device, a pty, or socket://HOST:PORT"
         case _:
             what, remedy = f"is not a usable port ({error})", "give a serial device, a pty, or socket://HOST:PORT"
@@ -170,7 +156,7 @@ def _refusal(url: str, error: Exception) -> NoBoardError | InputError:
 
 
 def _permission(path: str) -> str:
-    """Return how to get permission for a device: join its group, when the group may read and write it."""
+    """Return how to get permission for a device."""
     with contextlib.suppress(OSError, KeyError, ImportError):
         import grp  # only Unix has it
 
@@ -184,10 +170,10 @@ def _permission(path: str) -> str:
 
 def ports() -> list[str]:
     """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
-    known_first = sorted(
+    by_vendor = sorted(
         list_ports.comports(), key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device)
     )
-    return [port.device for port in known_first]
+    return [port.device for port in by_vendor]
 
 
 def adapter_ports() -> list[str]:
@@ -196,7 +182,7 @@ def adapter_ports() -> list[str]:
 
 
 def port_info(url: str) -> ListPortInfo | None:
-    """Return what the system tells of a serial port and its USB adapter; None for any other port."""
+    """Return the system's description of a serial port; None for any other port."""
     return next((port for port in list_ports.comports() if port.device == url), None)
 
 
@@ -210,11 +196,7 @@ def port_trouble(url: str) -> DeviceError | InputError | None:
 
 
 class Line:
-    """Packets over an open port, for one thread.
-
-    It reads while it writes: two sides that only write would block each other. `written` counts the bytes written,
-    `reader` the bytes and packets received.
-    """
+    """Packets over an open port, for one thread; it reads while it writes, to avoid a deadlock."""
 
     def __init__(self, url: str, baud: int = DEFAULT_BAUD) -> None:
         self.url = url
@@ -223,12 +205,12 @@ class Line:
         self.written = 0
         self._port = open_port(url, baud)
         self._waiting: deque[Packet] = deque(maxlen=MAX_WAITING)
-        # A delimiter goes before the first packet: it ends a packet that another program left unfinished.
+        # A delimiter before the first packet ends what another program left unfinished.
         self._broken = True
         self._closed = False
-        # Not `select`, which refuses file numbers beyond 1,023.
+        # `select` would refuse file numbers beyond 1,023.
         self._selector = selectors.DefaultSelector()
-        #: The port where it has no file number, and is read again and again: rfc2217:// and loop://.
+        #: A port without a file number, which is polled: rfc2217:// and loop://.
         self._polled: serial.Serial | None = None
         try:
             self._selector.register(self._port, selectors.EVENT_READ)
@@ -245,7 +227,7 @@ class Line:
 
     @property
     def waiting(self) -> int:
-        """Packets that have arrived and that `receive` has not returned yet."""
+        """Number of packets that `receive` can return at once."""
         return len(self._waiting)
 
     def seconds(self, count: int) -> float:
@@ -253,10 +235,7 @@ class Line:
         return count * BITS_A_BYTE / self.baud
 
     def send(self, packet: bytes, patience_s: float) -> bool:
-        """Write a whole packet; return False when the port accepted no byte for `patience_s`.
-
-        Like `receive`, it raises NoBoardError when the connection is lost.
-        """
+        """Write a packet; return False when the port accepts no byte for `patience_s`. Raises as `receive`."""
         if self._broken:
             packet = DELIMITER + packet
         self._broken = True
@@ -277,7 +256,7 @@ class Line:
         return True
 
     def receive(self, wait_s: float) -> Packet | None:
-        """Return the next valid packet, or None when none arrives within `wait_s`."""
+        """Return the next packet, or None after `wait_s`; raise NoBoardError when the connection is lost."""
         end = time.monotonic() + wait_s
         while not self._waiting:
             remaining_s = end - time.monotonic()
@@ -287,12 +266,12 @@ class Line:
         return self._waiting.popleft()
 
     def _wait(self, wait_s: float, write: bool) -> bool:
-        """Read what has arrived; return whether the port accepts bytes. Waits at most `wait_s` for either."""
+        """Wait at most `wait_s` for the port, read its bytes, and return whether it accepts bytes."""
         if self._closed:
             raise device_error(self.url, "the line to the board is closed", "open it again (Board.open)")
         if self._polled is not None:
             if not self._polled.in_waiting and not write:
-                time.sleep(min(wait_s, POLL_S))
+                time.sleep(min(wait_s, 0.001))
             self._take()
             return write
         self._selector.modify(self._port, selectors.EVENT_READ | selectors.EVENT_WRITE * write)
@@ -309,7 +288,7 @@ class Line:
                 data = self._polled.read(self._polled.in_waiting)
             else:
                 is_socket = isinstance(self._port, socket.SocketIO)
-                # Not the `read` of pyserial: it calls `select`.
+                # The `read` of pyserial would call `select`.
                 data = self._port.read(READ_BYTES) if is_socket else os.read(self._port.fileno(), READ_BYTES)
                 if data == b"":
                     raise ConnectionResetError("disconnected")

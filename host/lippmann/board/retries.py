@@ -21,15 +21,13 @@ if TYPE_CHECKING:
 FIRST_S = 0.25
 SHORTEST_S = 0.05
 LONGEST_S = 5.0
-#: Factor of a time-out after each missing reply. TCP doubles it, as losses there mean congestion; here they mean
-#: noise, and more attempts are better than longer ones.
+#: Factor of a time-out after each missing reply. TCP doubles it for congestion; here, losses mean noise.
 GROWTH = 1.5
 
-#: Maximum of rounds of a frame or of a load, before it fails.
+#: Maximum of rounds of a frame or a load.
 MAX_ROUNDS = 8
 
-#: What runs, in the reply of a busy board: a frame that a write started, the SIGN that is answered, the drawing of
-#: the panel; or the slot of a BLOCK is shown.
+#: Causes in a busy board's reply: a frame by a register write, this SIGN, or a drawn scene runs; or a slot is shown.
 FRAME_RUNS, THIS_RUNS, SCENE_RUNS, SLOT_SHOWN = 1, 3, 4, 5
 BUSY_REPLY = struct.Struct("<BI")
 
@@ -54,14 +52,14 @@ REFUSALS = {
     ),
     ReplyStatus.OPTICS_REFUSED: ("its optics block refuses the window", "write the raster's registers first"),
 }
-#: Status STALE_EPOCH of a request that is executed once: its number is older than that of the last one.
+#: Cause and remedy of STALE_EPOCH for a request in `ONCE`: its number is older than the last one's.
 OLD_NUMBER = ("another program has used it since the connection", "connect again, and let one program at a time use it")
 #: Requests that are executed once, in the order of their numbers.
 ONCE = (Kind.WRITE, Kind.SIGN, Kind.ABORT, Kind.RESET)
 
 
 def refusal(url: str, kind: int, status: int, body: bytes = b"") -> LippmannError:
-    """Return the error of a reply whose status is not OK; `body` follows the status. `url` is the board's."""
+    """Return the error of a reply whose status is not OK; `body` follows the status."""
     name = Kind(kind).name
     if status == ReplyStatus.BUSY and len(body) == BUSY_REPLY.size:
         return _busy(url, name, *BUSY_REPLY.unpack(body))
@@ -74,7 +72,7 @@ def refusal(url: str, kind: int, status: int, body: bytes = b"") -> LippmannErro
 
 
 def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
-    """Return the error of a busy board: `runs` says with what, `rays` how many rays it has traced."""
+    """Return the error of a busy board, by the two words of its reply."""
     if runs == SCENE_RUNS:
         return device_error(url, f"the board refuses {name} while its optics draw a scene", END_SCENE)
     if runs == SLOT_SHOWN:
@@ -89,10 +87,7 @@ def _busy(url: str, name: str, runs: int, rays: int) -> DeviceError:
 
 
 class RoundTrip:
-    """Smoothed round-trip time and its deviation, and the time-out of a reply that follows from them.
-
-    The estimate is that of TCP (RFC 6298), with a smaller back-off.
-    """
+    """Round-trip time and time-out as in TCP (RFC 6298), with a smaller back-off."""
 
     def __init__(self) -> None:
         self._smoothed: float | None = None
@@ -100,7 +95,7 @@ class RoundTrip:
         self._estimate_s = self.time_out_s = FIRST_S
 
     def sample(self, seconds: float) -> None:
-        """Add a measured time from a request to its reply, s."""
+        """Add a time from a request to its reply, s."""
         if self._smoothed is None:
             self._smoothed, self._deviation = seconds, seconds / 2.0
         else:
@@ -114,16 +109,16 @@ class RoundTrip:
         self.time_out_s = min(GROWTH * self.time_out_s, LONGEST_S)
 
     def ease(self) -> None:
-        """Shorten the time-out after the reply to a repeated request, which cannot be timed."""
+        """Shorten the time-out after a reply whose round trip cannot be timed."""
         self.time_out_s = max(self.time_out_s / GROWTH, self._estimate_s)
 
     def give_up(self) -> None:
-        """Forget the back-off after a request without a reply: the next one is repeated as often as the first was."""
+        """Forget the back-off after a request that failed."""
         self.time_out_s = self._estimate_s
 
 
 class Flight(NamedTuple):
-    """A packet without a reply yet: its item, its body, its length on the line, and the time of sending."""
+    """A packet without a reply: item, body, length on the line, time of sending."""
 
     item: int
     body: bytes
@@ -131,16 +126,15 @@ class Flight(NamedTuple):
     time: float
 
 
-#: Whether an item, sent as a body, has arrived, by the status and the rest of its reply; if not, it is sent next.
+#: Returns whether an item has arrived, by its request's body, the reply's status and the rest of the reply.
 Judge = Callable[[int, bytes, ReplyStatus, bytes], bool]
 
 
 class Window:
-    """Sends items, indices of what a board lacks, each in a request of its own, until the board has them.
+    """Sends items that a board lacks, each in a request of its own, until the board has them.
 
-    Each packet has its own sequence number, a repeated item too, so a reply identifies its packet. The line keeps the
-    order: earlier packets that are still unanswered are lost, or their replies are. At most `window_bytes` are sent and
-    not yet acknowledged. `body` returns the body of an item's request, `judge` may raise.
+    Each packet has a new sequence number, so a reply identifies its packet. The line keeps the order: when a reply
+    comes, earlier packets without one are lost, or their replies are.
     """
 
     def __init__(
@@ -159,10 +153,9 @@ class Window:
     def run(
         self, items: Sequence[int], total: int, progress: Progress | None = None, ends: ReplyStatus | None = None
     ) -> ReplyStatus:
-        """Send items until the board has them and return OK, or until it answers `ends`, and return that.
+        """Send items until the board has them, and return OK; or return `ends` when the board answers that.
 
-        `progress` counts the items of `total` that the board has. Raises NoBoardError when none has arrived for
-        `patience_s`.
+        `progress` counts items of `total` that the board has. Raises NoBoardError when none arrives for `patience_s`.
         """
         self._queue.extend(items)
         line = self.session.line
@@ -170,8 +163,7 @@ class Window:
         while self._queue or self._flights:
             self._fill()
             if not self._flights:
-                # The queue held only items that had arrived meanwhile.
-                continue
+                continue  # the queue had only items that had arrived meanwhile
             oldest = next(iter(self._flights.values()))
             due = max(oldest.time, last_reply) + self._round_trip.time_out_s + line.seconds(oldest.length)
             end = last_gain + self.session.patience_s
@@ -196,7 +188,7 @@ class Window:
         return ReplyStatus.OK
 
     def _fill(self) -> None:
-        """Send items while the window has room. Replies are read before more is sent: they decide what to send."""
+        """Send items while the window has room, after the replies that wait: they decide what to send."""
         line = self.session.line
         while self._queue and (not self._flights or (not line.waiting and self._bytes < self.window_bytes)):
             item = self._queue.popleft()
@@ -204,7 +196,7 @@ class Window:
                 return
 
     def _send(self, item: int) -> bool:
-        """Send an item; return False when the line accepts no more."""
+        """Send an item; return whether the line accepted it."""
         body = self._body(item)
         seq = self.session.next_seq()
         packet = packed(self.kind, seq, body)
@@ -227,7 +219,7 @@ class Window:
             flight = self._lost.pop(reply.seq)
         else:
             return None
-        # Late replies are timed too: the first one shows that the line is slower than expected.
+        # Late replies are timed too: they show a slow line.
         self._round_trip.sample(time.monotonic() - flight.time)
         try:
             status = ReplyStatus(reply.body[0])

@@ -21,7 +21,7 @@ from lippmann.fixed.registers import BOARD_REGISTERS, OPTICS_REGISTERS, SCENE_RE
 
 #: Longest silence of a board before a request fails, s.
 PATIENCE_S = 10.0
-#: Slowest clock of a board (a simulated one), Hz: bounds the wait for requests that process a whole frame.
+#: Clock of the slowest, simulated board, Hz, for the time of requests that process a frame.
 SLOWEST_HZ = 3e5
 #: Clocks for each pixel of a PRESENT: CRC and buffer swap, doubled for safety.
 PRESENT_CLOCKS = 4
@@ -29,7 +29,7 @@ PRESENT_CLOCKS = 4
 MAX_WORDS, MAX_TILES = 64, 512
 #: Addresses of the first registers of the optics block and of the scene.
 OPTICS_BASE, SCENE_BASE = 0x200, 0x400
-#: Registers by name, with their addresses on the board; those of a block behind its prefix.
+#: Registers by name, with a block's prefix, and their addresses on the board.
 REGISTERS = {
     prefix + name: replace(register, address=base + register.address)
     for prefix, base, registers in (
@@ -71,17 +71,17 @@ class Hello(NamedTuple):
 
 
 class TileTable(NamedTuple):
-    """CRC-32 of each tile in a buffer (count,), 0 for an empty tile, and the epoch of the reply."""
+    """CRC-32 of each tile (count,) of a buffer, 0 for an empty one, and the epoch."""
 
     epoch: int
     crcs: Crcs
 
 
 class Session:
-    """The open line to a board that has answered HELLO; a `with` block closes the line.
+    """The open line to a board; a `with` block closes it. `info` is the latest reply to HELLO.
 
-    `info` is the board's latest reply to HELLO. A request is sent again until its reply arrives. It raises
-    `DeviceError` when the board refuses it, and `NoBoardError` when the board does not answer for `patience_s` seconds.
+    A request is repeated until its reply arrives. It raises DeviceError when the board refuses it, and NoBoardError
+    when the board does not answer for `patience_s` seconds.
     """
 
     def __init__(self, line: Line, patience_s: float = PATIENCE_S) -> None:
@@ -93,7 +93,7 @@ class Session:
 
     @classmethod
     def open(cls, url: str, baud: int = DEFAULT_BAUD, patience_s: float = PATIENCE_S) -> Self:
-        """Open a port, a serial device, a pty, or socket://HOST:PORT, and send HELLO to the board there.
+        """Open a serial device, a pty, unix://PATH or socket://HOST:PORT, and send HELLO to the board there.
 
         Raises as `open_port`, and DeviceError when no board with this protocol answers.
         """
@@ -120,12 +120,12 @@ class Session:
         return self._seq
 
     def ask(self, kind: Kind, body: bytes, size: int, work_s: float = 0.0) -> bytes:
-        """Send a request; return the `size` bytes behind the reply's status. Raises for a status other than OK."""
+        """Send a request; return the `size` bytes behind its status, or raise as `checked`."""
         status, answer = self.request(kind, body, work_s)
         return self.checked(kind, status, answer, size)
 
     def checked(self, kind: Kind, status: int, body: bytes, size: int) -> bytes:
-        """Return the body of a reply; raise for a status other than OK, and for another size than `size` bytes."""
+        """Return a reply's body; raise unless the status is OK and `size` fits."""
         if status != ReplyStatus.OK:
             raise refusal(self.line.url, kind, status, body)
         if len(body) != size:
@@ -133,10 +133,10 @@ class Session:
         return body
 
     def request(self, kind: Kind, body: bytes, work_s: float = 0.0, seq: int | None = None) -> tuple[int, bytes]:
-        """Send a request until its reply arrives; return the status and the rest of the reply's body.
+        """Send a request until its reply arrives; return the reply's status and the rest of its body.
 
-        The sequence number, a new one unless it is given, stays the same, so the board executes a repeated request
-        once. Fails `patience_s` after the time of the board's work, or later by one send that the line does not accept.
+        Repetitions have one sequence number, by default a new one: the board executes them once. Raises NoBoardError
+        `patience_s` after the time of the board's work; a line that accepts no bytes adds `SEND_S`.
         """
         seq = self.next_seq() if seq is None else seq
         packet = packed(kind, seq, body)
@@ -146,7 +146,7 @@ class Session:
             self.line.send(packet, min(SEND_S, self.patience_s))
             sent_at = time.monotonic()
             until = min(end, sent_at + self._round_trip.time_out_s + self.line.seconds(len(packet) + MAX_PACKET))
-            # Bounded by time: a line may deliver other packets without end.
+            # A line may deliver other packets without end.
             while time.monotonic() < until:
                 reply = self.line.receive(until - time.monotonic())
                 if reply and reply.kind == kind | REPLY and reply.seq == seq and reply.body:
@@ -162,7 +162,7 @@ class Session:
             again = True
 
     def silence(self) -> NoBoardError:
-        """Return the error of a board that does not answer; the received bytes suggest the cause."""
+        """Return the error of a board that does not answer."""
         counts = self.line.reader
         what, remedy = "nothing answers", "check the board's power, the cable, the port and the baud rate"
         if counts.accepted:
@@ -178,11 +178,7 @@ class Session:
         return DeviceError.at(self.line.url, what, remedy)
 
     def hello(self) -> Hello:
-        """Begin a session: send HELLO, check the reply, and keep it in `info`.
-
-        Raises DeviceError when the board speaks no version of the protocol that this host knows, and for limits that
-        this host does not support.
-        """
+        """Send HELLO, check the reply and keep it in `info`; raise DeviceError for an unsuitable board."""
         nonce = secrets.randbits(32)
         for spoken in VERSIONS:
             status, body = self.request(Kind.HELLO, HELLO_REQUEST.pack(spoken, nonce))
@@ -195,21 +191,18 @@ class Session:
         if echo != nonce:
             raise self.error("the reply answers another HELLO", "check that no other program uses this line")
         if hello.tile != TILE or hello.max_packet < MAX_PACKET or not 1 <= hello.grid.count <= 1 << 16:
-            raise self.error(
-                f"the board has limits that this host does not support (panel {hello.width} x {hello.height}, "
-                f"tile {hello.tile}, packet {hello.max_packet})",
-                "update one",
-            )
+            limits = f"panel {hello.width} x {hello.height}, tile {hello.tile}, packet {hello.max_packet}"
+            raise self.error(f"the board has limits that this host does not support ({limits})", "update one")
         self.info = hello
         return hello
 
     def must_be(self, before: Hello) -> None:
-        """Raise DeviceError when this board drives another display than the one that answered before."""
+        """Raise DeviceError for another display than that of the board before."""
         if (self.info.identity, self.info.width, self.info.height) != (before.identity, before.width, before.height):
             raise self.error("another board answers than before", "stream an image that was rendered for its display")
 
     def read(self, address: int, count: int = 1) -> list[int]:
-        """Return `count` words from a byte address, a multiple of 4; raise InputError where there is no register."""
+        """Return `count` words from a byte address on; raise InputError where there is no register."""
         words: list[int] = []
         for first in range(0, count, MAX_WORDS):
             size = min(MAX_WORDS, count - first)
@@ -226,10 +219,7 @@ class Session:
         return REGISTERS[name].values(self.word(name))
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write 1 to 64 words from a byte address, exactly once: all of them or none.
-
-        Raises InputError for an address without a register, and for words that do not fit.
-        """
+        """Write 1 to 64 words from a byte address on, all or none; raise InputError for wrong words."""
         if not 1 <= len(words) <= MAX_WORDS:
             raise InputError(f"{len(words)} words cannot be written at once; give 1 to {MAX_WORDS}")
         if not all(0 <= word < 1 << 32 for word in words):
@@ -265,10 +255,7 @@ class Session:
         return TileTable(epochs.pop(), crcs)
 
     def present(self, epoch: int, crc: int) -> tuple[ReplyStatus, int]:
-        """Swap the buffers when the back buffer's CRC-32 is `crc`.
-
-        Return OK and the board's new epoch, or STALE_EPOCH or FRAME_CRC_DIFFERS and the epoch of the request.
-        """
+        """Swap the buffers if the back buffer's CRC-32 is `crc`; return the status and the epoch."""
         clocks = PRESENT_CLOCKS * self.info.width * self.info.height
         status, body = self.request(Kind.PRESENT, PRESENT_REQUEST.pack(epoch, crc), clocks / SLOWEST_HZ)
         if status in (ReplyStatus.STALE_EPOCH, ReplyStatus.FRAME_CRC_DIFFERS):
@@ -277,7 +264,7 @@ class Session:
 
 
 def _checked(address: int) -> int:
-    """Return the address; refuse one that no request can hold."""
+    """Return an address that a request can hold, else raise InputError."""
     if address % 4 or not 0 <= address < 1 << 16:
         raise InputError(f"0x{address:X} is not a register address; give a multiple of 4 up to 0xFFFC")
     return address

@@ -25,7 +25,7 @@ from lippmann.rendering.executors import Band, RenderedBand
 from lippmann.rendering.plan import Plan
 from lippmann.rendering.sinks import bands_of_plan
 
-#: Maximum of bytes that are sent and not yet acknowledged: about 16 raw tiles.
+#: Maximum of unacknowledged bytes: about 16 raw tiles.
 WINDOW_BYTES = 50_000
 
 TILE_REQUEST = struct.Struct("<HHB")
@@ -35,10 +35,7 @@ TILE_REPLY = struct.Struct("<H")
 @documented
 @dataclass
 class Sent:
-    """Tiles, bytes and seconds of a frame's transfer.
-
-    `known` and `arrived` are the numbers of the tiles that were sent, and of those that arrived; not dataclass fields.
-    """
+    """Counts of a frame's transfer, and sets of tiles: `known` ones were sent, `arrived` ones arrived."""
 
     crc: Annotated[int, key("CRC-32 of the frame, as the board confirmed it")] = 0
     epoch: Annotated[int, key("the board's epoch that shows this frame")] = 0
@@ -68,7 +65,7 @@ class Sent:
 
     @property
     def overhead(self) -> float:
-        """Bytes on the line beyond those of the coded tiles, as a share of these."""
+        """Bytes on the line beyond the coded tiles, as a fraction of the latter."""
         return self.wire_bytes / self.payload_bytes - 1.0 if self.payload_bytes else 0.0
 
 
@@ -77,16 +74,15 @@ def send_frame(
     frame: Pixels,
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
-    sent: Sent | None = None,
+    counts: Sent | None = None,
 ) -> Sent:
-    """Send a frame to the board and show it on the panel.
+    """Send a frame (height, width, 3) uint8 to the board and show it on the panel; `progress` counts tiles.
 
-    The frame is (height, width, 3) uint8, of the panel's size. Tiles that the board holds are not sent: after a lost
-    connection, call again with the same frame, and with the counts `sent`, to which each call adds, also when it fails.
-    `window_bytes` is that of `Window`; `progress` counts tiles.
+    Tiles that the board holds are not sent: after a lost connection, call again with the same frame. Each call adds to
+    `counts`, also when it fails.
 
-    Raises InputError when the frame does not have the panel's size; NoBoardError when the connection is lost, or the
-    board does not answer; DeviceError when the board refuses tiles, or another board took its place.
+    Raises InputError for a frame of another size; NoBoardError without connection or answer; DeviceError when the board
+    refuses tiles, or another board took its place.
     """
     grid = session.info.grid
     if frame.shape != (grid.height, grid.width, 3) or frame.dtype != np.uint8:
@@ -96,18 +92,18 @@ def send_frame(
         )
     begun = time.monotonic()
     written = session.line.written
-    sent = sent or Sent()
-    sent.crc, sent.tiles, sent.image_bytes = frame_crc(frame), grid.count, frame.size
+    counts = counts or Sent()
+    counts.crc, counts.tiles, counts.image_bytes = frame_crc(frame), grid.count, frame.size
     try:
-        _show(session, frame, sent, progress, window_bytes)
+        _show(session, frame, counts, progress, window_bytes)
     finally:
-        sent.wire_bytes += session.line.written - written
-        sent.seconds += time.monotonic() - begun
-    sent.skipped = sent.tiles - len(sent.known)
-    return sent
+        counts.wire_bytes += session.line.written - written
+        counts.seconds += time.monotonic() - begun
+    counts.skipped = counts.tiles - len(counts.known)
+    return counts
 
 
-def _show(session: Session, frame: Pixels, sent: Sent, progress: Progress | None, window_bytes: int) -> None:
+def _show(session: Session, frame: Pixels, counts: Sent, progress: Progress | None, window_bytes: int) -> None:
     """Send the missing tiles and present the frame, until the board shows it."""
     crcs = session.info.grid.crcs(frame)
     status = ReplyStatus.OK
@@ -119,32 +115,30 @@ def _show(session: Session, frame: Pixels, sent: Sent, progress: Progress | None
             session.must_be(before)
         back = session.tiles(BACK)
         front = session.tiles(FRONT)
-        sent.rounds += 1
+        counts.rounds += 1
         if back.epoch != front.epoch:
             status = ReplyStatus.STALE_EPOCH
             continue
         # 0 marks an empty tile, also where the CRC of the tile is 0.
         in_front = (front.crcs == crcs) & (crcs != 0)
         if in_front.all():
-            sent.epoch = front.epoch
-            sent.unchanged = sent.unchanged or sent.rounds == 1
+            counts.epoch = front.epoch
+            counts.unchanged = counts.unchanged or counts.rounds == 1
             if progress:
-                progress(sent.tiles, sent.tiles)
+                progress(counts.tiles, counts.tiles)
             return
         missing = np.flatnonzero((back.crcs != crcs) | (crcs == 0))
         if status == ReplyStatus.FRAME_CRC_DIFFERS and not len(missing):
             # Every tile has the right CRC but not the frame: two contents of a tile share a CRC.
-            missing = np.arange(sent.tiles)
+            missing = np.arange(counts.tiles)
             in_front[:] = False
-        status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, sent, progress, window_bytes)
+        status = _send_tiles(session, frame, front.epoch, missing.tolist(), in_front, counts, progress, window_bytes)
         if status == ReplyStatus.OK:
-            status, sent.epoch = session.present(front.epoch, sent.crc)
+            status, counts.epoch = session.present(front.epoch, counts.crc)
         if status == ReplyStatus.OK:
             return
-    raise session.error(
-        f"the frame was sent {MAX_ROUNDS} times and is still not whole on the board",
-        "check its power, and that no other program uses it",
-    )
+    what = f"the frame was sent {MAX_ROUNDS} times and is still not whole on the board"
+    raise session.error(what, "check its power, and that no other program uses it")
 
 
 def _send_tiles(
@@ -153,14 +147,11 @@ def _send_tiles(
     epoch: int,
     tiles: Sequence[int],
     in_front: npt.NDArray[np.bool_],
-    sent: Sent,
+    counts: Sent,
     progress: Progress | None = None,
     window_bytes: int = WINDOW_BYTES,
 ) -> ReplyStatus:
-    """Send tiles of a frame in one epoch; those `in_front` are copied from the board's front buffer.
-
-    Return OK, or STALE_EPOCH when the board's buffers were swapped meanwhile.
-    """
+    """Send tiles, or have those `in_front` copied; return OK, or STALE_EPOCH after a buffer swap."""
     grid = session.info.grid
     refused: set[int] = set()
 
@@ -170,23 +161,22 @@ def _send_tiles(
             coded = raw_tile(pixels)
         else:
             coded = Coded(Coding.COPY, b"") if in_front[tile] else code_tile(pixels)
-        sent.sends += 1
-        sent.resends += tile in sent.known
-        sent.known.add(tile)
+        counts.sends += 1
+        counts.resends += tile in counts.known
+        counts.known.add(tile)
         return TILE_REQUEST.pack(epoch, tile, coded.coding) + coded.data
 
     def has_arrived(tile: int, body: bytes, status: ReplyStatus, reply: bytes) -> bool:
         coding = Coding(body[TILE_REQUEST.size - 1])
         if status == ReplyStatus.OK and reply == TILE_REPLY.pack(tile):
             if tile not in window.arrived:
-                sent.arrived.add(tile)
-                sent.payload_bytes += len(body) - TILE_REQUEST.size
+                counts.arrived.add(tile)
+                counts.payload_bytes += len(body) - TILE_REQUEST.size
                 count = "copied" if coding == Coding.COPY else coding.name.lower()
-                setattr(sent, count, getattr(sent, count) + 1)
+                setattr(counts, count, getattr(counts, count) + 1)
             return True
         if status == ReplyStatus.BAD_TILE_DATA and coding != Coding.RAW:
-            # Sent raw next: raw pixels need no decoder.
-            refused.add(tile)
+            refused.add(tile)  # raw pixels need no decoder
         elif status != ReplyStatus.STALE_EPOCH:
             raise refusal(session.line.url, Kind.TILE, status)
         return False
@@ -196,13 +186,10 @@ def _send_tiles(
 
 
 class BoardSink:
-    """Bands of a plan, sent to a board as they are rendered: a `lippmann.rendering.sinks.Sink`.
-
-    The panel shows the frame when `finish` returns. A tile is sent when its last row has come.
-    """
+    """A `Sink` that sends each tile when its last row has come; `finish` shows the frame."""
 
     def __init__(self, session: Session, plan: Plan, force: bool = False) -> None:
-        """Raise InputError for a plan for another display than the board's, with `force` only for another size."""
+        """Raise InputError for a plan of another display or, with `force`, of another size."""
         panel = plan.display.panel
         check_shape((panel.height_px, panel.width_px, 3), plan.display, session.info, force)
         self.bands = bands_of_plan(plan)
@@ -213,11 +200,8 @@ class BoardSink:
         self._missing = np.ones(self._grid.height, np.bool_)
         self._sent = Sent()
 
-    def put(self, first: int, rows: Pixels) -> None:
-        """Take panel values (rows, width, 3) uint8 from row `first` on, and send the tiles that are complete.
-
-        Rows may come in any order, of any number, each once.
-        """
+    def add_rows(self, first: int, rows: Pixels) -> None:
+        """Take panel values (rows, width, 3) from row `first` on, and send the complete tiles."""
         last = first + len(rows)
         self._frame[first:last] = rows
         self._missing[first:last] = False
@@ -231,14 +215,14 @@ class BoardSink:
         back = self._session.tiles(BACK)
         to_send = [tile for tile in complete if back.crcs[tile] != frame_crc(self._grid.cut(self._frame, tile))]
         in_front = np.zeros(self._grid.count, np.bool_)
-        # Where the board's buffers were swapped meanwhile, `finish` begins again.
+        # When the board's buffers were swapped meanwhile, `finish` begins again.
         _send_tiles(self._session, self._frame, back.epoch, to_send, in_front, self._sent)
         self._sent.wire_bytes += self._session.line.written - written
         self._sent.seconds += time.monotonic() - begun
 
     def finish(self) -> Sent:
         """Send the tiles that the board lacks, show the frame, and return the counts; raises as `send_frame`."""
-        return send_frame(self._session, self._frame, sent=self._sent)
+        return send_frame(self._session, self._frame, counts=self._sent)
 
     def missing_bands(self) -> Sequence[Band]:
         """Return all bands."""
@@ -247,14 +231,14 @@ class BoardSink:
     def take(self, rendered: RenderedBand) -> None:
         """Send the tiles that are complete with a band."""
         values = panel_values(rendered.radiance, self._panel.transfer, self._panel.bits)
-        self.put(rendered.band.rows.start, values)
+        self.add_rows(rendered.band.rows.start, values)
 
     def stop(self, done_rows: int) -> None:
-        """Leave the panel as it is: it shows a frame only when that is complete."""
+        """Leave the panel as it is."""
 
 
 class Sender:
-    """A thread that shows pictures on a board, each whole; of those that come while it sends, the newest is next."""
+    """A thread that shows pictures on a board; while it sends one, only the newest waits."""
 
     def __init__(self, session: Session) -> None:
         self.frames = self.tiles = self.wire_bytes = 0
@@ -267,14 +251,14 @@ class Sender:
         self._thread.start()
 
     def send(self, pixels: Pixels) -> None:
-        """Give the next picture (height, width, 3); raise what the board's last one met."""
+        """Hand over the next picture (height, width, 3); raise the error of an earlier one."""
         if self._error is not None:
             raise self._error
         self._newest.append(pixels.copy())
         self._calls.release()
 
     def finish(self) -> None:
-        """Wait until the newest picture is shown, and end the thread; raise as `send`."""
+        """Show the newest picture and end the thread; raise as `send`."""
         self._over = True
         self._calls.release()
         self._thread.join()
@@ -283,13 +267,13 @@ class Sender:
 
     def _run(self) -> None:
         while self._calls.acquire() and (self._newest or not self._over):
-            if not self._newest:  # sent already, by an earlier call
+            if not self._newest:  # an earlier turn has sent it
                 continue
             try:
-                sent = send_frame(self._session, self._newest.pop())
-            except Exception as error:  # it is raised where pictures are made
+                counts = send_frame(self._session, self._newest.pop())
+            except Exception as error:  # raised where pictures are made
                 self._error = error
                 return
             self.frames += 1
-            self.tiles += len(sent.arrived)
-            self.wire_bytes += sent.wire_bytes
+            self.tiles += len(counts.arrived)
+            self.wire_bytes += counts.wire_bytes

@@ -13,8 +13,6 @@ import qoi
 
 #: Side of a tile in pixels.
 TILE = 32
-#: Bytes of QOI's header and of its end marker, which the link leaves out.
-QOI_HEADER, QOI_END = 14, 8
 
 Pixels = npt.NDArray[np.uint8]
 Crcs = npt.NDArray[np.uint32]
@@ -38,7 +36,7 @@ class Coded(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """Tiles of a frame of width x height pixels, row by row; those at the right and lower edges are clipped."""
+    """Tiles of a frame, row by row; those at the right and lower edges are clipped."""
 
     width: int
     height: int
@@ -60,7 +58,7 @@ class TileGrid:
         return np.ascontiguousarray(frame[y : y + TILE, x : x + TILE])
 
     def crcs(self, frame: Pixels) -> Crcs:
-        """Return the CRC-32 of each tile (count,) in a frame (height, width, 3): rows top to bottom, R G B."""
+        """Return the CRC-32 of each tile (count,) in a frame (height, width, 3)."""
         return np.array([frame_crc(self.cut(frame, tile)) for tile in range(self.count)], np.uint32)
 
 
@@ -71,7 +69,8 @@ def frame_crc(frame: Pixels) -> int:
 
 def code_tile(pixels: Pixels) -> Coded:
     """Return the shortest of raw, solid and QOI for a tile (rows, columns, 3)."""
-    codings = [raw_tile(pixels), Coded(Coding.QOI, qoi.encode(pixels)[QOI_HEADER:-QOI_END])]
+    # The link leaves out QOI's header of 14 bytes and its end marker of 8.
+    codings = [raw_tile(pixels), Coded(Coding.QOI, qoi.encode(pixels)[14:-8])]
     if (pixels == pixels[0, 0]).all():
         codings.append(Coded(Coding.SOLID, pixels[0, 0].tobytes()))
     return min(codings, key=lambda coded: len(coded.data))

@@ -16,16 +16,16 @@ from lippmann.display.description import Display
 from lippmann.fixed.scene_build import SceneBuild
 from lippmann.simulation import virtual_board
 
-#: Longest silence of a virtual board with its video running, s: it shares the machine.
+#: Longest silence of a virtual board, s: it shares the machine.
 PATIENCE_S = 300.0
 
 
 @dataclass
 class CapturedBoard:
-    """An open virtual board; when it has ended also its frames and counts.
+    """An open virtual board.
 
-    `frames` are those scanned out, (height, width, 3) uint8, in their order without repetitions; `counts` are those of
-    `RunningBoard.stop`.
+    When it has ended, `frames` are those scanned out, (height, width, 3) uint8, without repetitions, and `counts` those
+    of `RunningBoard.stop`.
     """
 
     board: Board
@@ -35,7 +35,7 @@ class CapturedBoard:
 
 @contextmanager
 def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[CapturedBoard]:
-    """Run a virtual board, and keep what it scans out; `scene` and errors are those of `virtual_board.start`."""
+    """Run a virtual board, and keep its frames; raises as `virtual_board.start`."""
     with scratch_folder() as folder:
         virtual = virtual_board.start(display, capture=folder, scene=scene)
         try:
@@ -45,12 +45,12 @@ def capturing(display: Display, scene: SceneBuild | None = None) -> Iterator[Cap
         finally:
             counts = virtual.stop()
         captured.counts = counts
-        shape = display.panel.height_px, display.panel.width_px, 3
         for path in sorted(folder.glob("frame-*.rgb")):
-            captured.frames.append(np.frombuffer(path.read_bytes(), np.uint8).reshape(shape))
+            frame = np.frombuffer(path.read_bytes(), np.uint8)
+            captured.frames.append(frame.reshape(display.panel.height_px, display.panel.width_px, 3))
 
 
-def frames_differ(shown: Sequence[Pixels], expected: Sequence[Pixels]) -> int:
-    """Return in how many pixels frames (height, width, 3) differ; those of a missing frame all do."""
-    counts = [int((one != other).any(axis=2).sum()) for one, other in zip(shown, expected, strict=False)]
-    return sum(counts) + sum(one.size // 3 for one in (*shown[len(counts) :], *expected[len(counts) :]))
+def frames_differ(frames: Sequence[Pixels], expected: Sequence[Pixels]) -> int:
+    """Return in how many pixels frames (height, width, 3) differ; missing frames count fully."""
+    counts = [int((one != other).any(axis=2).sum()) for one, other in zip(frames, expected, strict=False)]
+    return sum(counts) + sum(one.size // 3 for one in (*frames[len(counts) :], *expected[len(counts) :]))

@@ -4,12 +4,10 @@ Light at the coordinate u (column or row, pixel centres at 1/2) of the phase pic
 
     I = 1/2 + 1/2 cos(2 pi (u / T - n / N)).
 
-The Gray code numbers the half periods floor(u / (T/2)). A point's phase and its half period give u, and a half period
-that is misread as its neighbour next to their common edge does no harm. With N = 8 steps, harmonics up to the sixth,
-which a camera's tone curve adds, leave the phase as it is.
+The Gray code numbers the half periods floor(u / (T/2)). Phase and half period give u, also when the half period is
+misread next to its edge. With N = 8, the harmonics of a camera's tone curve up to the sixth do not change the phase.
 
-At the beginning and at the end stand the marks by which a photographer finds the panel; that both photographs of them
-are equal shows that the camera stood still.
+The first and the last picture show marks for aiming; their photographs are equal if the camera stood still.
 """
 
 from __future__ import annotations
@@ -37,17 +35,13 @@ PERIOD_PX = 16
 STEPS = 8
 #: Name of the file that describes a set of patterns.
 FILE = "patterns.toml"
-#: Least amplitude of the cosine, as a share of the black to white range's, of a pixel that counts.
-LEAST_MODULATION = 0.2
-#: A bit is doubtful when its light is this close to the middle between black and white, as a share of their range.
-DOUBTFUL = 0.12
 Floats = npt.NDArray[np.floating]
 Pixels = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """One picture: its place in the order, its kind, the axis it codes (0 columns, 1 rows), and its bit or step."""
+    """A picture: place in the order, kind, axis (0 columns, 1 rows), and bit or step."""
 
     place: int
     kind: Kind
@@ -97,7 +91,7 @@ class PatternSet:
 
     @property
     def half_px(self) -> float:
-        """Half a period, the width of the finest stripes of the Gray code."""
+        """Half a period, the Gray code's finest stripes."""
         return 0.5 * self.period_px
 
     def bits(self, axis: int) -> int:
@@ -116,7 +110,7 @@ class PatternSet:
         return tuple(Pattern(place, *one) for place, one in enumerate(kinds))
 
     def level(self, pattern: Pattern, at_px: Floats) -> Floats:
-        """Return the light of a Gray code or phase picture at coordinates along its axis, 0 to 1."""
+        """Return the light, 0 to 1, of a coded picture at coordinates."""
         if pattern.kind == "phase":
             turns = at_px / self.period_px - pattern.number / self.steps
             return np.asarray(0.5 + 0.5 * np.cos(2.0 * np.pi * turns))
@@ -135,14 +129,14 @@ class PatternSet:
         return half
 
     def point(self, phase: Floats, half: npt.NDArray[np.integer]) -> npt.NDArray[np.float32]:
-        """Return coordinates, pixels: those with a phase (radians) that are nearest to the middles of half periods."""
+        """Return the coordinates with a phase (radians) nearest to the middles of half periods."""
         fine = (phase * np.float32(self.period_px / (2.0 * np.pi))).astype(np.float32)
         near = (half.astype(np.float32) + np.float32(0.5)) * np.float32(self.half_px)
         periods = np.round((near - fine) * np.float32(1.0 / self.period_px))
         return np.asarray(fine + periods * np.float32(self.period_px), np.float32)
 
     def light(self, pattern: Pattern) -> npt.NDArray[np.float32]:
-        """Return the light of a picture's pixels, (height, width), 0 to 1; rows or columns may be one in memory."""
+        """Return a picture's light (height, width), 0 to 1, perhaps as a broadcast view."""
         shape = self.height_px, self.width_px
         if pattern.kind == "marks":
             return _marks(*shape)
@@ -153,7 +147,7 @@ class PatternSet:
         return np.broadcast_to(line[None] if pattern.axis == 0 else line[:, None], shape)
 
     def panel_values(self, pattern: Pattern, display: Display) -> Pixels:
-        """Return a picture as values for the panel, (height, width, 3) uint8."""
+        """Return a picture as panel values (height, width, 3) uint8."""
         panel = display.panel
         values = encoded_values(self.light(pattern), panel.transfer, min(panel.bits, 8)).astype(np.uint8)
         return np.ascontiguousarray(np.broadcast_to(values[..., None], (*values.shape, 3)))
@@ -165,13 +159,13 @@ class PatternSet:
 
     def text(self, display: Display) -> str:
         """Return the text of `patterns.toml`."""
-        named = display.name, display.identity, self.width_px, self.height_px
-        file = PatternsFile(*named, "gray+phase", self.period_px, self.steps, self.files)
+        head = display.name, display.identity, self.width_px, self.height_px
+        file = PatternsFile(*head, "gray+phase", self.period_px, self.steps, self.files)
         return toml_text(vars(file), one_line=False)
 
 
 class AxisCode:
-    """What the pictures of one direction tell of each camera pixel: Gray code, doubtful bits, the phase's wave."""
+    """Gray code, doubtful bits, and the phase's wave of each camera pixel in one direction."""
 
     def __init__(self, patterns: PatternSet, axis: int, shape: tuple[int, ...]) -> None:
         self.patterns, self.axis = patterns, axis
@@ -179,27 +173,28 @@ class AxisCode:
         self.wave = np.zeros(shape, np.complex64)
 
     def add(self, pattern: Pattern, share: Floats) -> None:
-        """Add a photograph, whose light is 0 in the middle between black and white."""
+        """Add a photograph, whose light is -1/2 for black and 1/2 for white."""
         if pattern.kind == "gray":
             self.code |= (share > 0.0).astype(np.uint16) << np.uint16(pattern.number)
-            self.doubtful += abs(share) < DOUBTFUL
+            self.doubtful += abs(share) < 0.12  # near the middle between black and white
         else:
             self.wave += share * np.complex64(self.patterns.turn(pattern))
 
     @property
     def amplitude(self) -> npt.NDArray[np.float32]:
-        """Amplitude of the cosine, as a share of the black to white range's."""
+        """Amplitude of the cosine, as a fraction of the black to white range's."""
         return abs(self.wave) * np.float32(4.0 / self.patterns.steps)
 
     def points(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-        """Return the coordinate that each pixel sees, pixels of the panel, and whether it can be trusted."""
+        """Return each pixel's coordinate, pixels of the panel, and whether it is reliable."""
         points = self.patterns.point(np.angle(self.wave), self.patterns.half_of(self.code))
-        good = (self.amplitude > LEAST_MODULATION) & (self.doubtful <= 1)
+        # At an edge of the code, one bit is doubtful.
+        good = (self.amplitude > 0.2) & (self.doubtful <= 1)
         return points, good & (points >= 0.0) & (points <= self.patterns.sides_px[self.axis])
 
 
 def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
-    """Return a frame, a cross, and a block in the top left corner, black on white."""
+    """Return a black frame, a cross, and a block in the top left corner."""
     light = np.ones((height, width), np.float32)
     y, x = np.arange(height)[:, None], np.arange(width)[None]
     line = max(1, min(height, width) // 24)
@@ -210,10 +205,7 @@ def _marks(height: int, width: int) -> npt.NDArray[np.float32]:
 
 
 def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list[Path]:
-    """Write the pictures and `patterns.toml` into a folder, made when missing; return the pictures' files.
-
-    Raises InputError when the file system refuses.
-    """
+    """Write the pictures and `patterns.toml` into a new folder; return the pictures' files."""
     make_folder(folder)
     files = [folder / name for name in patterns.files]
     for pattern, file in zip(patterns.patterns, files, strict=True):
@@ -225,7 +217,7 @@ def write_patterns(patterns: PatternSet, display: Display, folder: Path) -> list
 
 
 def read_patterns(path: Path, display: Display) -> PatternSet:
-    """Read `patterns.toml`; refuse a set that was drawn for a panel of another size."""
+    """Read `patterns.toml`; refuse a set for a panel of another size."""
     raw = toml.read(PatternsFile, toml.load(path, "patterns"), str(path))
     panel = display.panel
     if (raw.width_px, raw.height_px) != (panel.width_px, panel.height_px):

@@ -1,9 +1,8 @@
 """One numbering of the lenslets for all positions, and the first values of the least squares.
 
-Each position numbers the lenslets by the lattice that it sees, from a start of its own. Its place in front of the array
-tells which lenslet is which: the panel point seen through a lenslet is as far from its centre as the slope to the
-camera and the gap say. The gap is only nearly known, so that gaps around the nominal one are tried; that of the true
-numbering makes the positions agree.
+Each position numbers the lenslets from its own start. The panel point that a lenslet shows is off its centre by the
+slope to the camera times about the gap. Gaps around the nominal one are tried: with the true numbering, the positions
+agree.
 """
 
 from __future__ import annotations
@@ -23,44 +22,36 @@ from lippmann.display.description import Display, Grid
 from lippmann.optics.lattice import HALF_SQRT3
 from lippmann.optics.rays import Floats
 
-#: Focal length that is assumed first, in longer sides of the photograph: that of a telephone's main camera.
-USUAL_FOCAL = 1.0
-#: Focal lengths outside this range, in longer sides, are not believed.
+#: Range of plausible focal lengths, in longer sides of the photograph.
 FOCALS = (0.4, 8.0)
 
 
 def first_lens(planes_mm: list[Floats], photos_px: list[Floats], shape: tuple[int, int]) -> Floats:
-    """Return a first guess of the lens from points of a plane (N, 3) and their pixels (N, 2) in each position.
-
-    The lens is (f, cx, cy, k1, k2), pixels, as in `bundle_adjustment`.
-    """
+    """Return a first lens from points (N, 3) of a plane and pixels (N, 2) in each position."""
     size = shape[1], shape[0]
     objects, images = ([one.astype(np.float32) for one in many] for many in (planes_mm, photos_px))
     matrix = cv2.initCameraMatrix2D(objects, images, size, 1.0)
     focal = float(matrix[0, 0])
     longer = max(size)
     if not (np.isfinite(focal) and FOCALS[0] * longer < focal < FOCALS[1] * longer):
-        focal = USUAL_FOCAL * longer
+        focal = float(longer)  # that of a telephone's main camera
     return np.array([focal, 0.5 * size[0], 0.5 * size[1], 0.0, 0.0])
 
 
 def first_pose(plane_mm: Floats, photo_px: Floats, lens: Floats) -> tuple[Floats, Floats]:
-    """Return the rotation vector and the place, mm, of a camera that sees points of a plane at pixels."""
+    """Return the rotation vector and place of a camera that sees points (N, 3) at pixels (N, 2)."""
     matrix = np.array([[lens[0], 0, lens[1]], [0, lens[0], lens[2]], [0, 0, 1]])
     _, turn, shift = cv2.solvePnP(plane_mm, photo_px, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     vector = np.array(turn, np.float64).ravel()
     return vector, -rotation_of(vector).T @ np.array(shift, np.float64).ravel()
 
 
-#: Gaps that are tried, as shares of D around the nominal one, and how many numberings are fitted.
+#: Gaps that are tried, as fractions of D around the nominal one.
 GAPS = np.linspace(-0.35, 0.35, 57)
-MOST_NUMBERINGS = 3
-#: A numbering that fits worse than the best by this share of a pitch is not tried.
-WORSE = 0.2
 
 
 def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
-    """Return pitch x and y, shear, rotation (radians) and offset of a lattice with steps in i and j as columns."""
+    """Return pitches, shear, rotation (radians) and offset of a lattice, whose steps are columns."""
     turn = math.atan2(steps[1, 0], steps[0, 0])
     c, s = math.cos(turn), math.sin(turn)
     along, up = np.array([[c, s], [-s, c]]) @ steps[:, 1]
@@ -71,11 +62,13 @@ def array_of(grid: Grid, steps: Floats, offset: Floats) -> Floats:
     return np.array([px, py, shear, turn, *offset])
 
 
-def starts(display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLattice]) -> list[tuple[Problem, Floats]]:
-    """Return the problems of the likeliest numberings, and first values of their parameters, the best first."""
+def starts(
+    display: Display, views: Sequence[Lenslets], view_lattices: Sequence[SeenLattice]
+) -> list[tuple[Problem, Floats]]:
+    """Return the likeliest numberings with first values of the parameters, the best first."""
     planes = [
         np.column_stack([one.points(view.index), np.zeros(len(view.index))])
-        for one, view in zip(seen, views, strict=True)
+        for one, view in zip(view_lattices, views, strict=True)
     ]
     lens = first_lens(planes, [view.photo_px for view in views], views[0].shape)
     poses = [first_pose(plane, view.photo_px, lens) for plane, view in zip(planes, views, strict=True)]
@@ -85,12 +78,12 @@ def starts(display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLatti
     projection = fit_projection(display, min(steepest, 2.0), float(np.mean([place[2] for place in places])))
     gaps = np.maximum(0.0, display.gap_mm + GAPS * display.aperture_distance_mm)
     lattices = []
-    for one, place in zip(seen, places, strict=True):
+    for one, place in zip(view_lattices, places, strict=True):
         aside = place[:2] - one.origin
         moved = projection.traced(np.tile(aside / place[2], (len(gaps), 1)), gaps, ())[1]
         grown = projection.traced(np.tile([-1e-3, 0.0], (len(gaps), 1)), gaps, ())[1][:, :1] / 1e-3 / place[2] + 1.0
         zero = one.origin - moved
-        # The camera as far from the lenslet's centre as from the point seen, but for the lattice's growth.
+        # The camera is as far from the lenslet's centre as from the point seen, divided by the lattice's growth.
         true_place = np.hstack([zero + aside / grown, place[2] / grown])
         lattices.append((zero, one.basis / grown[..., None], true_place))
     zeros, bases, true_places = (np.stack(part, axis=1) for part in zip(*lattices, strict=True))
@@ -98,13 +91,14 @@ def starts(display: Display, views: Sequence[Lenslets], seen: Sequence[SeenLatti
     inverse = np.linalg.inv(basis)
     off = (zeros - zeros[:, :1]) @ inverse.swapaxes(1, 2)
     shift = np.round(off).astype(np.int64)
-    # Of all gaps that agree as well, the nearest to the nominal one.
+    # Prefer gaps near the nominal one.
     rank = np.sqrt(((off - shift) ** 2).sum(axis=2).mean(axis=1)) + 0.02 * abs(GAPS)
     order = np.argsort(rank)
     _, first_of_each = np.unique(shift[order].reshape(len(gaps), -1), axis=0, return_index=True)
     likely = []
-    for g in order[np.sort(first_of_each)[:MOST_NUMBERINGS]]:
-        if rank[g] >= rank.min() + WORSE:
+    # At most three numberings are fitted, and none that is worse by a fifth of a pitch.
+    for g in order[np.sort(first_of_each)[:3]]:
+        if rank[g] >= rank.min() + 0.2:
             break
         first = np.round(inverse[g] @ (display.array.offset_mm - zeros[g, 0])).astype(np.int64)
         renumbered = [replace(view, index=view.index + shift[g, k] - first) for k, view in enumerate(views)]

@@ -1,14 +1,13 @@
 """What a camera sees of a lenslet, by exact rays: where its outline is, and where its rays meet the panel.
 
-A camera sees the lenslet with the vertex L on a plane at the height h: the outline's sides are seams, which are below
-the vertices of domes that face the viewer, and behind glass else. With the slope s = (C - L) / (Cz - h), the middle of
-the outline is at L + c(s) on this plane, and the rays through the inner cell around it land on the panel, on average,
-at L + w(s). A cell looks alike in n directions, 4 or 6, and in a mirror, so both are sums of few powers. With
-s = x + i y along the array's axes, s* = x - i y, and real numbers c, a and b,
+A camera sees the lenslet with the vertex L on a plane at the height h of its seams. With the slope
+s = (C - L) / (Cz - h), the middle of the outline is at L + c(s) on this plane, and the rays through the inner cell
+around it meet the panel, on average, at L + w(s). A cell looks alike in n = 4 or 6 directions and in a mirror, so both
+are sums of few powers. With s = x + i y along the array's axes, s* = x - i y, and real c, a and b,
 
     c(s) = sum of c_jk s^j (s*)^k,   w(s) = -sum of (a_jk + gap b_jk) s^j (s*)^k,   j - k = 1, 1 - n, 1 + n, ...
 
-The numbers are fitted to exact rays: Snell's law at each face. They contain what a paraxial D leaves out.
+They are fitted to exact rays (Snell's law at each face), and so contain what a paraxial D lacks.
 """
 
 from __future__ import annotations
@@ -30,21 +29,20 @@ from lippmann.optics.sample_points import R2_STEPS, square_to_cell
 from lippmann.optics.system import PanelFrame
 from lippmann.optics.trace import trace_to_panel
 
-#: Height of an outline in sags of the corners: the mean over the cell's sides, as they move the outline's middle.
+#: Height of an outline in sags of the corners: the mean over the cell's sides.
 SEAM = {"square": 2.0 / 3.0, "hex": 5.0 / 6.0}
 #: Directions in which a cell looks alike.
 FOLDS = {"square": 4, "hex": 6}
-#: The j + k: the outlines of steep lenslets bend all at once.
+#: Degrees j + k of the sums, for steep lenslets too.
 DEGREES = range(1, 12)
-#: Rays across the inner cell; slopes; their directions, a prime number: no fold repeats one.
-ACROSS, SLOPES, DIRECTIONS = 13, 9, 17
-#: An outline: points across the middle of the cell, those on the edge, bisections that find them, rounds, and twice the
-#: distance within which the edge is, in pitches.
-INSIDE, EDGE_POINTS, BISECTIONS, ROUNDS, AROUND = 12, 96, 11, 3, 2.4
+#: Rays across the inner cell; directions of slopes, a prime number, so that no symmetry repeats one.
+ACROSS, DIRECTIONS = 13, 17
+#: Points on the edge of an outline.
+EDGE_POINTS = 96
 
 
 def outline_mm(display: Display) -> float:
-    """Return the height z of the plane on which a camera sees the lenslets' outlines, mm."""
+    """Return the height of the plane on which a camera sees the lenslets' outlines, mm."""
     array = display.array
     seam = SEAM[array.grid] * array.sag_mm
     if array.plano_side == "panel":
@@ -54,7 +52,7 @@ def outline_mm(display: Display) -> float:
 
 @dataclass(frozen=True)
 class LensProjection:
-    """The numbers a, b and c of the module's formulas, for slopes as shares of the steepest, and a plane."""
+    """The a, b and c of the module's formulas, for slopes as fractions of the steepest."""
 
     fixed: Floats
     per_gap: Floats
@@ -63,40 +61,38 @@ class LensProjection:
     folds: int
     rotation_deg: float
     outline_mm: float
-    #: Steepest slope that was traced.
     steepest: float
 
     def traced(
         self, slope: Floats, gap_mm: Floats | float, others: Sequence[tuple[int, int]]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return c and w, (N, 2) mm, for slopes (N, 2) and a gap for all or for each, and some (j, k), (N, 2, M)."""
+        """Return c and w, (N, 2) mm, for slopes (N, 2) and one gap or N, and the terms `others`, (N, 2, M)."""
         every, turn = powers(self.folds, DEGREES), np.exp(1j * np.deg2rad(self.rotation_deg))
         each = turn * terms((slope[:, 0] + 1j * slope[:, 1]) / (self.steepest * turn), every)
         c, fixed, per_gap = (each @ np.stack([self.aside, self.fixed, self.per_gap], axis=1)).T
         w = -fixed - gap_mm * per_gap
         some = each[:, [every.index(one) for one in others]]
-        outline, point, rest = (np.stack([one.real, one.imag], axis=1) for one in (c, w, some))
-        return outline, point, rest
+        outline, point, other_terms = (np.stack([one.real, one.imag], axis=1) for one in (c, w, some))
+        return outline, point, other_terms
 
 
 @cache
 def powers(folds: int, degrees: range) -> tuple[tuple[int, int], ...]:
-    """Return the (j, k) of the module's formulas with j + k among some degrees."""
+    """Return the (j, k) of the module's formulas with j + k in `degrees`."""
     return tuple((n - k, k) for n in degrees for k in range(n + 1) if (n - 2 * k - 1) % folds == 0)
 
 
-def terms(slope: npt.NDArray[np.complex128], wanted: Sequence[tuple[int, int]]) -> npt.NDArray[np.complex128]:
-    """Return s^j (s*)^k for slopes (N,) along the array's axes and each (j, k), (N, terms)."""
-    most = max(map(sum, wanted))
-    power = np.cumprod([np.ones_like(slope), *[slope] * most], axis=0)
+def terms(slope: npt.NDArray[np.complex128], exponents: Sequence[tuple[int, int]]) -> npt.NDArray[np.complex128]:
+    """Return s^j (s*)^k (N, terms) for slopes (N,) along the array's axes."""
+    power = np.cumprod([np.ones_like(slope), *[slope] * max(map(sum, exponents))], axis=0)
     other = power.conj()
-    return np.stack([power[j] * other[k] for j, k in wanted], axis=1)
+    return np.stack([power[j] * other[k] for j, k in exponents], axis=1)
 
 
 def fit_projection(display: Display, steepest: float, distance_mm: float) -> LensProjection:
-    """Trace a display's lenslet from cameras at a distance, with slopes up to `steepest`."""
+    """Fit the projection of a display's lenslet, for cameras at a distance with slopes to `steepest`."""
     plain = _plain(display)
-    radii = np.linspace(0.0, max(steepest, 0.05), SLOPES + 1)[1:]
+    radii = np.linspace(0.0, max(steepest, 0.05), 10)[1:]  # without 0
     angles = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS) + 0.1
     slopes = np.stack([np.outer(radii, f(angles)).ravel() for f in (np.cos, np.sin)], axis=1)
     height = outline_mm(display)
@@ -112,52 +108,49 @@ def fit_projection(display: Display, steepest: float, distance_mm: float) -> Len
     through = offset[:, None] + _cell(plain, INNER, ACROSS)
     fits = []
     for gap in gaps:
-        seen, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
-        fits.append(np.linalg.lstsq(-parts, means(at, seen).T.ravel(), rcond=None)[0])
+        arrives, at = _traced(replace(plain, gap_mm=gap), slopes, through, height, distance_mm)
+        fits.append(np.linalg.lstsq(-parts, means(at, arrives).T.ravel(), rcond=None)[0])
     per_gap = (fits[1] - fits[0]) / (gaps[1] - gaps[0])
     fixed = fits[0] - gaps[0] * per_gap
     return LensProjection(fixed, per_gap, aside, folds, display.array.rotation_deg, height, radii[-1])
 
 
-def means(points: Floats, seen: npt.NDArray[np.bool_]) -> Floats:
-    """Return the means (N, 2) of those of points (N, M, 2) that are seen, (N, M)."""
-    return np.asarray((points * seen[..., None]).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None])
+def means(points: Floats, chosen_points: npt.NDArray[np.bool_]) -> Floats:
+    """Return the means (N, 2) of the chosen (N, M) of points (N, M, 2)."""
+    count = np.maximum(chosen_points.sum(axis=1), 1)[:, None]
+    return np.asarray((points * chosen_points[..., None]).sum(axis=1) / count)
 
 
 def axes_at(angle_deg: float) -> Floats:
-    """Return the matrix (2, 2) by which rows (x, y) become coordinates along axes at an angle."""
+    """Return the matrix that turns rows (x, y) into coordinates along axes at an angle."""
     c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     return np.array([[c, -s], [s, c]])
 
 
 def movement(display: Display, slopes: Floats, distance_mm: float) -> float:
-    """Return how far panel points move over the inner cell, mm a mm, for cameras in directions of slopes (N, 2)."""
-    inner, at, seen = inner_rays(display, slopes, distance_mm)
-    inner, at = (one - means(one, seen)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
-    moves = np.linalg.lstsq(inner[seen], at[seen], rcond=None)[0]
+    """Return the movement of panel points over the inner cell, mm per mm, for slopes (N, 2)."""
+    inner, at, arrives = inner_rays(display, slopes, distance_mm)
+    inner, at = (one - means(one, arrives)[:, None] for one in (np.broadcast_to(inner, at.shape), at))
+    moves = np.linalg.lstsq(inner[arrives], at[arrives], rcond=None)[0]
     return 0.5 * float(np.trace(moves))
 
 
 def inner_rays(display: Display, slopes: Floats, distance_mm: float) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Trace rays all over a lenslet's inner cell from cameras in directions of slopes (N, 2).
+    """Trace rays through a lenslet's inner cell from cameras in directions of slopes (N, 2).
 
-    Return the places in the cell (M, 2), the points (N, M, 2) where they meet the panel, both mm along the panel's
-    axes, and which do, (N, M).
+    Return places in the cell (M, 2) and on the panel (N, M, 2), mm along its axes, and which rays arrive.
     """
     plain, height = _plain(display), outline_mm(display)
     axes = axes_at(display.array.rotation_deg)
     slopes = slopes @ axes
     inner = _cell(plain, INNER, ACROSS)
     through = _middles(plain, slopes, height, distance_mm)[:, None] + inner[None]
-    seen, at = _traced(plain, slopes, through, height, distance_mm)
-    return inner @ axes.T, at @ axes.T, seen
+    arrives, at = _traced(plain, slopes, through, height, distance_mm)
+    return inner @ axes.T, at @ axes.T, arrives
 
 
 def _plain(display: Display) -> Display:
-    """Return the display whose lenslet (0, 0) is in the middle, not turned, its image right behind it.
-
-    Its panel is as large as panels are, so that every ray that leaves the glass meets it.
-    """
+    """Return the display with lenslet (0, 0) in the middle, unrotated, on the largest panel."""
     panel = replace(display.panel, width_px=MAX_SIDE_PX, height_px=MAX_SIDE_PX)
     array = replace(display.array, rotation_deg=0.0, offset_mm=(0.0, 0.0), extent_mm=None)
     return replace(display, panel=panel, array=array, viewing_distance_mm=None, viewing_axis_mm=(0.0, 0.0))
@@ -166,30 +159,30 @@ def _plain(display: Display) -> Display:
 def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: float) -> Floats:
     """Return the middles of the outline for slopes (N, 2), (N, 2) mm.
 
-    They are means over the points whose rays a photograph gives to their lenslet as `lenslets.measure_lenslets` does:
-    of the strongest aberrations at a cell's edge, it takes the point on the panel for one of a neighbour.
+    They are means over the points that `measure_lenslets` assigns to the lenslet, not to a neighbour.
     """
     lattice = Lattice.of(display.array)
     axes = np.array([lattice.centre(1.0, 0.0), lattice.centre(0.0, 1.0)])
     to_steps, grown = np.linalg.inv(axes), 1.0 + display.aperture_distance_mm / distance_mm
-    inside = _cell(display, MIDDLE, INSIDE)
-    # Directions that no seam repeats, others for each slope.
+    inside = _cell(display, MIDDLE, 12)  # points across the cell
+    # Directions differ from slope to slope.
     angles = 2.0 * np.pi / EDGE_POINTS * (np.arange(EDGE_POINTS) + R2_STEPS[0] * np.arange(len(slopes))[:, None] % 1.0)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=2)
     middles = np.zeros_like(slopes)
-    for _ in range(ROUNDS):
-        seen, at = _traced(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
-        found = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(seen)]
-        centre, moves, shift = (np.array(part) for part in zip(*found, strict=True))
-        low, high = np.zeros(angles.shape), np.full(angles.shape, 0.5 * AROUND * display.array.coarsest_mm)
-        for _ in range(BISECTIONS):
+    for _ in range(3):  # rounds
+        arrives, at = _traced(display, slopes, middles[:, None] + inside, height_mm, distance_mm)
+        fits = [_movement(inside[one] @ to_steps, at[k, one] @ to_steps / grown) for k, one in enumerate(arrives)]
+        centre, moves, shift = (np.array(part) for part in zip(*fits, strict=True))
+        # The edge is nearer than 1.2 pitches.
+        low, high = np.zeros(angles.shape), np.full(angles.shape, 1.2 * display.array.coarsest_mm)
+        for _ in range(11):  # bisections
             half = 0.5 * (low + high)
             points = ways * half[..., None]
-            seen, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)
+            arrives, at = _traced(display, slopes, middles[:, None] + points, height_mm, distance_mm)
             own = (at @ to_steps / grown - centre[:, None] - points @ to_steps @ moves) @ np.linalg.inv(
                 np.eye(2) - moves
             )
-            there = seen & within(own - shift[:, None], display.array.grid, NEAR)  # given to the lenslet
+            there = arrives & within(own - shift[:, None], display.array.grid, NEAR)
             low, high = np.where(there, half, low), np.where(there, high, half)
         edge = 0.5 * (low + high)
         area = 0.5 * (edge**2).sum(axis=1)
@@ -198,11 +191,7 @@ def _middles(display: Display, slopes: Floats, height_mm: float, distance_mm: fl
 
 
 def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the middle of panel points, how they move with points across the cell, and their mean own place.
-
-    Both in steps of the lattice; `across` from the middle, `landed` from anywhere. The own place is that of
-    `lenslets.measure_lenslets`, from the lenslet's.
-    """
+    """Return the mean place and movement of points, and their mean own place, in steps."""
     if len(across) < 3:
         return np.zeros(2), np.zeros((2, 2)), np.zeros(2)
     centre = np.asarray(np.median(landed, axis=0))
@@ -212,7 +201,7 @@ def _movement(across: Floats, landed: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _cell(display: Display, share: float, across: int) -> Floats:
-    """Return points all over a lenslet's cell made smaller, (N, 2) mm."""
+    """Return points (N, 2) all over a cell scaled by `share`, mm."""
     side = (np.arange(across) + 0.5) / across
     s, t = (one.ravel() for one in np.meshgrid(side, side))
     if display.array.grid == "hex":  # equal areas of the three rhombi
@@ -225,7 +214,7 @@ def _traced(
 ) -> tuple[npt.NDArray[np.bool_], Floats]:
     """Trace rays from cameras through points (N, M, 2) of the plane of outlines.
 
-    Return which pass the lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2) mm.
+    Return which pass lenslet (0, 0), (N, M), and where they meet the panel, (N, M, 2) mm.
     """
     camera = np.column_stack([slopes * distance_mm, np.full(len(slopes), height_mm + distance_mm)])[:, None]
     to = np.concatenate([through, np.full((*through.shape[:2], 1), height_mm)], axis=2)
@@ -234,5 +223,5 @@ def _traced(
     origin = np.broadcast_to(camera, direction.shape)
     hits: Hits = trace_to_panel(display, origin.reshape(-1, 3), direction.reshape(-1, 3))
     x, y = PanelFrame.of(display).panel_from_pixel(*hits.pixel.T)
-    seen = gets_through(hits.status) & (hits.lenslet == 0).all(axis=1)
-    return seen.reshape(through.shape[:2]), np.stack([x, y], axis=1).reshape(through.shape)
+    arrives = gets_through(hits.status) & (hits.lenslet == 0).all(axis=1)
+    return arrives.reshape(through.shape[:2]), np.stack([x, y], axis=1).reshape(through.shape)

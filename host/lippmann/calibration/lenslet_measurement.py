@@ -1,9 +1,8 @@
 """The panel point that a position sees through each lenslet, and where in the photograph the lenslet is.
 
-The lenslets are located in the photograph by their outlines. A pixel that sees the panel point of lenslet (i, j) lies
-in the outline of that lenslet. A smooth map is fitted to all these pixels, from the photograph to the lattice of pitch
-1: a homography after a radial correction. The map gives for each pixel its place in its lenslet's cell, also where the
-panel is dark or a decoded point is wrong.
+A pixel that sees the panel point of lenslet (i, j) lies in the outline of that lenslet. A map from the photograph to
+the lattice of pitch 1 is fitted to these pixels, a homography after a radial correction. It gives each pixel's place in
+its cell, also where the panel is dark or a decoded point is wrong.
 """
 
 from __future__ import annotations
@@ -24,14 +23,9 @@ from lippmann.optics.lattice import HALF_SQRT3, Lattice, number_lenslets
 from lippmann.optics.rays import Floats, Indices
 
 Values = npt.NDArray[np.floating]
-#: Pixels that the map is fitted to.
-MOST_PIXELS = 40_000
-OUTLINE_SEED = 1910
-#: Least share of pixels that follow the map.
-LEAST_AGREEING = 0.5
-#: Most distance of a pixel from its lenslet's centre, in pitches: a cell's corner.
+#: Distance of a cell's corner from its centre, pitches, with some reserve.
 CORNER = 0.75
-#: About by how much the numbers of a map change.
+#: Typical changes of the map's numbers.
 SCALES = (10.0, 10.0, 1.0, 10.0, 10.0, 1.0, 0.1, 0.1, 0.1, 0.1)
 
 
@@ -42,17 +36,14 @@ def regular(grid: Grid, index: npt.NDArray[np.number]) -> Floats:
 
 @dataclass(frozen=True)
 class Outline:
-    """The map of one position: `size_px` is the photograph's longer side, `numbers` homography and radial terms.
-
-    The map leads to the lattice's points from `origin`.
-    """
+    """Map of a position to the lattice around `origin`; `size_px` is the photograph's longer side."""
 
     lattice: Lattice
     middle_px: Floats
     size_px: float
     numbers: Floats
     origin: Floats
-    #: Share of pixels whose point belongs to the lenslet in whose outline they lie.
+    #: Fraction of pixels that see the lenslet in whose outline they lie.
     agree: float = 1.0
 
     def cells(self, photo_px: Values) -> Floats:
@@ -68,14 +59,14 @@ class Outline:
         return np.stack([x, y], axis=1)
 
     def located(self, photo_px: Values) -> tuple[Indices, Floats]:
-        """Return the lenslets (i, j) in whose outlines pixels lie, and the pixels' points from the centres."""
+        """Return the lenslets (i, j) in whose outlines pixels lie, and places from their centres."""
         x, y = self.cells(photo_px).T
         i, j, dx, dy = self.lattice.locate(NumpyBackend(), x, y)
         return np.stack([i, j], axis=1).astype(np.int64), np.stack([dx, dy], axis=1)
 
 
 def _mapped(numbers: Floats, at: Values) -> Floats:
-    """Apply a map: (8 of a homography, 2 radial) to points whose longer side is 1."""
+    """Apply a map, 8 numbers of a homography and 2 radial ones, to scaled points."""
     square = (at**2).sum(axis=1)
     scale = 1.0 + square * (numbers[8] + square * numbers[9])
     homography = np.append(numbers[:8], 1.0).reshape(3, 3)
@@ -83,12 +74,10 @@ def _mapped(numbers: Floats, at: Values) -> Floats:
 
 
 def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: tuple[int, int]) -> Outline:
-    """Fit the map to pixels (N, 2) that see lenslets (i, j), (N, 2), which are whole in the photograph.
-
-    Raises InputError when the pixels of neighbouring lenslets are not neighbours in the photograph.
-    """
-    rng = np.random.default_rng(OUTLINE_SEED)
-    some = rng.choice(len(photo_px), min(MOST_PIXELS, len(photo_px)), replace=False)
+    """Fit the map to pixels (N, 2) that see complete lenslets (i, j); refuse it if few agree."""
+    rng = np.random.default_rng(1910)
+    # Pixels that the map is fitted to.
+    some = rng.choice(len(photo_px), min(40_000, len(photo_px)), replace=False)
     middle, size = np.array(shape[::-1]) / 2.0, float(max(shape))
     at, cells = (photo_px - middle) / size, regular(grid, index)
     origin = np.median(cells[some], axis=0)
@@ -110,53 +99,31 @@ def fit_outline(name: str, grid: Grid, photo_px: Values, index: Indices, shape: 
     return replace(outline, agree=agree)
 
 
-def _off(numbers: Floats, at: Values, wanted: Values) -> Floats:
-    """Return how far a map brings points from where they belong, (2 N,)."""
-    return np.ravel(_mapped(numbers, at) - wanted)
+def _off(numbers: Floats, at: Values, targets: Values) -> Floats:
+    """Return the residuals (2 N,) of a map."""
+    return np.ravel(_mapped(numbers, at) - targets)
 
 
 def _check_agreement(name: str, share: float) -> None:
-    """Refuse a map that few pixels follow."""
-    if share < LEAST_AGREEING:
+    """Refuse a map that too few pixels follow."""
+    if share < 0.5:  # of the pixels
         what = f"only {100.0 * share:.0f} % of the pixels see the lenslet in front of them"
         raise input_error(name, what, "check that all photographs are of one position, and of this display's patterns")
 
 
-#: Part of a cell whose pixels count: beyond, a camera pixel sees through two lenslets.
+#: Part of a cell whose pixels count: beyond it, a camera pixel sees through two lenslets.
 INNER = 0.7
-#: Rounds in which outline and lenslets of the pixels are found.
-ROUNDS = 3
-#: Distance of a pixel from its lenslet's middle, in steps of the lattice, from which on it is wrong.
-FAR = 0.7
 #: Part of a cell in which points move evenly.
 MIDDLE = 0.7
-#: Pixels in the middle of a cell from which on their mean counts.
-FEW = 3
-#: Most readings that a position keeps: 30 for each of 100,000 lenslets.
-MOST_READINGS = 3_000_000
-SEED = 1914
-#: Most standard deviations of a pixel from the others of its lenslet.
-SPREAD = 6.0
-#: Least share of a neighbour's pixels of a lenslet that is not partly hidden, but for the pixels' grid.
-WHOLE = 0.95
-#: The same of the neighbours: of lenslets that are measured, and of those that the map of the photograph is fitted to.
-#: Perspective makes the neighbours of few, large lenslets differ by half of the rest.
-BESIDE, BESIDE_MAPPED = 0.9, 0.8
-#: Photographs are not of one place when both are less: the share of the lenslets inside the panel that are seen whole,
-#: and that of the pixels that see the lenslet in front. Clean ones have 0.79 and 0.98, with a tenth wrong 0.69 and
-#: 0.93, blurred by 3 pixels 0.39 and 0.99, moved by 3 pixels 0.25 and 0.85.
-STEADY, AGREE = 0.45, 0.96
-#: Least share of the usual number of pixels that a lenslet must have.
-LEAST_SHARE = 0.35
+#: Maximum of readings of a position: 30 for each of 100,000 lenslets.
+MAX_READINGS, SEED = 3_000_000, 1914
+#: Minimum pixels of a complete lenslet's neighbours, where the map is fitted, as a fraction of the largest one's.
+NEIGHBOURS = 0.8
 
 
 @dataclass(frozen=True)
 class Readings:
-    """What M camera pixels of the lenslets' inner cells read.
-
-    `panel_px` (M, 2) are the panel points, `local` (M, 2) the places in the cell of pitch 1, `group` (M,) the numbers
-    of the lenslets, which ascend.
-    """
+    """Panel points (M, 2), places (M, 2) in the cell of pitch 1, and ascending lenslets (M,)."""
 
     panel_px: npt.NDArray[np.float32]
     local: npt.NDArray[np.float32]
@@ -165,10 +132,10 @@ class Readings:
 
 @dataclass(frozen=True)
 class Lenslets:
-    """Of N lenslets that one position sees: what is seen through each, and where.
+    """What a position sees through N lenslets (i, j), `index` (N, 2).
 
-    `index` (N, 2) int64 are their (i, j), `photo_px` (N, 2) their middles in the photograph, `panel_mm` (N, 2) the
-    points of the panel seen through their inner cells, which are within `half_px` (N, 2) pixels of the panel.
+    `photo_px` (N, 2) are their middles in the photograph, `panel_mm` (N, 2) the panel points seen through their inner
+    cells, known within `half_px` (N, 2) pixels of the panel.
     """
 
     name: str
@@ -177,33 +144,32 @@ class Lenslets:
     photo_px: Floats
     panel_mm: Floats
     half_px: Floats
-    #: Where the photograph shows the cells' middles that the panel points are for, (N, 2); steps of the photograph's
-    #: pixels in the cell of pitch 1, (2, 2); and how the panel points move over it, (N, 2, 2), mm for each pitch.
+    #: Pixels of the cells' middles, to which the panel points belong, (N, 2); size of a pixel in the cell of pitch 1,
+    #: (2, 2); movement of the panel points over the cell, (N, 2, 2), and its mean, (2, 2), mm per pitch.
     cell_px: Floats
     steps: Floats
     moves: Floats
-    #: Movement of the panel point over the lenslet's aperture: (2, 2), mm for each pitch across the cell.
     spread: Floats
-    #: Share of the pixels that see the lenslet in front of them.
+    #: Fraction of pixels that see the lenslet in front of them.
     agree: float
     modulation: float
     readings: Readings | None = None
 
 
 def _match_pixels(
-    decoded: Decoded, seen: SeenLattice, points_mm: Floats, grid: Grid
+    decoded: Decoded, lattice: SeenLattice, points_mm: Floats, grid: Grid
 ) -> tuple[Outline, Indices, npt.NDArray[np.bool_]]:
-    """Return the outlines in the photograph, the lenslets (i, j) of the pixels, and which pixels belong to theirs.
+    """Return the outlines in the photograph, the lenslets (i, j) of the pixels, and which pixels see their lenslet.
 
-    In focus, all of a lenslet shows one point. Else points move over it, and with the outline, better known after each
-    round, a point tells its lenslet: it is l + B (q - l) in steps of the lattice, seen at q in the photograph.
+    The panel point that a pixel q sees through lenslet l is l + B (q - l), in steps of the lattice; in focus, B is 0.
+    Each round improves the outlines and B.
     """
-    panel_steps = seen.steps(points_mm)
-    index, near = seen.near(points_mm)
-    for _ in range(ROUNDS):
-        # At the edges of the panel and beside dust a part of a lenslet is dark: its middle is not that of its pixels.
+    panel_steps = lattice.steps(points_mm)
+    index, near = lattice.near(points_mm)
+    for _ in range(3):  # rounds
+        # At the panel's edges and at dust, a lenslet is partly dark: its middle is not that of its pixels.
         names, groups = number_lenslets(index[near])
-        complete = np.flatnonzero(near)[whole(names, np.bincount(groups))[groups]]
+        complete = np.flatnonzero(near)[are_complete(names, np.bincount(groups), NEIGHBOURS)[groups]]
         outline = fit_outline(decoded.name, grid, decoded.photo_px[complete], index[complete], decoded.shape)
         at = outline.steps(decoded.photo_px)
         across = at - np.round(at)
@@ -213,16 +179,15 @@ def _match_pixels(
         own = _centred((panel_steps - at @ moves) @ np.linalg.inv(np.eye(2) - moves), at, some)
         index = np.round(own).astype(np.int64)
         near = within(own - index, grid, NEAR)
-    # Pixels far aside are wrong.
-    return outline, index, near & (abs(at - index) < FAR).all(axis=1)
+    return outline, index, near & (abs(at - index) < 0.7).all(axis=1)  # pixels far aside are wrong
 
 
-def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> Lenslets:
+def measure_lenslets(decoded: Decoded, lattice: SeenLattice, display: Display) -> Lenslets:
     """Average the pixels of each lenslet's inner cell."""
     points = decoded.points_mm(display)
-    outline, index, own_pixels = _match_pixels(decoded, seen, points, display.array.grid)
+    outline, index, own_pixels = _match_pixels(decoded, lattice, points, display.array.grid)
     home, local = outline.located(decoded.photo_px)
-    # A lenslet's pixels give its middle in the photograph, also those that lie beyond its cell: seams are bent.
+    # Pixels beyond the cell count for the middle in the photograph too: seams are bent.
     names, both = number_lenslets(np.concatenate([home, index[own_pixels]]))
     groups, of_own = both[: len(home)], both[len(home) :]
     counts = np.bincount(of_own, minlength=len(names))
@@ -235,32 +200,32 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
         at, middle, spread = _averages(points, local, good, groups, len(names))
         off = points - at[groups] - (local - middle[groups]) @ spread
         far = np.hypot(*off.T)
-        good &= far < SPREAD * max(1e-9, 1.4826 * float(np.median(abs(off[good]))) * 1.5)
+        # Pixels beyond 6 standard deviations are wrong.
+        good &= far < 6.0 * max(1e-9, 1.4826 * float(np.median(abs(off[good]))) * 1.5)
     at, middle, spread = _averages(points, local, good, groups, len(names))
     number = np.bincount(groups[good], minlength=len(names))
     usual = np.median(number[number > 0]) if (number > 0).any() else 0.0
-    # A neighbour whose side is dark would leave the light of the seam to the lenslet, and move its middle.
-    kept = (number >= max(2.0, LEAST_SHARE * usual)) & whole(names, counts, BESIDE)
+    # A neighbour with a dark side would move the seam, and with it the lenslet's middle.
+    # A lenslet needs a third of the usual number of pixels.
+    valid = (number >= max(2.0, 0.35 * usual)) & are_complete(names, counts, 0.9)
     _check_steady(decoded.name, names, counts, outline.agree)
-    if kept.sum() < 30:
-        what = f"only {int(kept.sum())} lenslets are seen"
-        raise input_error(
-            decoded.name, what, "come nearer, or use a camera with more pixels: 4 or more across a lenslet"
-        )
-    panel = at[kept] - middle[kept] @ spread
-    shown, _, grown = _averages(decoded.photo_px.astype(np.float64), local, good, groups, len(names))
-    cells = shown[kept] - middle[kept] @ grown
+    if valid.sum() < 30:
+        remedy = "come nearer, or use a camera with more pixels: 4 or more across a lenslet"
+        raise input_error(decoded.name, f"only {int(valid.sum())} lenslets are seen", remedy)
+    panel = at[valid] - middle[valid] @ spread
+    photo_at, _, grown = _averages(decoded.photo_px.astype(np.float64), local, good, groups, len(names))
+    cells = photo_at[valid] - middle[valid] @ grown
     moves = np.broadcast_to(spread, (len(panel), 2, 2))
-    read = np.flatnonzero(good & kept[groups])
-    if len(read) > MOST_READINGS:
-        read = np.sort(np.random.default_rng(SEED).choice(read, MOST_READINGS, replace=False, shuffle=False))
+    read = np.flatnonzero(good & valid[groups])
+    if len(read) > MAX_READINGS:
+        read = np.sort(np.random.default_rng(SEED).choice(read, MAX_READINGS, replace=False, shuffle=False))
     read = read[np.argsort(groups[read], kind="stable")]
-    readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(kept) - 1)[groups[read]])
+    readings = Readings(decoded.panel_px[read], local[read].astype(np.float32), (np.cumsum(valid) - 1)[groups[read]])
     return Lenslets(
         decoded.name,
         decoded.shape,
-        names[kept],
-        photo[kept],
+        names[valid],
+        photo[valid],
         panel,
         np.zeros_like(panel),
         cells,
@@ -274,32 +239,29 @@ def measure_lenslets(decoded: Decoded, seen: SeenLattice, display: Display) -> L
 
 
 def _centred(own: Floats, at: Floats, some: npt.NDArray[np.bool_]) -> Floats:
-    """Return the pixels' lattice points less what those in the middle of each cell are off on average.
-
-    Points seen aside are off by aberrations that a whole view's lattice does not have.
-    """
+    """Return the pixels' lattice points without the mean aberration in the middle of their cell."""
     home = np.round(at).astype(np.int64)
     names, groups = number_lenslets(home)
     number = np.bincount(groups[some], minlength=len(names))
     off = _sums((own - home)[some], groups[some], len(names)) / np.maximum(number, 1)[:, None]
-    return np.asarray(own - np.where(number[:, None] >= FEW, off, 0.0)[groups])
+    # Fewer than three pixels give no reliable mean.
+    return np.asarray(own - np.where(number[:, None] >= 3, off, 0.0)[groups])
 
 
 def _check_steady(name: str, index: Indices, counts: Indices, agree: float) -> None:
-    """Refuse photographs between which the camera, or the display, moved, though it may have come back.
-
-    Then pixels near the lenslets' edges see now one lenslet, now its neighbour: their points are those of neither.
-    """
-    few = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
-    inside = _surrounded(*_table(index, counts), few)
-    share = float((whole(index, counts) & inside).sum() / max(1, inside.sum()))
-    if share < STEADY and agree < AGREE:
+    """Refuse photographs between which camera or display moved, so that pixels change their lenslet."""
+    least = 0.3 * float(np.median(counts[counts > 0])) if (counts > 0).any() else 0.0
+    inside = _surrounded(*_table(index, counts), least)
+    share = float((are_complete(index, counts, NEIGHBOURS) & inside).sum() / max(1, inside.sum()))
+    # Good photographs have 0.79 and 0.98, with a tenth wrong 0.69 and 0.93, blurred by 3 pixels 0.39 and 0.99, moved by
+    # 3 pixels 0.25 and 0.85.
+    if share < 0.45 and agree < 0.96:
         what = f"the photographs do not fit together: only {100.0 * share:.0f} % of the lenslets are the same in all"
         raise input_error(name, what, "focus on the array, fix camera and display, and take the position again")
 
 
 def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
-    """Return the counts by (i, j), with two empty rows around, and the places of the lenslets there, (2, N)."""
+    """Return the counts by (i, j) with a margin of two, and the lenslets' places there (2, N)."""
     low = index.min(axis=0) - 2
     table = np.zeros(index.max(axis=0) - low + 3)
     places = (index - low).T
@@ -308,7 +270,7 @@ def _table(index: Indices, counts: Indices) -> tuple[Floats, Indices]:
 
 
 def _surrounded(table: Floats, places: Indices, least: Floats | float) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets have more pixels than `least` on all four sides; one neighbour may be hidden by dust."""
+    """Tell which lenslets have more than `least` pixels in all four neighbours, or behind a hidden one."""
     i, j = places
     inside = np.ones(len(i), bool)
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -316,17 +278,17 @@ def _surrounded(table: Floats, places: Indices, least: Floats | float) -> npt.ND
     return inside
 
 
-def whole(index: Indices, counts: Indices, beside: float = BESIDE_MAPPED) -> npt.NDArray[np.bool_]:
-    """Tell which lenslets (N, 2) are seen whole: not the outermost, and with about as many pixels as their neighbours.
+def are_complete(index: Indices, counts: Indices, neighbours: float) -> npt.NDArray[np.bool_]:
+    """Tell which lenslets (N, 2) are inside the array, and have about as many pixels as their largest neighbour.
 
-    At the panel's edges a part of the outermost lenslets sees beyond the panel, which a count does not always tell.
-    `beside` is the share of their pixels that the neighbours have.
+    The four neighbours must have the fraction `neighbours` of its pixels.
     """
     table, places = _table(index, counts)
     i, j = places
-    most = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
-    few = 0.6 * np.sqrt(most)
-    return np.asarray(_surrounded(table, places, beside * most - few) & (counts >= WHOLE * most - few))
+    largest = np.max([table[i + di, j + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1) if (di, dj) != (0, 0)], axis=0)
+    noise = 0.6 * np.sqrt(largest)
+    # A lenslet with fewer pixels is partly hidden.
+    return np.asarray(_surrounded(table, places, neighbours * largest - noise) & (counts >= 0.95 * largest - noise))
 
 
 def _sums(values: Floats, groups: Indices, count: int) -> Floats:
@@ -336,7 +298,7 @@ def _sums(values: Floats, groups: Indices, count: int) -> Floats:
 def _averages(
     points: Floats, local: Floats, good: npt.NDArray[np.bool_], groups: Indices, count: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the means of points and of places in the cell, (M, 2) each, and how points move with places, (2, 2)."""
+    """Return means of points and places in the cell (M, 2), and how points move with places."""
     number = np.maximum(np.bincount(groups[good], minlength=count), 1)[:, None]
     at, middle = (_sums(one[good], groups[good], count) / number for one in (points, local))
     across = local[good] - middle[groups[good]]

@@ -1,8 +1,8 @@
-"""The panel point that each pixel of a camera sees, from the photographs of the patterns, read one after the other.
+"""The panel point that each pixel of a camera sees, from the photographs of the patterns.
 
-The phase of a pixel's light over the steps gives the point within a period, its Gray code the period. A pixel counts
-when its light changes enough between black and white, is not clipped, follows the phase pictures' cosine, and has at
-most one doubtful bit of Gray code in each direction: next to an edge of the code one bit is half lit.
+The phase of a pixel's light gives the point within a period, its Gray code the period. A pixel counts if its light
+changes enough between black and white, is not clipped, follows the phase pictures' cosine, and has at most one doubtful
+bit in each direction.
 """
 
 from __future__ import annotations
@@ -23,24 +23,15 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.optics.system import PanelFrame
 
-#: Least light of white over black, as a share of the brightest twentieth's, of a pixel that counts.
-LEAST_CONTRAST = 0.1
-#: A photograph of white is too bright when this share of the panel is clipped, ...
-MOST_CLIPPED = 0.2
-#: ... and too dark when the brightest twentieth of its pixels has less light than this, white being 1.
-LEAST_LIGHT = 0.02
-#: Number of pixels whose values in all photographs are kept, to judge the photographs.
-SAMPLES = 8000
-SEED = 1908
+#: Number of pixels by whose values the photographs are judged.
+SAMPLES, SEED = 8000, 1908
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """What the camera's pixels see from one position.
+    """The panel points `panel_px` (N, 2) that the pixels `photo_px` (N, 2) of a position's camera see.
 
-    `photo_px` (N, 2) float32 are the pixels' centres, `panel_px` (N, 2) float32 the points (column, row) of the panel
-    that they see; `shape` is the photographs' (height, width). `modulation` is the median amplitude of the phase
-    pictures, as a fraction of the black to white range.
+    `shape` is the photographs' (height, width); `modulation` is the median amplitude of the phase pictures.
     """
 
     name: str
@@ -50,7 +41,7 @@ class Decoded:
     modulation: float
 
     def points_mm(self, display: Display) -> Floats:
-        """Return the points of a display's panel that the pixels see, (N, 2), in the panel's frame."""
+        """Return the panel points (N, 2) that the pixels see, in the panel's frame."""
         return np.stack(PanelFrame.of(display).panel_from_pixel(*self.panel_px.astype(np.float64).T), axis=1)
 
 
@@ -59,12 +50,12 @@ def decode_position(
     patterns: PatternSet,
     pitch_px: float,
     shape: tuple[int, int] | None = None,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = lambda *_: None,
 ) -> Decoded:
     """Decode the photographs of one position; `pitch_px` is the lenslets' pitch in pixels of the panel.
 
-    Raises InputError, with the photograph and a remedy, for photographs of different sizes or in another order, too
-    bright, too dark, blurred, of a moved camera, of a panel partly out of view, or of other patterns.
+    Raises InputError, with the photograph and a remedy, for different sizes, another order, wrong exposure, blur, a
+    moved camera, a panel partly out of view, or other patterns.
     """
 
     def read(pattern: Pattern) -> Photograph:
@@ -78,10 +69,10 @@ def decode_position(
     shape = first_marks.shape[0], first_marks.shape[1]
     white_photograph = read(white_pattern)
     white, black = white_photograph.light, read(black_pattern).light
-    span, seen = _seen(position.of(white_pattern), white, black, white_photograph.clipped)
+    span, lit = _find_lit(position.of(white_pattern), white, black, white_photograph.clipped)
     middle = 0.5 * (white + black)
     inverse = np.float32(1.0) / np.maximum(span, np.float32(1e-6))
-    at = np.flatnonzero(seen)
+    at = np.flatnonzero(lit)
     some = np.sort(np.random.default_rng(SEED).choice(at, min(SAMPLES, len(at)), replace=False))
     samples = Samples(patterns, position, shape, np.unravel_index(some, shape), {})
     axes = [AxisCode(patterns, axis, shape) for axis in (0, 1)]
@@ -89,34 +80,35 @@ def decode_position(
         share = np.asarray((read(pattern).light - middle) * inverse, np.float32)
         samples.shares[pattern] = share[samples.at]
         axes[pattern.axis].add(pattern, share)
-    check_marks(position, marks, marks_again, first_marks, read(marks_again).light, seen)
+    check_marks(position, marks, marks_again, first_marks, read(marks_again).light, lit)
 
     (columns, good_columns), (rows, good_rows) = (axis.points() for axis in axes)
-    seen &= good_columns & good_rows
+    lit &= good_columns & good_rows
     modulation = check_samples(samples, pitch_px)
-    row, column = np.nonzero(seen)
+    row, column = np.nonzero(lit)
     if len(row) < 1000:
         what = f"only {len(row)} pixels of the photographs see the patterns"
         raise input_error(position.name, what, "come nearer, focus on the array, and darken the room")
     photo = np.stack([column + np.float32(0.5), row + np.float32(0.5)], axis=1).astype(np.float32)
-    panel = np.stack([columns[seen], rows[seen]], axis=1).astype(np.float32)
+    panel = np.stack([columns[lit], rows[lit]], axis=1).astype(np.float32)
     return Decoded(position.name, shape, photo, panel, modulation)
 
 
-def _seen(
+def _find_lit(
     path: Path, white: Light, black: Light, clipped: npt.NDArray[np.bool_]
 ) -> tuple[Light, npt.NDArray[np.bool_]]:
-    """Return the light of white over black, and the pixels where it is enough; refuse a wrong exposure."""
+    """Return white's light over black, and where it suffices; refuse a wrong exposure."""
     span = white - black
     bright = float(np.percentile(span.ravel()[:: max(1, span.size // 200_000)], 95.0))
-    if bright < LEAST_LIGHT:
+    if bright < 0.02:  # the maximum is 1
         what = f"is too dark: white is {100.0 * bright:.1f} % brighter than black"
         raise input_error(str(path), what, "expose longer; all photographs alike, with a fixed exposure")
-    seen = span > LEAST_CONTRAST * bright
-    lost = float((clipped & seen).sum()) / max(1, int(seen.sum()))
-    # Where black is clipped too, nothing is seen at all.
-    whole = float(clipped.mean())
-    if lost > MOST_CLIPPED or whole > 0.5:
-        what = f"is too bright: {100.0 * max(lost, whole):.0f} % of the panel is clipped"
+    # Pixels with less contrast do not count.
+    lit = span > 0.1 * bright
+    clipped_share = float((clipped & lit).sum()) / max(1, int(lit.sum()))
+    # Where black is clipped too, no pixel counts as lit.
+    overall = float(clipped.mean())
+    if clipped_share > 0.2 or overall > 0.5:
+        what = f"is too bright: {100.0 * max(clipped_share, overall):.0f} % of the panel is clipped"
         raise input_error(str(path), what, "expose all photographs shorter, so that white stays below the limit")
-    return span, seen & ~clipped
+    return span, lit & ~clipped

@@ -1,7 +1,4 @@
-"""Diagnostics of photographs, each named: order, exposure, blur, a moved camera, a panel partly out of view.
-
-They use some thousand camera pixels, whose values in all photographs are kept.
-"""
+"""Diagnostics of photographs, by some thousand camera pixels: order, exposure, blur, movement, and view."""
 
 from __future__ import annotations
 
@@ -17,31 +14,15 @@ from lippmann.calibration.coded_patterns import AxisCode, Pattern, PatternSet
 from lippmann.calibration.photographs import Light, Position
 from lippmann.errors import input_error
 
-#: Most shift of the camera between the first photograph and the last, pixels of the photograph.
-MOST_MOVED_PX = 0.4
-#: Blur of the marks before they are compared, pixels.
-BLUR_PX = 1.5
-#: Least amplitude of the phase pictures, as a share of the black to white range's; below, the photographs are blurred.
-SHARP = 0.25
-#: Most residual of a phase photograph to the cosine through all of them, as a share of the amplitude.
-MOST_RESIDUAL = 0.35
-#: Difference of a photograph's mean light from the pattern's, as a share of the black to white range.
-MOST_OFF = 0.2
-#: A camera sees the panel as a plane but for the parallax of the lenslets: points off it by more pitches are wrong.
-OFF_PITCHES = 1.5
-LEAST_ON_PLANE = 0.6
-#: How much better photographs must fit when two are exchanged, to name them.
-EXCHANGED = 0.5
-#: Number of pixels by which that is judged.
-FEW = 800
+#: Maximum residual of a phase photograph to the cosine through all, as a fraction of the amplitude.
+MAX_RESIDUAL = 0.35
+#: Minimum fraction of points on the plane as which a camera sees the panel.
+MIN_ON_PLANE = 0.6
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Light of some pixels, whose rows and columns are `at`, of the photographs of the coded patterns.
-
-    It is a share of the black to white range, 0 in the middle. `shape` is the photographs' (height, width).
-    """
+    """Light of the pixels `at` in the coded photographs, a fraction of the range, 0 in the middle."""
 
     patterns: PatternSet
     position: Position
@@ -51,26 +32,26 @@ class Samples:
 
 
 class Fit(NamedTuple):
-    """How well photographs agree with each other."""
+    """How well photographs agree, as fractions of the range, the amplitude and the pixels."""
 
-    #: Median amplitude of the phase pictures, a share of the range's.
+    #: Median amplitude of the phase pictures.
     modulation: float
-    #: Residual of each phase photograph to the cosine, a share of the amplitude.
+    #: Residual of each phase photograph to the cosine.
     residuals: dict[Pattern, float]
-    #: Share of pixels in whose phase and finest Gray code disagree, away from the code's edges.
+    #: Pixels whose phase and Gray code disagree, away from the code's edges.
     disagree: float
-    #: Share of the points on the plane of the panel; the plane's map from the photograph.
+    #: Points on the plane of the panel, and the plane's homography from the photograph.
     on_plane: float
     panel_from_photo: cv2.typing.MatLike
 
     @property
     def bad(self) -> float:
-        """A number that exchanged photographs raise."""
+        """A measure that exchanged photographs raise."""
         return float(np.mean(list(self.residuals.values()))) + self.disagree + (1.0 - self.on_plane)
 
 
 def fit(samples: Samples, pitch_px: float) -> Fit:
-    """Decode the kept pixels, and measure how well the photographs agree."""
+    """Decode the samples, and measure how well the photographs agree."""
     patterns, points, modulations, disagree = samples.patterns, [], [], []
     residuals: dict[Pattern, float] = {}
     for axis in (0, 1):
@@ -82,7 +63,7 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
         mean, strong = np.mean([*phases.values()], axis=0), code.amplitude > 0.5 * np.median(code.amplitude)
         for one, light in phases.items():
             expected = mean + 2.0 / patterns.steps * (code.wave / patterns.turn(one)).real
-            # By the median: a part of the pixels may see dust or a reflection.
+            # The median, because some pixels may see dust or a reflection.
             off = abs(light - expected) / np.maximum(0.5 * code.amplitude, 1e-6)
             residuals[one] = 1.4826 * float(np.median(off[strong]))
         modulations.append(float(np.median(code.amplitude)))
@@ -91,83 +72,82 @@ def fit(samples: Samples, pitch_px: float) -> Fit:
         disagree.append(float((abs(points[-1] - middle)[strong] > 0.75 * patterns.half_px).mean()))
     panel = np.stack(points, axis=1).astype(np.float32)
     photo = np.stack(samples.at[::-1], axis=1).astype(np.float32) + np.float32(0.5)
-    plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, OFF_PITCHES * pitch_px, maxIters=500)
+    # Parallax of the lenslets moves points off the plane, by less than 1.5 pitches.
+    plane, mask = cv2.findHomography(photo, panel, cv2.RANSAC, 1.5 * pitch_px, maxIters=500)
     share = float(np.mean(mask)) if np.size(plane) == 9 else 0.0
     return Fit(min(modulations), residuals, max(disagree), share, plane)
 
 
 def check_samples(samples: Samples, pitch_px: float) -> float:
-    """Refuse photographs that do not agree; return the amplitude of the phase pictures as a share of the range's."""
+    """Refuse photographs that do not agree; return the phase pictures' relative amplitude."""
     position, patterns = samples.position, samples.patterns
-    found = fit(samples, pitch_px)
-    worst = max(found.residuals, key=lambda one: found.residuals[one])
-    wrong = found.residuals[worst] > MOST_RESIDUAL or found.disagree > 0.2 or found.on_plane < LEAST_ON_PLANE
-    if found.modulation < SHARP:
+    match = fit(samples, pitch_px)
+    residuals = match.residuals
+    worst = max(residuals, key=lambda one: residuals[one])
+    if match.modulation < 0.25:  # sharp photographs have more
         path = position.of(next(one for one in patterns.patterns if one.kind == "phase"))
-        what = (
-            f"is blurred: stripes of {patterns.period_px} panel pixels keep {100.0 * found.modulation:.0f} % "
-            "of their contrast"
-        )
+        contrast = f"keep {100.0 * match.modulation:.0f} % of their contrast"
+        what = f"is blurred: stripes of {patterns.period_px} panel pixels {contrast}"
         raise input_error(str(path), what, "focus on the array, stop the lens down, and keep reflections away")
     _check_light(samples)
-    if wrong:
-        pair = _exchanged(samples, found, pitch_px)
+    if residuals[worst] > MAX_RESIDUAL or match.disagree > 0.2 or match.on_plane < MIN_ON_PLANE:
+        pair = _exchanged(samples, match, pitch_px)
         if pair is not None:
             first, second = (position.of(one).name for one in pair)
             what = f"{first} and {second} look exchanged"
             raise input_error(position.name, what, "name each photograph as its pattern")
-        if found.residuals[worst] > MOST_RESIDUAL:
+        if residuals[worst] > MAX_RESIDUAL:
             what = "does not fit the other phase photographs"
             remedy = "take the position again: fixed camera and exposure, and each photograph named as its pattern"
             raise input_error(str(position.of(worst)), what, remedy)
         what = "the photographs do not show this set of patterns: neighbouring pixels see points far apart"
         remedy = "use the patterns drawn for this display, each photograph named as its pattern"
         raise input_error(position.name, what, remedy)
-    _check_view(samples, found)
-    return found.modulation
+    _check_view(samples, match)
+    return match.modulation
 
 
 def _check_light(samples: Samples) -> None:
-    """Refuse photographs that are brighter or darker than their pattern: exposure or order changed."""
+    """Refuse photographs that are brighter or darker than their pattern."""
     patterns = samples.patterns
     for pattern, share in samples.shares.items():
         along = np.arange(patterns.sides_px[pattern.axis]) + 0.5
         expected = float(patterns.level(pattern, along).mean())
         got = float(np.clip(share, -1.0, 1.0).mean()) + 0.5
-        if abs(got - expected) > MOST_OFF * (1.0 if pattern.kind == "phase" else 1.5):
+        if abs(got - expected) > 0.2 * (1.0 if pattern.kind == "phase" else 1.5):  # of the black to white range
             name, more = samples.position.of(pattern), "brighter" if got > expected else "darker"
             what = f"is {more} than its pattern ({100.0 * got:.0f} % of white, expected {100.0 * expected:.0f} %)"
             remedy = "fix the camera's exposure for all photographs, and name each one as its pattern"
             raise input_error(str(name), what, remedy)
 
 
-def _exchanged(samples: Samples, found: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
-    """Return the two photographs whose exchange makes all agree; None without such a pair."""
-    step = max(1, len(samples.at[0]) // FEW)
+def _exchanged(samples: Samples, match: Fit, pitch_px: float) -> tuple[Pattern, Pattern] | None:
+    """Return two photographs whose exchange makes all agree, or None."""
+    step = max(1, len(samples.at[0]) // 800)  # enough pixels to judge an exchange
     shares = {one: share[::step] for one, share in samples.shares.items()}
-    few = replace(samples, at=tuple(one[::step] for one in samples.at), shares=shares)
-    best, pair = EXCHANGED * found.bad, None
-    for one, other in itertools.combinations(few.shares, 2):
+    at = tuple(one[::step] for one in samples.at)
+    best, pair = 0.5 * match.bad, None  # an exchange must halve it
+    for one, other in itertools.combinations(shares, 2):
         if one.kind != other.kind:
             continue
-        shares = {**few.shares, one: few.shares[other], other: few.shares[one]}
-        again = fit(replace(few, shares=shares), pitch_px)
-        if again.bad < best and again.on_plane >= LEAST_ON_PLANE:
+        exchanged = {**shares, one: shares[other], other: shares[one]}
+        again = fit(replace(samples, at=at, shares=exchanged), pitch_px)
+        if again.bad < best and again.on_plane >= MIN_ON_PLANE:
             best, pair = again.bad, (one, other)
     return pair
 
 
-def _check_view(samples: Samples, found: Fit) -> None:
-    """Refuse a panel that is partly out of the photographs, or mirrored."""
-    position, patterns = samples.position, samples.patterns
-    if np.size(found.panel_from_photo) != 9:
+def _check_view(samples: Samples, match: Fit) -> None:
+    """Refuse a mirrored panel, or one partly out of view."""
+    patterns, panel_from_photo = samples.patterns, match.panel_from_photo
+    if np.size(panel_from_photo) != 9:
         return
-    path = position.of(patterns.patterns[0])
-    if np.linalg.det(found.panel_from_photo[:2, :2]) < 0.0:
+    path = samples.position.of(patterns.patterns[0])
+    if np.linalg.det(panel_from_photo[:2, :2]) < 0.0:
         raise input_error(str(path), "is mirrored", "give the photographs as the camera took them")
     height, width = samples.shape
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * patterns.sides_px
-    photo = cv2.perspectiveTransform(corners[None], np.linalg.inv(found.panel_from_photo))[0]
+    photo = cv2.perspectiveTransform(corners[None], np.linalg.inv(panel_from_photo))[0]
     margin = 0.005 * max(height, width)
     outside = {
         "left": photo[:, 0] < -margin,
@@ -182,25 +162,25 @@ def _check_view(samples: Samples, found: Fit) -> None:
 
 
 def check_marks(
-    position: Position, first: Pattern, last: Pattern, before: Light, after: Light, seen: npt.NDArray[np.bool_]
+    position: Position, first: Pattern, last: Pattern, before: Light, after: Light, lit: npt.NDArray[np.bool_]
 ) -> None:
-    """Refuse photographs between whose first and last, those of the marks, the camera moved or the light changed."""
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    """Refuse photographs if camera or light changed between first and last."""
+    rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if len(rows) < 8 or len(columns) < 8:
         return
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     before, after = (
-        np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), BLUR_PX), np.float32)
+        np.asarray(cv2.GaussianBlur(np.ascontiguousarray(one[part]), (0, 0), 1.5), np.float32)
         for one in (before, after)
     )
     scale = float(after.mean()) / max(1e-9, float(before.mean()))
     if not 0.8 < scale < 1.25:
         what = f"has {100.0 * scale:.0f} % of the light of {position.of(first).name}"
         raise input_error(str(position.of(last)), what, "fix the camera's exposure, and the room's light")
-    # The shift that explains the difference best, by the gradients.
+    # The shift, by least squares over the gradients.
     down, right = np.gradient(before)
     slopes = np.stack([right.ravel(), down.ravel()], axis=1)
     moved = float(np.hypot(*np.linalg.lstsq(slopes, (before - after).ravel(), rcond=None)[0]))
-    if moved > MOST_MOVED_PX:
+    if moved > 0.4:  # pixels
         what = f"the camera moved by {moved:.1f} pixels after {position.of(first).name}"
         raise input_error(str(position.of(last)), what, "fix the camera on a tripod, and take the position again")

@@ -18,11 +18,8 @@ from lippmann.errors import input_error, not_there
 
 #: Extensions of photographs.
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-#: From this share of the largest value on, a pixel counts as clipped.
-CLIPPED = 0.985
-#: Most pixels of a photograph.
+#: Maximum of pixels of a photograph.
 MAX_PIXELS = 64_000_000
-NO_PHOTOGRAPH = "is not a photograph that can be read", "give a PNG, JPEG or TIFF file"
 Light = npt.NDArray[np.float32]
 
 
@@ -46,7 +43,7 @@ class Photograph(NamedTuple):
 
 
 def pattern_set(folder: Path, display: Display) -> PatternSet:
-    """Return the patterns that a folder of photographs belongs to: by its `patterns.toml`, else the usual ones."""
+    """Return the patterns of a folder: those of its `patterns.toml`, else the usual ones."""
     own = folder / FILE
     if own.exists() and not own.is_file():
         raise input_error(str(own), not_there(own), "copy the one that lippmann calibrate patterns wrote")
@@ -54,10 +51,7 @@ def pattern_set(folder: Path, display: Display) -> PatternSet:
 
 
 def positions(folder: Path, patterns: PatternSet) -> list[Position]:
-    """Return the positions of a folder: its sub-folders with photographs, or the folder itself.
-
-    Raises InputError, with the photograph, when one is missing or belongs to no pattern.
-    """
+    """Return the positions in a folder's sub-folders, or in itself; refuse incomplete ones."""
     if not folder.is_dir():
         raise input_error(str(folder), "no such folder", "give the folder that holds position-1, position-2 and so on")
     folders = [one for one in folder.iterdir() if one.is_dir() and _photographs(one)]
@@ -99,7 +93,7 @@ def _position(folder: Path, patterns: PatternSet) -> Position:
     return Position(folder.name, tuple(photographs[stem] for stem in stems))
 
 
-#: Light of each value of a camera's file. Cameras encode as sRGB does, but for each maker's taste.
+#: Light of each value of a photograph: cameras encode approximately as sRGB does.
 _CURVES = {
     np.dtype(kind): decode(np.arange(np.iinfo(kind).max + 1, dtype=np.float32) / np.iinfo(kind).max, "srgb")
     for kind in (np.uint8, np.uint16)
@@ -113,18 +107,15 @@ def decode_values(values: npt.NDArray[np.integer]) -> Light:
 
 
 def read_photograph(path: Path, shape: tuple[int, int] | None = None) -> Photograph:
-    """Read a photograph, whose values are sRGB's; the mean of its channels is its light.
-
-    Raises InputError for a file that is no photograph, or one of another size than `shape` (height, width).
-    """
-    raw = read_numbers(path, MAX_PIXELS, *NO_PHOTOGRAPH)
+    """Read an sRGB photograph; refuse one of another size than `shape` (height, width)."""
+    raw = read_numbers(path, MAX_PIXELS, "is not a photograph that can be read", "give a PNG, JPEG or TIFF file")
     if raw.dtype not in _CURVES:
         raise input_error(str(path), f"holds {raw.dtype} values", "save it with 8 or 16 bits for each colour")
     if shape is not None and raw.shape[:2] != shape:
         what = f"is {raw.shape[1]} x {raw.shape[0]} pixels, the first photograph {shape[1]} x {shape[0]}"
         raise input_error(str(path), what, "take all photographs with one camera and one setting, without turning it")
     values = raw[..., :3] if raw.ndim == 3 else raw[..., None]
-    top = int(CLIPPED * np.iinfo(values.dtype).max)
+    top = int(0.985 * np.iinfo(values.dtype).max)  # clipped
     light = np.zeros(values.shape[:2], np.float32)
     clipped = np.zeros(values.shape[:2], np.bool_)
     for channel in range(values.shape[2]):

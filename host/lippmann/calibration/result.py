@@ -1,4 +1,4 @@
-"""What a calibration found: the display, uncertainties, what the data leave open, and the field of residuals."""
+"""The result of a calibration: the display, uncertainties, warnings, and the field of residuals."""
 
 from __future__ import annotations
 
@@ -20,25 +20,23 @@ from lippmann.display.description import Array, Display, check_radius, display_t
 from lippmann.errors import InputError, LippmannError, input_error, reason
 from lippmann.optics.rays import Floats
 
-#: Uncertainties beyond these are not determined: shares of the pitch, gap (D) and radius; mm of the offset; degrees.
+#: Maximum uncertainties of determined parameters: fractions of the pitch, of D (gap) and of the radius; degrees.
 OPEN = {"pitch_x": 2e-4, "pitch_y": 2e-4, "gap": 0.02, "offset": 0.02, "rotation": 0.01, "radius": 0.02}
-#: Correlation from which on two parameters cannot be told apart.
-ALIKE = 0.98
-#: Positions of the camera that determine everything.
+#: Positions of the camera that determine all parameters.
 ENOUGH_POSITIONS = 3
 #: Columns of the field (see `Calibration`).
 FIELD_COLUMNS = 8
 
 
 class ContradictionError(LippmannError):
-    """The photographs contradict each other, or the model of the display: no result can be trusted."""
+    """The photographs contradict each other, or the model of the display."""
 
     exit_code = 4
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of the array, half its 95 % interval, both in `unit`, and whether the photographs determined it."""
+    """A parameter, half its 95 % interval, and whether the photographs determined it."""
 
     name: str
     value: float
@@ -49,7 +47,7 @@ class Parameter:
 
 
 class FoundCamera(TypedDict):
-    """A position of the camera: its place, and what was seen from there."""
+    """A position of the camera, and what it saw."""
 
     name: str
     place_mm: Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
@@ -61,7 +59,7 @@ class FoundCamera(TypedDict):
 
 @dataclass(frozen=True)
 class Findings:
-    """What the photographs told beside the display, as a calibration's .npz keeps it."""
+    """What a calibration's .npz holds beside the field."""
 
     parameters: tuple[Parameter, ...]
     remarks: tuple[str, ...]
@@ -79,21 +77,21 @@ class Calibration(Findings):
 
     display: Display
     nominal: Display
-    #: A row for each lenslet and position: position, i, j, centre x and y, mm, residual right and down, px, kept.
+    #: A row for each lenslet of each position: position, i, j, centre x and y, mm, residual right and down, px, inlier.
     field: Floats
 
     def summary(self) -> dict[str, Any]:
         """Return all but the field, for JSON."""
         findings = {one.name: msgspec.to_builtins(getattr(self, one.name)) for one in fields(Findings)}
-        named = {"display": self.display.name, "identity": self.display.identity}
-        return {**named, **findings, "lenslets": len(self.field)}
+        head = {"display": self.display.name, "identity": self.display.identity}
+        return {**head, **findings, "lenslets": len(self.field)}
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by its name."""
         return next(one for one in self.parameters if one.name == name)
 
     def save(self, path: Path) -> Path:
-        """Write the display file, and beside it a .npz with all else, which `report` reads; return the latter."""
+        """Write the display file and a .npz with all else; return the latter."""
         sidecar = path.with_suffix(".npz")
         with replacing(path) as partial:
             partial.write_text(display_text(self.display), encoding="utf-8")
@@ -104,7 +102,7 @@ class Calibration(Findings):
 
 
 def _bytes(text: str) -> npt.NDArray[np.uint8]:
-    """Return a text as an array, which numpy reads without its pickles."""
+    """Return a text as an array that needs no pickle."""
     return np.frombuffer(text.encode(), np.uint8)
 
 
@@ -115,10 +113,7 @@ def _text(array: npt.NDArray[Any]) -> str:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Return what `Calibration.save` wrote: a calibrated file's display, and the rest from its .npz.
-
-    Raises InputError for a .npz that cannot be read, or that belongs to another display.
-    """
+    """Return what `Calibration.save` wrote; refuse a broken or another display's .npz."""
     display = load_display(path)
     sidecar = path.with_suffix(".npz")
     remedy = "give a display file that lippmann calibrate solve wrote"
@@ -139,10 +134,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def display_of(nominal: Display, solution: Solution) -> Display:
-    """Return the display with the array and the gap that were found.
-
-    Raises ContradictionError when it cannot be built: the file's optics contradict the photographs.
-    """
+    """Return the display with the fitted array and gap; ContradictionError if impossible."""
     value, array = solution.value, nominal.array
     pitch_mm, gap = (value("pitch_x"), value("pitch_y")), value("gap")
     extent = array.extent_mm
@@ -173,7 +165,7 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
     """Return the array's numbers with 95 % intervals."""
     array, factor = nominal.array, float(students_t.ppf(0.975, 60))
     (px, py), depth, degree = array.pitches_mm, nominal.aperture_distance_mm, math.degrees(1.0)
-    # Unit and its size, the file's value, and the uncertainty from which on the parameter is not determined.
+    # Unit and its size, the file's value, and the maximum uncertainty of a determined parameter.
     rows = {
         "pitch_x": ("mm", 1.0, px, OPEN["pitch_x"] * px),
         "pitch_y": ("mm", 1.0, py, OPEN["pitch_y"] * py),
@@ -183,33 +175,33 @@ def parameters_of(nominal: Display, solution: Solution) -> tuple[Parameter, ...]
         "offset_y": ("mm", 1.0, array.offset_mm[1], OPEN["offset"] * py),
         "gap": ("mm", 1.0, nominal.gap_mm, OPEN["gap"] * depth),
     }
-    if "bow" not in solution.problem.held:
+    if "bow" not in solution.problem.fixed:
         rows |= dict.fromkeys(BOW, ("mm", 1.0, 0.0, 0.01 * depth))
     parameters = []
-    for name, (label, unit, before, most) in rows.items():
+    for name, (label, unit, before, limit) in rows.items():
         half = unit * factor * solution.deviation(name)
-        parameters.append(Parameter(name, unit * solution.value(name), half, label, before, half < most))
+        parameters.append(Parameter(name, unit * solution.value(name), half, label, before, half < limit))
     return tuple(parameters)
 
 
-def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
-    """Return what the photographs leave open, and what would determine it."""
+def find_warnings(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[str, ...]:
+    """Warn of undetermined parameters, and say what would determine them."""
     undetermined = [one.name for one in parameters if not one.determined]
     views = len(solution.problem.views)
     if not undetermined:
         return ()
-    remarks = []
+    warnings = []
     pairs = [("pitch_x", "gap"), ("pitch_y", "gap"), ("gap", "focal"), ("pitch_x", "focal")]
     pairs += [(f"offset_{axis}", f"place_{axis}_{k}") for axis in "xy" for k in range(views)]
     pairs += [(f"offset_{axis}", f"middle_{axis}") for axis in "xy"]
-    alike = [(a, b, r) for a, b in pairs if abs(r := solution.correlation(a, b)) > ALIKE]
+    alike = [(a, b, r) for a, b in pairs if abs(r := solution.correlation(a, b)) > 0.98]
     words = {"place": "the camera's place", "middle": "the lens's principal point", "focal": "the lens's focal length"}
     pairs_text = sorted({f"{a} and {words.get(b.split('_')[0], b)}" for a, b, _ in alike})
     text = f"not determined: {', '.join(undetermined)}"
-    remarks.append(text + (f"; the photographs cannot tell apart {', '.join(pairs_text)}" if pairs_text else ""))
+    warnings.append(text + (f"; the photographs cannot tell apart {', '.join(pairs_text)}" if pairs_text else ""))
     if views < ENOUGH_POSITIONS:
         more = ENOUGH_POSITIONS - views
-        remarks.append(
+        warnings.append(
             f"{views} position{'s' * (views > 1)} of the camera; photograph from {more} more, a third of the distance "
             "aside and at other distances, to determine them"
         )
@@ -217,7 +209,7 @@ def remarks_of(parameters: tuple[Parameter, ...], solution: Solution) -> tuple[s
             x, y, z = (solution.value(f"place_{axis}_0") for axis in "xyz")
             half = 1.96 * solution.deviation("place_z_0")
             place = f"({x:.0f}, {y:.0f}, {z:.0f} +- {half:.0f}) mm"
-            remarks.append(f"the file is right for eyes near {place}, where the camera was found, not elsewhere")
+            warnings.append(f"the file is right for eyes near {place}, where the camera was found, not elsewhere")
     else:
-        remarks.append("photograph from places farther aside, at distances that differ by half")
-    return tuple(remarks)
+        warnings.append("photograph from places farther aside, at distances that differ by half")
+    return tuple(warnings)

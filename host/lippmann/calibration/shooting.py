@@ -21,30 +21,21 @@ from lippmann.calibration.photographs import decode_values
 from lippmann.display.description import Display
 from lippmann.errors import DeviceError, LippmannWarning
 
-#: Frames that a camera has in its buffers when the picture changes, which are dropped.
-STALE_FRAMES = 4
-#: A width and a height beyond those of all cameras: the driver takes its largest. Unasked, it takes 640 x 480.
-LARGEST_PX = 10_000
 SIZE = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT
 logger = logging.getLogger("lippmann")
 
 
 @contextmanager
 def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
-    """Open a webcam of this machine at its largest size, and fix its exposure, gain, focus and white balance.
-
-    Warns of settings that its driver does not take. Raises DeviceError when there is no such camera.
-    """
+    """Open a webcam at its largest size with fixed settings; warn of refused ones; else DeviceError."""
     camera = cv2.VideoCapture(number)
     try:
         if not camera.isOpened():
             raise DeviceError(f"camera {number} does not open; choose another --camera, and close other programs")
         if refused := fix_settings(camera):
-            text = (
-                f"camera {number} ({camera.getBackendName()}) does not let {', '.join(refused)} be set; "
-                "set it in the camera's own program, so that all photographs are alike"
-            )
-            warnings.warn(text, LippmannWarning, stacklevel=3)
+            what = f"camera {number} ({camera.getBackendName()}) does not let {', '.join(refused)} be set"
+            remedy = "set it in the camera's own program, so that all photographs are alike"
+            warnings.warn(f"{what}; {remedy}", LippmannWarning, stacklevel=3)
         size = [int(camera.get(side)) for side in SIZE]
         logger.info("camera %d: %d x %d pixels", number, *size)
         yield camera
@@ -53,12 +44,9 @@ def open_webcam(number: int) -> Iterator[cv2.VideoCapture]:
 
 
 def fix_settings(camera: cv2.VideoCapture) -> list[str]:
-    """Set a camera's largest size, and switch its automatic settings off; return the names of those it refused.
-
-    A driver tells by `set` that it refuses a property, or silently keeps the old value: each one is read back.
-    """
-    # The size comes first: a new size may reset the rest.
-    sizes = [camera.set(side, LARGEST_PX) for side in SIZE]
+    """Set the largest size, switch automatic settings off, and return the names of refused ones."""
+    # The size comes first, as it may reset other settings. The driver lowers it to its largest.
+    sizes = [camera.set(side, 10_000) for side in SIZE]
     refused = [] if all(sizes) else ["the size"]
     # "Manual" is 1 in V4L2's enumeration, where 0.25 is rounded to 0, which is automatic; other drivers take 0.25.
     manual = 1.0 if camera.getBackendName() in ("V4L", "V4L2") else 0.25
@@ -66,7 +54,7 @@ def fix_settings(camera: cv2.VideoCapture) -> list[str]:
         "exposure": (cv2.CAP_PROP_AUTO_EXPOSURE, manual),
         "focus": (cv2.CAP_PROP_AUTOFOCUS, 0.0),
         "white balance": (cv2.CAP_PROP_AUTO_WB, 0.0),
-        # OpenCV cannot switch an automatic gain off; drivers do so when a gain is set.
+        # Setting a gain switches the automatic gain off.
         "gain": (cv2.CAP_PROP_GAIN, camera.get(cv2.CAP_PROP_GAIN)),
     }
     for name, (prop, value) in settings.items():
@@ -83,11 +71,9 @@ def shoot(
     folder: Path,
     settle_s: float,
     average: int = 1,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = lambda *_: None,
 ) -> list[Path]:
-    """Show each pattern, wait until panel and camera have settled, and write the photograph; return the files.
-
-    Each photograph is the mean of `average` frames of the camera.
+    """Show each pattern, wait for `settle_s`, and write the mean of `average` frames; return the files.
 
     Raises DeviceError when the camera gives no picture.
     """
@@ -97,7 +83,7 @@ def shoot(
         interrupts.check()
         show(patterns.panel_values(pattern, display))
         time.sleep(settle_s)
-        for _ in range(STALE_FRAMES):
+        for _ in range(4):  # frames in the camera's buffers
             camera.grab()
         files.append(folder / f"{pattern.stem}.png")
         photograph = average_frames(camera, average, pattern.stem)
@@ -108,10 +94,7 @@ def shoot(
 
 
 def average_frames(camera: cv2.VideoCapture, count: int, name: str) -> Pixels:
-    """Return the mean of `count` frames of a camera, for the photograph of the pattern `name`.
-
-    The mean is taken in linear light: that of encoded values would be darker. Raises DeviceError without a frame.
-    """
+    """Return the mean of `count` frames in linear light; DeviceError without a frame for `name`."""
     light = np.zeros(1, np.float32)
     for _ in range(count):
         good, frame = camera.read()

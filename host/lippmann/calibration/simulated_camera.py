@@ -1,7 +1,7 @@
 """An ordinary camera in front of a display: pose, lens with radial distortion, pupil, focus, vignetting, and sensor.
 
 A direction's normalised coordinates x, y are its slopes to the optical axis, to the right and down in the picture. With
-r^2 = x^2 + y^2 the lens shows it at the pixel
+r^2 = x^2 + y^2 its pixel is
 
     u = cx + f x (1 + k1 r^2 + k2 r^4),   v = cy + f y (1 + k1 r^2 + k2 r^4).
 """
@@ -22,22 +22,15 @@ Point = tuple[float, float, float]
 Light = npt.NDArray[np.float32]
 #: A photograph's values, (height, width) or (height, width, 3), uint8 or uint16.
 CameraValues = npt.NDArray[np.unsignedinteger]
-#: Most of Newton's steps that invert the distortion, and the slope below which the last one settles it.
-NEWTON_STEPS, SETTLED = 12, 1e-14
-#: Exponent of the cosine by which a simple lens darkens to the edge.
-COSINES = 4
-#: The brightest pixels of a white panel that the exposure does not count, percent.
-BRIGHTEST = 0.5
 
 
 @dataclass(frozen=True)
 class Camera:
     """A camera: mm in the display's frame, pixels in the photograph; the middle of pixel (0, 0) is (0.5, 0.5).
 
-    `principal_px` None is the middle of the picture. `pupil_mm` is the entrance pupil's diameter, `focus_mm` the
-    distance in focus along the optical axis; None: the point looked at. `blur_px` is the deviation of the lens's
-    Gaussian point spread, pixels. `vignetting` is the share of the light that the corners lose beside the fourth power
-    of the cosine.
+    `principal_px` defaults to the picture's middle. `pupil_mm` is the diameter of the entrance pupil, `focus_mm` the
+    distance in focus along the axis, by default the point looked at. `blur_px` is the deviation of a Gaussian blur.
+    `vignetting` is the fraction of light that the corners lose beyond the cosine to the fourth power.
     """
 
     position_mm: Point
@@ -55,12 +48,12 @@ class Camera:
     vignetting: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a camera that is not in front of the display, or whose distortion folds the picture."""
+        """Refuse a camera behind the display, and a distortion that folds the picture."""
         if not self.position_mm[2] > 0.0:
             raise InputError(f"camera: z {self.position_mm[2]:g} mm is behind the display; give z > 0")
         if not self.focal_px > 0.0:
             raise InputError(f"camera: focal length {self.focal_px:g} px is not positive; give it in pixels")
-        # Where the lens cannot show a point of the border, the iteration does not come back to it.
+        # Newton's method does not return to a point of the border that the lens cannot show.
         border = self.border()
         u, v = self.pixel(*self.slopes(*border))
         if not max(np.abs(u - border[0]).max(), np.abs(v - border[1]).max()) < 1e-6:
@@ -73,7 +66,7 @@ class Camera:
 
     @property
     def axes(self) -> Floats:
-        """Unit vectors to the right, down and forward in the picture, rows of (3, 3)."""
+        """Unit vectors right, down and forward in the picture, rows of (3, 3)."""
         forward = np.subtract(self.look_at_mm, self.position_mm)
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, (0.0, 1.0, 0.0))
@@ -96,22 +89,22 @@ class Camera:
         return self.centre_px[0] + gain * x, self.centre_px[1] + gain * y
 
     def slopes(self, u: npt.ArrayLike, v: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the normalised coordinates that the lens shows at pixel coordinates."""
+        """Return the normalised coordinates of pixel coordinates."""
         x = (np.asarray(u, np.float64) - self.centre_px[0]) / self.focal_px
         y = (np.asarray(v, np.float64) - self.centre_px[1]) / self.focal_px
         if self.k1 == self.k2 == 0.0:
             return x, y
-        shown = np.hypot(x, y)
-        r = shown.copy()
-        for _ in range(NEWTON_STEPS):
+        distorted = np.hypot(x, y)
+        r = distorted.copy()
+        for _ in range(12):  # Newton's method
             square = r * r
             slope = 1.0 + square * (3.0 * self.k1 + 5.0 * self.k2 * square)
             slope = np.where(np.abs(slope) > 1e-3, slope, 1e-3)
-            step = (r * (1.0 + square * (self.k1 + self.k2 * square)) - shown) / slope
+            step = (r * (1.0 + square * (self.k1 + self.k2 * square)) - distorted) / slope
             r -= step
-            if np.abs(step).max(initial=0.0) < SETTLED:
+            if np.abs(step).max(initial=0.0) < 1e-14:
                 break
-        scale = np.divide(r, shown, out=np.ones_like(r), where=shown > 0.0)
+        scale = np.divide(r, distorted, out=np.ones_like(r), where=distorted > 0.0)
         return x * scale, y * scale
 
     def project(self, points_mm: npt.ArrayLike) -> Floats:
@@ -122,7 +115,7 @@ class Camera:
     def rays(
         self, u: npt.ArrayLike, v: npt.ArrayLike, pupil: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0)
     ) -> tuple[Floats, Floats]:
-        """Return origins (N, 3), mm, and unit directions (N, 3) of pixel coordinates; `pupil` in the unit disc."""
+        """Return origins (N, 3), mm, and unit directions (N, 3) for pixels and points of the pupil."""
         x, y = self.slopes(u, v)
         axes, radius, focus = self.axes, 0.5 * self.pupil_mm, self.focus_distance_mm
         px, py = (radius * np.asarray(p, np.float64) + 0.0 * x for p in pupil)
@@ -132,15 +125,16 @@ class Camera:
         return origin, towards / np.sqrt(ax * ax + ay * ay + focus * focus)[:, None]
 
     def brightness(self) -> Floats:
-        """Return what the lens leaves of an even light, (height, width): 1 on the optical axis."""
+        """Return the lens's transmission (height, width), 1 on the optical axis."""
         u, v = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
         x, y = self.slopes(u, v)
         square = x * x + y * y
         corner = max(a * a + b * b for a, b in zip(*self.slopes(*self.border()), strict=True))
-        return np.asarray((1.0 + square) ** (-0.5 * COSINES) * (1.0 - self.vignetting * square / corner))
+        # A simple lens darkens by the fourth power of the cosine.
+        return np.asarray((1.0 + square) ** (-2.0) * (1.0 - self.vignetting * square / corner))
 
     def border(self) -> tuple[Floats, Floats]:
-        """Return pixel coordinates along the picture's edges; the corners are among them."""
+        """Return pixel coordinates along the picture's edges, with the corners."""
         u, v = np.meshgrid(*(np.linspace(0.0, side, 33) for side in (self.width_px, self.height_px)))
         edge = np.pad(np.zeros((31, 31), bool), 1, constant_values=True)
         return u[edge], v[edge]
@@ -148,10 +142,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor. The defaults are those of a small camera: a pixel of 10000 electrons, and 8 bits in sRGB.
-
-    `exposure` is where a white panel comes, as a share of the full well: above 1 it is clipped.
-    """
+    """A sensor; `exposure` is a white panel's signal as a fraction of the full well."""
 
     exposure: float = 0.8
     full_well_e: float = 10000.0
@@ -160,14 +151,14 @@ class Sensor:
     transfer: Transfer = "srgb"
 
     def gain(self, white: Light) -> float:
-        """Return the share of the full well for light 1, from the picture of a white panel."""
-        brightest = float(np.percentile(white, 100.0 - BRIGHTEST))
+        """Return the fraction of the full well for light 1, from a white panel's picture."""
+        brightest = float(np.percentile(white, 99.5))  # ignores the brightest pixels
         return self.exposure / brightest if brightest > 0.0 else 0.0
 
     def values(self, light: Light, gain: float, rng: np.random.Generator) -> CameraValues:
-        """Return a photograph's values, uint8 or uint16, with the noise of photons and of reading."""
+        """Return a photograph's values, uint8 or uint16, with photon and read noise."""
         electrons = np.maximum(light * np.float32(gain * self.full_well_e), 0.0)
-        # From some ten photons on, their number is normal.
+        # The Poisson distribution of photons is nearly normal from ten photons on.
         deviation = np.sqrt(electrons + np.float32(self.read_noise_e**2))
         electrons += deviation * rng.standard_normal(electrons.shape, np.float32)
         return encoded_values(np.clip(electrons / self.full_well_e, 0.0, 1.0), self.transfer, self.bits)

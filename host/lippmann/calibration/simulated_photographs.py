@@ -1,7 +1,7 @@
-"""Photographs of patterns on a display, as a camera takes them: a folder of pictures with the patterns' names.
+"""Photographs of patterns on a display, computed as a camera takes them.
 
-What each pixel of the camera sees of the panel is a sparse matrix, with which each photograph is one multiplication.
-All rays of the camera's pixels, spread over pixel and pupil, are traced once, against the light, as the observer does.
+Rays from all camera pixels are traced once, against the light. They give a sparse matrix from panel to camera pixels,
+with which each photograph is one multiplication.
 """
 
 from __future__ import annotations
@@ -33,34 +33,31 @@ CHUNK_RAYS = 1 << 20
 COLOURS = 3
 #: Traces origins (N, 3) and unit directions (N, 3) to the panel.
 Tracer = Callable[[Floats, Floats], Hits]
-#: Samples of whole rows of a picture: the first and the last camera pixel, then of each sample the camera pixel, the
-#: panel's coordinates (N, 2), and whether it sees the panel.
+#: Samples of rows of a picture: first and last camera pixel of the rows, then each sample's camera pixel, panel
+#: coordinates (N, 2), and whether it sees the panel.
 Band = tuple[int, int, Indices, Floats, npt.NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Shares of the light of panel pixels (columns) in camera pixels (rows), one matrix, or one for each colour.
-
-    `brightness` (height, width) is what the camera's lens leaves of an even light.
-    """
+    """Light of panel pixels (columns) in camera pixels (rows), for each colour, and the lens's brightness."""
 
     matrices: tuple[sparse.csr_matrix, ...]
     brightness: Floats
 
     def photograph(self, light: Light) -> Light:
-        """Return the picture of a panel's linear light; both are (height, width), or (height, width, 3) in colour."""
+        """Return the picture of a panel's linear light, both (height, width), or (height, width, 3) in colour."""
         grey = light.ndim == 2 and len(self.matrices) == 1
         planes = [light]
         if not grey:
             planes = [light[..., k] if light.ndim == 3 else light for k in range(COLOURS)]
-        seen = [self.matrices[k % len(self.matrices)] @ plane.ravel() for k, plane in enumerate(planes)]
-        pictures = [self.brightness * one.reshape(self.brightness.shape) for one in seen]
+        received = [self.matrices[k % len(self.matrices)] @ plane.ravel() for k, plane in enumerate(planes)]
+        pictures = [self.brightness * one.reshape(self.brightness.shape) for one in received]
         return np.asarray(pictures[0] if grey else np.stack(pictures, axis=2), np.float32)
 
 
 def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) -> Projection:
-    """Return the projection from samples, given in bands of rows. Samples that do not see the panel count as dark."""
+    """Return the projection from samples in bands of rows; those off the panel are dark."""
     panel, layout = display.panel, layout_of(display.panel.subpixels)
     parts: list[list[sparse.csr_matrix]] = [[] for _ in range(1 if layout is None else COLOURS)]
     for first, last, pixel, place, sees in bands:
@@ -71,7 +68,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
         weights = [share] if layout is None else [np.zeros_like(share) for _ in range(COLOURS)]
         if layout is not None:
             for k, gain, inside in layout.emitters(NumpyBackend(), place[:, 0], place[:, 1]):
-                # A white sub-pixel, which shows what the colours have in common, is left dark.
+                # A white sub-pixel, which shows the common part of the colours, stays dark.
                 if k < COLOURS:
                     weights[k] += np.where(inside, gain * share, 0.0)
         for part, weight in zip(parts, weights, strict=True):
@@ -85,11 +82,7 @@ def collect_projection(display: Display, camera: Camera, bands: Iterator[Band]) 
 def trace_projection(
     display: Display, camera: Camera, samples: int = 3, seed: int = 0, tracer: Tracer | None = None
 ) -> Projection:
-    """Trace what a camera sees of a display.
-
-    `samples` is the number of rays across a camera pixel, and down. `tracer` traces them; `None` traces them through
-    the exact lenslets.
-    """
+    """Trace what a camera sees of a display, by `samples` x `samples` rays for each pixel."""
     rng = np.random.default_rng((seed, 0x51))
     trace = tracer or (lambda origin, direction: trace_to_panel(display, origin, direction, engine="fast"))
     rows_at_once = max(1, CHUNK_RAYS // (camera.width_px * samples * samples))
@@ -114,21 +107,21 @@ def trace_projection(
 
 
 class Bench:
-    """A bench on which nothing goes wrong, with a display and a camera; a subclass disturbs what it likes."""
+    """A display and a camera without disturbances, which subclasses add."""
 
     def project(self, display: Display, camera: Camera, samples: int, seed: int) -> Projection:
         """Return what a camera sees of the display as built."""
         return trace_projection(display, camera, samples, seed)
 
     def move(self, camera: Camera) -> Camera:
-        """Return the camera as it stands for the second half of the photographs."""
+        """Return the camera of the second half of the photographs."""
         return camera
 
     def photograph(
-        self, seen: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
+        self, projection: Projection, light: Light, sensor: Sensor, gain: float, seed: int, rng: np.random.Generator
     ) -> CameraValues:
-        """Return the values that the camera stores when the panel shall show a pattern's light."""
-        return sensor.values(seen.photograph(light), gain, rng)
+        """Return the camera's values for a pattern's light."""
+        return sensor.values(projection.photograph(light), gain, rng)
 
 
 UNDISTURBED = Bench()
@@ -144,13 +137,12 @@ def photograph_folder(
     bench: Bench = UNDISTURBED,
     samples: int = 3,
 ) -> list[Path]:
-    """Photograph a folder of patterns on a display as built, and write the photographs under the patterns' names.
+    """Photograph a folder of patterns on a display as built; return the photographs in the patterns' order.
 
-    `patterns` is a folder of PNG files of the panel's size, whose names begin with their order; `output` is made when
-    missing. `seed` is that of the rays, the noise and the bench's disturbances; `samples` are the rays across each
-    camera pixel, and down. Returns the photographs in the patterns' order.
+    `patterns` holds PNG files of the panel's size; the photographs have their names. `samples` is the number of rays
+    across each camera pixel, and down. `seed` is for rays, noise and disturbances.
 
-    Raises InputError when there are no patterns, one is not of the panel's size, or a photograph cannot be written.
+    Raises InputError without patterns, for one of another size, and for a photograph that cannot be written.
     """
     output = Path(output)
     names = sorted(Path(patterns).glob("*.png"))
@@ -165,21 +157,21 @@ def photograph_folder(
     make_folder(output)
     for number, name in enumerate(names):
         interrupts.check()
-        seen = before if 2 * number < len(names) else after
-        values = bench.photograph(seen, panel_light(name, display.panel), sensor, gain, seed, rng)
+        projection = before if 2 * number < len(names) else after
+        values = bench.photograph(projection, panel_light(name, display.panel), sensor, gain, seed, rng)
         written.append(output / name.name)
         with replacing(written[-1]) as partial:
-            # Noise has no runs to be found: Huffman's code alone is as small, and quicker.
+            # Noise has no repetitions: Huffman's code alone is as small, and faster.
             Image.fromarray(values).save(partial, "PNG", compress_level=1, compress_type=zlib.Z_HUFFMAN_ONLY)
     return written
 
 
 def panel_light(path: Path, panel: Panel) -> Light:
-    """Return the linear light of a panel that shows a PNG file's values, (height, width), or with 3 colours."""
+    """Return a panel's linear light (height, width), or with 3 colours, for a PNG file."""
     with Image.open(path) as picture:
         if picture.size != (panel.width_px, panel.height_px):
-            size = f"{picture.size[0]} x {picture.size[1]}"
-            what = f"is {size} pixels, the panel {panel.width_px} x {panel.height_px}"
+            width, height = picture.size
+            what = f"is {width} x {height} pixels, the panel {panel.width_px} x {panel.height_px}"
             raise input_error(str(path), what, "write patterns for this display")
         values = np.asarray(picture if picture.mode in ("L", "RGB") or "I" in picture.mode else picture.convert("RGB"))
     scale = 255.0 if values.dtype == np.uint8 else 65535.0

@@ -1,20 +1,17 @@
-"""Where a lenslet looks, more finely than the panel's pixels: the points that agree with what the camera's pixels read.
+"""Intervals, finer than the panel's pixels, for the point that a lenslet shows.
 
-A reading is the middle of the panel's pixel that is seen. With the point t that a lenslet sees on average, and the
+A reading is the middle of the panel's pixel that a camera pixel sees. With the mean point t of a lenslet, and the
 movement s(p) of the point over its cell, the camera's pixels p of the lenslet read on average
 
     f(t) = mean of S(t + s(p) + 1/2 a^2 L(p), b(p)),   S(u, b) = mean of floor(v) + 1/2
 
-over normal v with mean u and deviation b: it grows with t in steps whose edges are blurred. The photograph's blur has
-the deviation a in the cell, and the camera's pupil adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. Where points move
-unevenly over the cell, with the sum L of their second derivatives, the blur moves the mean, too. Both a and c, the same
-for all of a position, are those whose S is nearest to the single readings.
+over normal v with mean u and deviation b: it grows with t in blurred steps. The photograph's blur has the deviation a
+in the cell, and the camera's pupil adds c on the panel: b(p)^2 = a^2 |s'(p)|^2 + c^2. L is the sum of the second
+derivatives of s. For each position, a and c are those whose S is nearest to the readings.
 
-So a mean that was read gives the interval in which t is. Where points move by a pixel or more over the cell it is
-short; in focus, where all of a lenslet sees one pixel, it is as wide as that pixel. The middle of a wide interval is no
-measurement: its error is that of rounding, which is alike for many neighbours.
-
-The movement is that of exact rays through the array that a first solution has found.
+So a mean that was read gives an interval of t: short where points move by a pixel or more over the cell, a pixel wide
+in focus. The middle of a wide interval is no measurement: its error is alike for many neighbours. The movement is that
+of exact rays through the array of a first solution.
 """
 
 from __future__ import annotations
@@ -38,30 +35,17 @@ Values = npt.NDArray[np.floating]
 Singles = npt.NDArray[np.float32]
 #: The a and the c of the module's formula.
 Blur = tuple[float, float]
-#: Panel pixels by which a mean of readings may be wrong.
+#: Tolerance of a mean of readings, panel pixels.
 TOLERANCE = 0.02
-#: Deviation b from which on more than one edge counts, pixels.
-WIDE = 0.17
-#: First values of the blur: a in pitches, c in pixels of the panel; and the least deviation b, pixels.
-FIRST_BLUR, LEAST_BLUR = (0.02, 0.03), 1e-3
-#: Steps to the point of a lenslet that is nearest to its readings.
-NEAREST = 4
-#: Bisections of an interval of two pixels.
-BISECTIONS = 11
-#: Lenslets of a view through which rays are traced.
-TRACED = 60
-#: Readings whose movement is computed at once, about.
-CHUNK = 1 << 16
-#: Lenslets from which the blur is found.
-MOST_BLURRED = 60
-SEED = 1912
-#: Powers of the place in the cell, up to the seventh, and of the slope, up to the third: aberrations of steep lenslets.
+#: Lenslets of a view that are sampled.
+SAMPLED, SEED = 60, 1912
+#: Powers of the place in the cell and of the slope, for the aberrations of steep lenslets.
 PLACE = [(a, b) for a in range(8) for b in range(8 - a)]
 SLOPE = [(a, b) for a in range(4) for b in range(4 - a)]
 
 
 def _derivative(axis: int) -> Floats:
-    """Return the matrix that makes the factors of `PLACE` those of the derivative along the cell's axis."""
+    """Return the matrix of the derivative of `PLACE` along an axis of the cell."""
     powers, step = np.array(PLACE), np.arange(2) == axis
     return np.where((powers[:, None] + step == powers).all(axis=2), powers[:, axis], 0.0)
 
@@ -71,21 +55,18 @@ ALONG = (_derivative(0), _derivative(1))
 
 @dataclass(frozen=True)
 class Movement:
-    """How panel points (pixels) move over a cell: factors (slope powers, place powers, 2), around a mean slope.
-
-    `inner` (M, 2) are places all over the inner cell.
-    """
+    """How panel points (pixels) move over the inner cell: polynomial factors in slope and place."""
 
     factors: Floats
     slope: Floats
     inner: Floats
 
     def _own(self, slopes: Floats) -> Floats:
-        """Return the factors of `PLACE` of lenslets with slopes (N, 2), (N, powers, 2)."""
+        """Return the factors of `PLACE` (N, powers, 2) for slopes (N, 2)."""
         return np.asarray(np.tensordot(_powers(slopes - self.slope, SLOPE), self.factors, axes=1))
 
     def over_cell(self, slopes: Floats, aside: Floats) -> Floats:
-        """Return how points move with a cell that is `aside` (N, 2), (N, 2, 2) pixels for each pitch."""
+        """Return the mean movement over cells moved `aside` (N, 2), (N, 2, 2) pixels per pitch."""
         own, mean = self._own(slopes), _powers(self.inner, PLACE).mean(axis=0)
         ways = np.array([mean @ one for one in ALONG])
         bends = np.array([[mean @ one @ other for other in ALONG] for one in ALONG])
@@ -93,11 +74,7 @@ class Movement:
         return np.asarray(np.einsum("dp,npa->nda", ways, own) + half)
 
     def of(self, local: Values, slopes: Floats, aside: Floats, group: Indices) -> Moved:
-        """Return the movement from the mean of each cell at places (M, 2) in cells of pitch 1.
-
-        The cells are those of lenslets with slopes (N, 2), and are moved `aside` (N, 2). The lenslets `group` (M,)
-        ascend.
-        """
+        """Return the movement at places (M, 2) of ascending lenslets (M,), from each cell's mean."""
         own, at = self._own(slopes), np.asarray(local + aside[group], np.float32)
         own[:, 0] -= np.einsum("nd,nda->na", aside, self.over_cell(slopes, aside))
         ways = [one @ own for one in ALONG]
@@ -105,7 +82,8 @@ class Movement:
         factors = np.concatenate([own, *ways, bent], axis=2).astype(np.float32)
         ends = np.searchsorted(group, np.arange(len(slopes) + 1))
         moved = np.empty((len(at), 8), np.float32)
-        for lenslets in np.array_split(np.arange(len(slopes)), min(len(slopes), 1 + len(at) // CHUNK)):
+        # About 65,536 readings are computed at once.
+        for lenslets in np.array_split(np.arange(len(slopes)), min(len(slopes), 1 + len(at) // 65_536)):
             first = ends[lenslets[0]]
             powers = _place_powers(at[first : ends[lenslets[-1] + 1]])
             for k in lenslets:
@@ -116,85 +94,83 @@ class Movement:
 
 @dataclass(frozen=True)
 class Moved:
-    """Of M readings, (M, 2) each: the movement s, pixels; its greatest change |s'|, a pitch; and the sum L."""
+    """The movement s, pixels, |s'| per pitch, and L of M readings, (M, 2) each."""
 
     shift: Singles
     change: Singles
     bent: Singles
 
     def along(self, axis: int, some: npt.NDArray[np.bool_] | slice = slice(None)) -> Moved:
-        """Return that of columns (0) or rows (1), (M,) each."""
+        """Return those of columns (0) or rows (1), (M,) each."""
         return Moved(*(one[some, axis] for one in (self.shift, self.change, self.bent)))
 
     def blurred(self, blur: Blur) -> tuple[Singles, Singles]:
         """Return the movement of the mean, and the deviation b."""
         a, c = map(np.float32, blur)
-        edge = np.maximum(np.hypot(a * self.change, c), np.float32(LEAST_BLUR))
+        edge = np.maximum(np.hypot(a * self.change, c), np.float32(1e-3))  # the minimum of b
         return self.shift + np.float32(0.5) * a * a * self.bent, edge
 
 
 def _place_powers(local: Values) -> Singles:
-    """Return the powers `PLACE` of places (N, 2), (powers, N)."""
+    """Return the powers `PLACE` (powers, N) of places (N, 2)."""
     x, y = (np.cumprod([np.ones_like(one), *[one] * 7], axis=0, dtype=np.float32) for one in local.T)
     return np.asarray([x[a] * y[b] for a, b in PLACE])
 
 
 def _powers(values: Values, exponents: Sequence[tuple[int, int]]) -> Floats:
-    """Return x^a y^b of values (N, 2) for each pair of exponents, (N, pairs)."""
+    """Return x^a y^b (N, pairs) of values (N, 2)."""
     x, y = values.T.astype(np.float64)
     return np.stack([x**a * y**b for a, b in exponents], axis=1)
 
 
 def movement_of(display: Display, slopes: Floats, distance_mm: float) -> Movement:
-    """Trace the movement of a view, whose lenslets see the camera at slopes (N, 2)."""
-    some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:TRACED]]
-    inner, at, seen = inner_rays(display, some, distance_mm)
+    """Fit the movement of a view with slopes (N, 2) to exact rays."""
+    some = slopes[np.random.default_rng(SEED).permutation(len(slopes))[:SAMPLED]]
+    inner, at, arrives = inner_rays(display, some, distance_mm)
     local = inner @ axes_at(display.array.rotation_deg) / display.array.pitches_mm[0]
-    pixels = (at - means(at, seen)[:, None]) / display.panel.pitches_mm * [1.0, -1.0]
+    pixels = (at - means(at, arrives)[:, None]) / display.panel.pitches_mm * [1.0, -1.0]
     middle = slopes.mean(axis=0)
     powers = _powers(some - middle, SLOPE)[:, None, :, None] * _powers(local, PLACE)[None, :, None, :]
-    design = powers.reshape(len(some), len(local), -1)[seen]
-    factors = np.linalg.lstsq(design, pixels[seen], rcond=None)[0]
+    design = powers.reshape(len(some), len(local), -1)[arrives]
+    factors = np.linalg.lstsq(design, pixels[arrives], rcond=None)[0]
     return Movement(np.reshape(factors, (len(SLOPE), len(PLACE), 2)), middle, local)
 
 
 def refined(view: Lenslets, display: Display, slopes: Floats, aside: Floats, movement: Movement) -> Lenslets:
     """Return the view with the middles and half widths of the intervals that its readings give.
 
-    The cells that were read are `aside` (N, 2) of those of the movement, pitches.
-
-    What the tolerance adds to a half width is no doubt: short intervals are measurements.
+    The cells that were read are `aside` (N, 2) pitches from the movement's. Half widths leave out the tolerance.
     """
     readings, frame = view.readings, PanelFrame.of(display)
     assert readings is not None
     count, moved = len(view.index), movement.of(readings.local, slopes, aside, readings.group)
     blur = blur_of(readings, moved, count)
-    found = [
+    intervals = [
         interval(readings.panel_px[:, axis], *moved.along(axis).blurred(blur), readings.group, count) for axis in (0, 1)
     ]
-    low, high = (np.stack(sides, axis=1) for sides in zip(*found, strict=True))
+    low, high = (np.stack(sides, axis=1) for sides in zip(*intervals, strict=True))
     middle = np.stack(frame.panel_from_pixel(*(0.5 * (low + high)).T), axis=1)
     moves = movement.over_cell(slopes, aside) * np.multiply(display.panel.pitches_mm, [1.0, -1.0])
     return replace(view, panel_mm=middle, moves=moves, half_px=np.maximum(0.5 * (high - low) - TOLERANCE, 0.0))
 
 
 def read(at: Singles, edge: Singles) -> Singles:
-    """Return S of the module's formula, without its 1/2, at points (M,) for deviations (M,)."""
+    """Return S of the module's formula, less 1/2, at points (M,) for deviations (M,)."""
     near = np.rint(at)
-    found = near - 1 + ndtr((at - near) / edge)
-    wide = edge > WIDE
+    mean = near - 1 + ndtr((at - near) / edge)
+    wide = edge > 0.17
     if wide.any():  # several edges: the first terms of the Fourier series
         turn, fade = 2.0 * math.pi * at[wide], -2.0 * np.square(math.pi * edge[wide])
         waves = np.exp(fade) * np.sin(turn) + 0.5 * np.exp(4.0 * fade) * np.sin(2.0 * turn)
-        found[wide] = at[wide] - 0.5 + waves / math.pi
-    return np.asarray(found)
+        mean[wide] = at[wide] - 0.5 + waves / math.pi
+    return np.asarray(mean)
 
 
 def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
-    """Return the a and the c with which S is nearest to the readings of some lenslets, each at its best point."""
-    chosen = np.random.default_rng(SEED).permutation(count)[:MOST_BLURRED]
+    """Return the a and c with which S is nearest to the readings of some lenslets."""
+    lenslets = np.random.default_rng(SEED).permutation(count)[:SAMPLED]
     number = np.full(count, -1)
-    number[chosen] = np.arange(len(chosen))
+    number[lenslets] = np.arange(len(lenslets))
     some = number[readings.group] >= 0
     group = number[readings.group[some]]
     axes = [(readings.panel_px[some, axis], moved.along(axis, some)) for axis in (0, 1)]
@@ -203,34 +179,35 @@ def blur_of(readings: Readings, moved: Moved, count: int) -> Blur:
         parts = []
         for panel_px, own in axes:
             shift, edge = own.blurred((blur[0], blur[1]))
-            t = 0.5 * np.sum(interval(panel_px, shift, edge, group, len(chosen)), axis=0)
-            for _ in range(NEAREST):
+            t = 0.5 * np.sum(interval(panel_px, shift, edge, group, len(lenslets)), axis=0)
+            for _ in range(4):  # Newton's method
                 near = np.floor(t)
                 at = (t - near).astype(np.float32)[group] + shift
                 error = panel_px - near[group] - 0.5 - read(at, edge)
                 grows = np.exp(-0.5 * ((at - np.rint(at)) / edge) ** 2) / edge
-                sums = [np.bincount(group, weights=grows * one, minlength=len(chosen)) for one in (error, grows)]
+                sums = [np.bincount(group, weights=grows * one, minlength=len(lenslets)) for one in (error, grows)]
                 t = t + sums[0] / np.maximum(sums[1], 1e-9) * math.sqrt(2.0 * math.pi)
             parts.append(error)
         return np.concatenate(parts)
 
-    found = least_squares(off, FIRST_BLUR, bounds=(0.0, 0.3), diff_step=0.02, xtol=1e-2, ftol=1e-4, max_nfev=12)
-    return float(found.x[0]), float(found.x[1])
+    # First values are 0.02 pitches and 0.03 pixels.
+    a, c = least_squares(off, (0.02, 0.03), bounds=(0.0, 0.3), diff_step=0.02, xtol=1e-2, ftol=1e-4, max_nfev=12).x
+    return float(a), float(c)
 
 
 def interval(panel_px: Singles, shift: Singles, edge: Singles, group: Indices, count: int) -> tuple[Floats, Floats]:
-    """Return the least and the greatest t of each lenslet whose f is the mean that was read, but for the tolerance."""
+    """Return the minimum and maximum t of each lenslet for its mean reading, with the tolerance."""
     number = np.maximum(np.bincount(group, minlength=count), 1)
     mean = np.bincount(group, weights=panel_px, minlength=count) / number
-    # Less the pixel of the mean, so that single precision does.
-    whole = np.floor(mean)
+    # Single precision suffices relative to the pixel of the mean.
+    pixel = np.floor(mean)
     sides = []
-    for wanted in (mean - TOLERANCE, mean + TOLERANCE):
+    for target in (mean - TOLERANCE, mean + TOLERANCE):
         low, high = mean - 1.0, mean + 1.0
-        for _ in range(BISECTIONS):
+        for _ in range(11):  # bisections
             middle = 0.5 * (low + high)
-            step = read((middle - whole).astype(np.float32)[group] + shift, edge)
-            above = whole + np.bincount(group, weights=step, minlength=count) / number + 0.5 > wanted
+            step = read((middle - pixel).astype(np.float32)[group] + shift, edge)
+            above = pixel + np.bincount(group, weights=step, minlength=count) / number + 0.5 > target
             low, high = np.where(above, low, middle), np.where(above, middle, high)
         sides.append(0.5 * (low + high))
     return sides[0], sides[1]

@@ -91,7 +91,7 @@ class _Stream:
         with progress_bar(label) as progress:
             while True:
                 try:
-                    send_frame(self.board, frame, progress, sent=total)
+                    send_frame(self.board, frame, progress, counts=total)
                     if self._verify:
                         self.board.verify(total.crc)
                     return total

@@ -120,7 +120,7 @@ def _wrong_number(name: str, value: float, expected: float) -> Variant:
 
 
 def _numbers(display: Display) -> dict[str, float]:
-    """Return the display's numbers by their names in `FITTED`: one pitch or both, and the shear unless it is 0."""
+    """Return the display's parameters, keyed as `FITTED`: one pitch or two, and the shear if it is not 0."""
     numbers = {}
     for name in FITTED:
         path, _, entry = name.partition("[")
