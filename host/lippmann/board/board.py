@@ -39,7 +39,7 @@ FRAME_SECONDS = 120.0
 QUERY_S = 0.02
 #: Clocks for each ray of a SIGN: nine words, and a reserve.
 SIGN_CLOCKS = 10
-#: Clocks for each tile of a RESET, which clears two tables; doubled for safety.
+#: Clocks for each tile of a RESET: two entries, in a table whose size is a power of two.
 RESET_CLOCKS = 8
 #: Maximum of rays in a TRACE request.
 MAX_RAYS = 64
