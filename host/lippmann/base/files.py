@@ -1,8 +1,7 @@
-"""Files and folders that appear whole or not at all, after a signal, a full disk and a power cut too.
+"""Files and folders that appear complete or not at all, also after a signal, on a full disk and after a power cut.
 
-They are written under a temporary name in the same folder, synced, and renamed. The temporary name says which process
-owns it, so that the next command removes what a killed one left. Locks, links and owners of files are checked where
-the system has them.
+A file is written under a temporary name in the same folder, synced and renamed. The temporary name holds the process
+that owns it: the next command removes the partial files of a process that was killed.
 """
 
 from __future__ import annotations
@@ -31,32 +30,32 @@ from lippmann.errors import LippmannError, NoSpaceError, input_error
 #: Only Unix locks folders.
 HAS_LOCKS = importlib.util.find_spec("fcntl") is not None
 #: Folders that `make_folder` made.
-made: list[Path] = []
+new_folders: list[Path] = []
 
-#: What the system says when a disk, or the user's share of it, is full, or a file as large as the user may have.
+#: Errors of a full disk, of an exhausted quota, and of a file that is larger than the user's limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 #: A disk that refuses so many bytes more is full.
 PROBE_BYTES = 1 << 20
-#: A partial file of another machine, or of a container that is gone, is removed when it has not changed for so long, s.
+#: Age, s, at which a partial file of another machine or container is removed.
 FOREIGN_S = 86_400.0
-#: Most bytes of a name that a partial file keeps.
-KEPT_BYTES = 180
-#: Flags of `os.open` for files that others must not redirect or inherit, as far as the system has them.
+#: Maximum bytes of a file's stem in the name of its partial file.
+STEM_BYTES = 180
+#: Flags of `os.open` for files that others must not redirect or inherit, where the system has them.
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
 #: Numbers of this process's partial files: two threads that write the same file do not share one.
 numbers = itertools.count()
-#: A partial file's name: its file's stem, its number, the machine, the process and its life, the file's suffix.
+#: Name of a partial file: stem, number, machine, process, hash of the process's start, suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
 def owner() -> str:
-    """Return this process in a partial file's name: its machine, its number, and its start."""
+    """Return the part of a partial file's name that identifies this process."""
     return f"{_machine()}-{os.getpid()}-{_life(os.getpid())}"
 
 
 @functools.cache
 def _machine() -> str:
-    """Return the processes that this one can see: the machine, and the container on it."""
+    """Return a hash of the machine and its container."""
     container = ""
     with contextlib.suppress(OSError):
         container = str(os.stat("/proc/self/ns/pid").st_ino)
@@ -64,10 +63,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Return what tells a process from a later one of the same number; nothing when there is no such process.
-
-    Where the system has no /proc, each process counts as alive.
-    """
+    """Return a hash of a process's start, "" without such a process; a constant where the system has no /proc."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:
@@ -75,7 +71,7 @@ def _life(pid: int) -> str:
         boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
     except OSError:
         return ""
-    return _short(boot + fields[19])  # its start, in ticks since the machine's
+    return _short(boot + fields[19])  # the start of the process, in ticks since the boot
 
 
 def _short(text: bytes) -> str:
@@ -83,14 +79,14 @@ def _short(text: bytes) -> str:
 
 
 def partial_name(name: str) -> str:
-    """Return a temporary name for a file or folder, another one at each call; it ends in the same suffix."""
+    """Return a new temporary name for a file or folder; it ends in the same suffix."""
     stem, suffix = os.path.splitext(name)
-    kept = stem.encode(errors="surrogateescape")[:KEPT_BYTES].decode(errors="ignore")
-    return f".{kept}.{next(numbers)}.{owner()}.partial{suffix}"
+    stem = stem.encode(errors="surrogateescape")[:STEM_BYTES].decode(errors="ignore")
+    return f".{stem}.{next(numbers)}.{owner()}.partial{suffix}"
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove the partial files and folders of processes that have ended; those of others stay."""
+    """Remove the partial files and folders of processes that have ended."""
     with contextlib.suppress(OSError):
         for entry in list(os.scandir(folder)):
             match = PARTIAL.fullmatch(entry.name)
@@ -98,12 +94,8 @@ def remove_stale(folder: Path) -> None:
                 _remove(Path(entry.path))
 
 
-_remove_stale_once = functools.cache(remove_stale)
-
-
-def clean_before_writing(folder: Path) -> None:
-    """Remove what killed processes left in a folder; done once in each process."""
-    _remove_stale_once(folder.absolute())
+#: The same, but for each folder only at the first call; takes an absolute path.
+remove_stale_once = functools.cache(remove_stale)
 
 
 def _is_stale(entry: os.DirEntry[str], machine: str, pid: str, life: str) -> bool:
@@ -113,17 +105,17 @@ def _is_stale(entry: os.DirEntry[str], machine: str, pid: str, life: str) -> boo
 
 
 def _remove(path: Path) -> None:
-    """Remove a file, or a folder with all that is in it, if it is there."""
-    # A second signal waits: an exception would leave the rest.
+    """Remove a file, or a folder with its content, if it exists."""
+    # A second signal waits: an exception would stop the removal.
     with interrupts.held():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
-        elif os.path.lexists(path):  # a file system that is read-only refuses to remove even nothing
+        elif os.path.lexists(path):  # a read-only file system refuses to remove even a missing file
             path.unlink(missing_ok=True)
 
 
 def is_full(error: BaseException) -> bool:
-    """Tell whether a full disk is behind an error."""
+    """Tell whether a full disk caused an error."""
     if isinstance(error, RuntimeError):  # Mitsuba's
         return any(os.strerror(number) in str(error) for number in FULL)
     return isinstance(error, OSError) and error.errno in FULL
@@ -136,7 +128,7 @@ def no_space(where: str, why: str | None = None) -> NoSpaceError:
 
 
 def on_full_disk(path: Path) -> str | None:
-    """Return what the system says where a file's disk, or a quota, is full: `PROBE_BYTES` more are written there."""
+    """Append `PROBE_BYTES` to a file; return the system's reason if its disk or quota is full."""
     try:
         with path.open("ab") as stream:
             stream.write(bytes(PROBE_BYTES))
@@ -148,10 +140,9 @@ def on_full_disk(path: Path) -> str | None:
 
 
 def not_written(path: Path, why: OSError | str = "", partial: Path | None = None) -> LippmannError:
-    """Return the error of a file or folder that the system, or a library, did not write: a full disk, or refused.
+    """Return the error of a file or folder that could not be written.
 
-    A library, and numpy's errors, do not say why in numbers: a little more is written to `partial`, the file that it
-    was writing, to tell whether the disk is full.
+    Without an errno, as from a library, some bytes are appended to `partial` to tell whether the disk is full.
     """
     reason = why if isinstance(why, str) else why.strerror or str(why)
     if isinstance(why, OSError) and (why.errno is not None or partial is None):
@@ -164,14 +155,14 @@ def not_written(path: Path, why: OSError | str = "", partial: Path | None = None
 
 
 def sync(path: Path) -> None:
-    """Return when the content of a file, or the names in a folder, are on the disk."""
+    """Wait until the content of a file, or the names in a folder, are on the disk."""
     if os.name == "nt" and path.is_dir():  # Windows opens no folders
         return
     handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
         os.fsync(handle)
     except OSError as error:
-        # Some file systems sync no folders: there the rename is all that can be done.
+        # Some file systems do not sync folders.
         if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
             raise
     finally:
@@ -182,12 +173,10 @@ def sync(path: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    The file is on the disk before it gets its name, and the name before this returns: a power cut leaves the old file
-    or the new one.
-
-    NoSpaceError when the disk is full; InputError when the file system refuses otherwise (no permission).
+    A power cut leaves the old file or the new one. Raises NoSpaceError when the disk is full; InputError when the file
+    system refuses for another reason, such as no permission.
     """
-    clean_before_writing(path.parent)
+    remove_stale_once(path.parent.absolute())
     partial = path.with_name(partial_name(path.name))
     try:
         new_file(partial).close()
@@ -202,22 +191,19 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file, text in UTF-8; whole or not at all, and with the errors of `replacing`."""
+    """Write a file, text in UTF-8, as `replacing` does."""
     with replacing(path) as partial:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Make an empty file in the place of what has its name, open for writing.
-
-    What another user put there, such as a link to one of this user's files, is removed or refused, never followed.
-    """
+    """Replace what has this name by an empty file, and open it for writing. A link there is not followed."""
     _remove(path)
     return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FLAGS, 0o666), "wb")
 
 
 def user_id() -> int:
-    """Return the number of this process's user, as files name their owner; 0 where the system has none."""
+    """Return the number of this process's user; 0 where the system has none."""
     return os.getuid() if hasattr(os, "getuid") else 0
 
 
@@ -233,11 +219,11 @@ def own_text(path: Path) -> str:
 
 @contextlib.contextmanager
 def partial_folder(target: Path) -> Iterator[Path]:
-    """Provide an empty folder beside a target, for its parts; it is removed at the end.
+    """Provide an empty folder beside a target for its parts, to be renamed with `moved`; remove it at the end.
 
-    OSError when it cannot be made. Use `moved` to give what is in it its final name.
+    Raises OSError when it cannot be made.
     """
-    clean_before_writing(target.parent)
+    remove_stale_once(target.parent.absolute())
     folder = target.with_name(partial_name(target.name))
     _remove(folder)
     try:
@@ -247,22 +233,22 @@ def partial_folder(target: Path) -> Iterator[Path]:
         _remove(folder)
 
 
-def moved(made: Path, target: Path) -> None:
-    """Give a finished file or folder its final name, all that is in it on the disk first."""
-    for below in sorted(made.rglob("*")) if made.is_dir() else ():
+def moved(source: Path, target: Path) -> None:
+    """Sync a finished file or folder with its content, then give it its final name."""
+    for below in sorted(source.rglob("*")) if source.is_dir() else ():
         if not below.is_symlink():
             sync(below)
-    sync(made)
-    os.replace(made, target)
+    sync(source)
+    os.replace(source, target)
     sync(target.parent)
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and those above it, unless they are there; NoSpaceError or InputError when that fails.
+    """Make a folder and its parents, unless they exist; NoSpaceError or InputError when that fails.
 
-    `remove_empty` removes those that a failed command left empty.
+    `remove_empty` removes them if they are still empty.
     """
-    made.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
+    new_folders.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -272,14 +258,11 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
 
 
 class FolderLock:
-    """A folder, made when it is not there, that no other command has until this is closed, or its process ends.
-
-    File systems without locks have none.
-    """
+    """A lock on a folder, until it is closed or the process ends; file systems without locks have none."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
-        """Raise errors as `make_folder` does, and InputError when another command has the folder."""
-        #: Lets another one have it.
+        """Make and lock the folder; errors of `make_folder`, and InputError when another command has the lock."""
+        #: Releases the lock.
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)
         if HAS_LOCKS:
@@ -289,7 +272,7 @@ class FolderLock:
 
 
 def _locked(folder: Path, remedy: str) -> int | None:
-    """Return the handle of a folder that is locked; None when its owner has removed it meanwhile."""
+    """Lock a folder and return its handle; None when its owner has removed it meanwhile."""
     import fcntl
 
     try:
@@ -313,20 +296,20 @@ def _locked(folder: Path, remedy: str) -> int | None:
 
 def remove_empty() -> None:
     """Remove the folders of `make_folder` that are empty."""
-    while made:
+    while new_folders:
         with contextlib.suppress(OSError):
-            made.pop().rmdir()
+            new_folders.pop().rmdir()
 
 
 def private_path() -> Path:
-    """Return where this user's own folder is; see `private_folder`."""
+    """Return the path of this user's own folder."""
     return Path(tempfile.gettempdir()) / f"lippmann-{user_id()}"
 
 
 def private_folder() -> Path:
-    """Return this user's own folder for sockets and scratch files, which no other user may enter; made when missing.
+    """Return this user's own folder for sockets and scratch files, made if missing; no other user may enter it.
 
-    InputError when another user was there first.
+    Raises InputError when the name belongs to another user, or others may enter the folder.
     """
     folder = private_path()
     with contextlib.suppress(FileExistsError):
@@ -339,12 +322,12 @@ def private_folder() -> Path:
 
 
 def listening() -> set[str]:
-    """Return the paths of the Unix sockets on which a program listens, as Linux tells them."""
+    """Return the paths of the Unix sockets on which a program listens; none except on Linux."""
     table = Path("/proc/net/unix")
     rows = table.read_text(errors="replace").splitlines() if table.exists() else []
     return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
 
 
 def scratch_folder() -> contextlib.AbstractContextManager[Path]:
-    """Provide an empty folder for this process's own use, removed at the end; its name is short and without spaces."""
+    """Provide an empty folder for this process alone, removed at the end; its name is short and has no spaces."""
     return partial_folder(private_folder() / "s")

@@ -1,8 +1,4 @@
-"""Image files: linear radiance in EXR and TIFF, panel values in PNG, with metadata.
-
-OpenImageIO reads and writes them. A file appears whole or not at all: it is written under a temporary name in the same
-folder and renamed at the end.
-"""
+"""Image files, by OpenImageIO: linear radiance in EXR and TIFF, panel values in PNG, with metadata."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lippmann.base import interrupts
-from lippmann.base.files import clean_before_writing, not_written, replacing
+from lippmann.base.files import not_written, remove_stale_once, replacing
 from lippmann.base.limits import check_expanded, png_chunks, png_is_complete
 from lippmann.base.programs import silent_stderr
 from lippmann.base.tones import BAND_ROWS, Numbers, Transfer, decode, encoded_values, transfer_text
@@ -40,14 +36,13 @@ SUFFIXES = LINEAR_SUFFIXES + ENCODED_SUFFIXES
 MAX_NAME_BYTES = 220
 #: Largest half float.
 HALF_MAX = 65504.0
-#: Most channels of an image: colours and alpha.
+#: Maximum of channels: colours and alpha.
 MAX_CHANNELS = 4
-#: Most bytes of compressed texts in a PNG: each may expand a thousandfold, and all are read at once.
+#: Maximum bytes of compressed texts in a PNG; all are expanded at once, by up to a thousand times.
 MAX_TEXT_BYTES = 1 << 18
-#: Names by which OpenImageIO writes a PNG's gamma chunk for each transfer curve: 1/2.2 for sRGB too, beside its own.
+#: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each of them.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
-#: Neighbouring pixels of an integral image belong to distant views: without row filters its files are as small, and
-#: are written in a third of the time.
+#: Without row filters, PNG files of integral images are as small and are written in a third of the time.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
@@ -67,17 +62,15 @@ class Picture:
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
     """Check before a long computation that a file can be written; return its path.
 
-    InputError for an unknown extension, a missing or read-only folder, and a path that is a folder; NoSpaceError.
+    Raises InputError for an unknown extension, a missing or read-only folder, or a folder as path; NoSpaceError.
     """
     path = path_of(path, "an image file")
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
         raise input_error(path.name[:40] + "...", "the file name is too long", f"keep it under {MAX_NAME_BYTES} bytes")
     if path.suffix.lower() not in suffixes:
-        known = ", ".join(suffixes)
-        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {known}")
+        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(suffixes)}")
     if path.suffix.lower() in SUFFIXES:
-        # Raises now, not after the render, when the library is missing.
-        openimageio()
+        openimageio()  # raises when the library is missing
     if path.is_dir():
         raise input_error(str(path), "is a folder", "give a file name")
     folder = path.parent
@@ -86,11 +79,11 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise input_error(str(path), "cannot be written", "choose another place or change permissions")
     try:
-        with tempfile.TemporaryFile(dir=folder):  # not by its permissions alone: /proc says that it may be written
+        with tempfile.TemporaryFile(dir=folder):  # /proc has write permission, but refuses files
             pass
     except OSError as error:
         raise not_written(path, error) from None
-    clean_before_writing(folder)
+    remove_stale_once(folder.absolute())
     return path
 
 
@@ -104,41 +97,35 @@ def check_input(path: str | Path) -> Path:
 
 
 class Rows(Protocol):
-    """Linear radiance (height, width, 3) that gives some rows at a time: an array, or one that is on disk."""
+    """Linear radiance (height, width, 3) in memory or on disk."""
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Height, width and 3."""
 
     def __getitem__(self, rows: slice, /) -> Numbers:
-        """Return some rows, `BAND_ROWS` at most, from a multiple of it on."""
+        """Return at most `BAND_ROWS` rows; the first is a multiple of `BAND_ROWS`."""
 
 
 def write_picture(
-    path: str | Path,
-    radiance: Rows,
-    metadata: Mapping[str, str],
-    transfer: Transfer = "srgb",
-    bits: int = 8,
+    path: str | Path, radiance: Rows, metadata: Mapping[str, str], transfer: Transfer = "srgb", bits: int = 8
 ) -> None:
     """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
-    .exr (half float) and .tif (float) keep it linear. .png has panel values, by the panel's transfer curve and bits
-    (see `encoded_values`); its metadata name the curve.
-
-    Raises InputError when the file cannot be written.
+    .exr (half float) and .tif (float) are linear. .png has the panel's values (`encoded_values`) and the name of the
+    transfer curve. Raises InputError when the file cannot be written.
     """
     path = check_output(path)
     suffix = path.suffix.lower()
     firsts = range(0, radiance.shape[0], BAND_ROWS)
     for first in firsts:
         rows = np.asarray(radiance[first : first + BAND_ROWS])
-        # Other formats write infinite light as their largest value.
+        # Infinite light becomes the largest value in the other formats.
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
             raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
 
     def file_values(first: int) -> Numbers:
-        """Return the file's values of the band from this row on: no copy of the whole image is made."""
+        """Return the file's values of the band that begins at a row."""
         rows: Numbers = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
         if suffix == ".png":
             rows = encoded_values(rows, transfer, bits)
@@ -163,10 +150,10 @@ def write_picture(
 def _file_spec(
     suffix: str, shape: tuple[int, ...], metadata: Mapping[str, str], transfer: Transfer, bits: int
 ) -> OpenImageIO.ImageSpec:
-    """Return the header of a file: its size, the type of its values, how it is compressed, and our metadata."""
+    """Return the header of a file."""
     oiio = openimageio()
     entries, kind = dict(metadata), oiio.FLOAT
-    # Of level 1: a picture is written in three quarters of the time, and is 2 % larger.
+    # Level 1 writes in three quarters of the time; the file is 2 % larger.
     settings: dict[str, str | int] = {"compression": "zip:1" if suffix == ".exr" else "zip"}
     if suffix == ".png":
         entries["transfer"] = transfer_text(transfer)
@@ -175,7 +162,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # TIFF has no free keys: all entries go into the description, a line each; a tab continues a value.
+        # TIFF has no keys of our own: each entry is a line of the description; a tab continues a value.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -187,7 +174,7 @@ def _file_spec(
 
 
 def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]) -> bool:
-    """Write the bands; tell whether that succeeded. One is compressed while the next is encoded."""
+    """Write the bands, each while the next is encoded; tell whether that succeeded."""
     with ThreadPoolExecutor(1) as encoder:
         ahead = encoder.submit(file_values, 0)
         for first in firsts:
@@ -203,11 +190,9 @@ def read_picture(
     limit: tuple[int, int] | None = None,
     accept: Callable[[Mapping[str, str]], None] | None = None,
 ) -> Picture:
-    """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata (else sRGB).
+    """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata, or as sRGB.
 
-    Before its pixels are read, its size is compared with `limit`, (width, height), and `accept` is called with its
-    metadata, which raises to refuse the image.
-
+    `limit` is the required (width, height). `accept` gets the metadata before the pixels are read; it may raise.
     Raises InputError when the file is missing, broken, of another size, or not a flat image.
     """
     with StoredRows(path, limit, accept) as rows:
@@ -216,7 +201,7 @@ def read_picture(
 
 @contextlib.contextmanager
 def _quiet(path: Path) -> Iterator[None]:
-    """Keep OpenImageIO from printing errors that it also returns."""
+    """Suppress errors that OpenImageIO prints besides returning them."""
     try:
         with silent_stderr():
             yield
@@ -227,13 +212,13 @@ def _quiet(path: Path) -> Iterator[None]:
 def _opened(
     path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
 ) -> tuple[OpenImageIO.ImageInput, dict[str, str]]:
-    """Open an image file that is there; return OpenImageIO's input and our metadata. See `read_picture`."""
+    """Open an existing image file; return OpenImageIO's input and our metadata (see `read_picture`)."""
     _check_texts(path)
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
     if source is None:
         trouble = oiio.geterror()
-        # OpenImageIO refuses large images before it gives their size.
+        # OpenImageIO gives the size of a very large image only in its error.
         if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
             _check_size(path, (int(claim[1]), int(claim[2])), limit)
         raise input_error(str(path), f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
@@ -253,10 +238,10 @@ def _opened(
 
 
 def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
-    """Make a file's values linear, in place; refuse those that are not finite."""
+    """Make a file's values linear in place; refuse values that are not finite."""
     if not np.isfinite(rows).all():
         raise input_error(str(path), "contains pixels that are not finite", "render it again")
-    # The transfer curve in a linear file's metadata is the panel's.
+    # In a linear file's metadata, the transfer curve is the panel's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
     try:
         rows[:] = decode(rows, "linear" if linear else metadata.get("transfer", "srgb"))
@@ -265,14 +250,14 @@ def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> Non
 
 
 def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> None:
-    """Refuse an image that has not the panel's size."""
+    """Refuse an image of another size than the panel's."""
     if size != limit:
         what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
         raise input_error(str(path), what, "render it for this display")
 
 
 def _check_texts(path: Path) -> None:
-    """Refuse a PNG with so many compressed texts that opening it would take too much time and memory."""
+    """Refuse a PNG whose compressed texts would take too much time and memory."""
     texts = 0
     for kind, size, _ in png_chunks(path):
         texts += size * (kind in (b"zTXt", b"iTXt"))
@@ -310,9 +295,9 @@ def openimageio() -> ModuleType:
 
 
 class StoredRows:
-    """Linear radiance (height, width, 3) float32 that stays in its file: only the rows that are asked for are read.
+    """Linear radiance (height, width, 3) float32 in its file, indexed like an array; only the requested rows are read.
 
-    It is indexed like an array, by rows first. What it returns cannot be written; `numpy.asarray` reads it whole.
+    The returned arrays are read-only. `numpy.asarray` reads all rows.
     """
 
     dtype, ndim = np.dtype(np.float32), 3
@@ -323,7 +308,7 @@ class StoredRows:
         limit: tuple[int, int] | None = None,
         accept: Callable[[Mapping[str, str]], None] | None = None,
     ) -> None:
-        """Open an image file; see `read_picture`, whose errors this raises too."""
+        """Open an image file; arguments and errors as for `read_picture`."""
         self._path = check_input(path)
         with _quiet(self._path):
             self._source, self.metadata = _opened(self._path, limit, accept)
@@ -339,7 +324,7 @@ class StoredRows:
         self.close()
 
     def close(self) -> None:
-        """Close the file, after which no row can be read; a second time does nothing."""
+        """Close the file."""
         self._source.close()
         self._closed = True
 
@@ -347,8 +332,8 @@ class StoredRows:
         return self.shape[0]
 
     def __getitem__(self, index: Any, /) -> Radiance:
-        """Return a part; a row, or a range of rows, is all that is read of the file."""
-        rows, *rest = index if isinstance(index, tuple) else (index,)
+        """Return a part; of the file, only the requested row or range of rows is read."""
+        rows, *columns = index if isinstance(index, tuple) else (index,)
         own: int | slice = slice(None)
         if isinstance(rows, int | np.integer):
             first, own = range(self.shape[0])[rows], 0  # or IndexError
@@ -357,21 +342,21 @@ class StoredRows:
             first, last, _ = rows.indices(self.shape[0])
         else:
             return np.asarray(np.asarray(self)[index], np.float32)
-        return np.asarray(self._read(first, max(first, last))[(own, *rest)], np.float32)
+        return np.asarray(self._read(first, max(first, last))[(own, *columns)], np.float32)
 
     def _read(self, first: int, last: int) -> Radiance:
-        """Return rows; those of the last call are not read again, so that reading goes forwards."""
+        """Return rows; rows of the last call are not read again."""
         if self._closed:
             raise ValueError(f"{self._path} is closed")
-        kept = self._rows[max(0, first - self._first) :][: last - first] if first >= self._first else self._rows[:0]
+        cached = self._rows[max(0, first - self._first) :][: last - first] if first >= self._first else self._rows[:0]
         rows = np.empty((last - first, *self.shape[1:]), np.float32)
-        rows[: len(kept)] = kept
+        rows[: len(cached)] = cached
         spec, kind = self._spec, openimageio().FLOAT
         channels = 3 if spec.nchannels >= 3 else 1
-        # OpenImageIO reads no scanlines of a file of tiles, only whole rows of tiles.
+        # From a tiled file, OpenImageIO reads complete rows of tiles only.
         tile = spec.tile_height if spec.tile_width else 1
         with _quiet(self._path):
-            for low in range(first + len(kept), last, BAND_ROWS):
+            for low in range(first + len(cached), last, BAND_ROWS):
                 high = min(low + BAND_ROWS, last)
                 top, bottom = low - low % tile, min(high + -high % tile, spec.height)
                 y = spec.y + top, spec.y + bottom
@@ -393,29 +378,28 @@ class StoredRows:
         """Return all rows."""
         height, width, _ = self.shape
         check_expanded(str(self._path), f"{width} x {height} pixels", 2 * 12 * width * height, "take a smaller image")
-        whole = self._read(0, height)
-        self._rows = whole[:0]  # the caller's memory now, and not this object's too
-        whole.setflags(write=True)
-        return np.array(whole, dtype, copy=copy)
+        rows = self._read(0, height)
+        self._rows = rows[:0]  # the memory belongs to the caller now
+        rows.setflags(write=True)
+        return np.array(rows, dtype, copy=copy)
 
 
-#: Kinds of files, by Pillow's names: what OpenCV reads beside them has other claims, which nothing here checks.
+#: Accepted formats, by Pillow's names: `_claimed_size` checks no others.
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 
 
-def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> Numbers:
-    """Return the numbers of an image (height, width) or (height, width, channels BGR or BGRA), of the file's own type.
+def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers:
+    """Return an image, (height, width) or (height, width, channels BGR or BGRA), in the type of the file's numbers.
 
-    Raises InputError, with `what` and `remedy`, for a file that is no image of `FORMATS` or is broken, and for one of
-    more pixels than `most_pixels`.
+    Raises InputError with `what` and `remedy` for a broken file or one of another format than `FORMATS`, and InputError
+    for more than `max_pixels` pixels.
     """
     import cv2
 
     refused = input_error(str(path), what, remedy)
-    # OpenCV takes the memory that a file claims before it reads the pixels.
-    size = _claimed_size(path, refused)
-    if size > most_pixels:
-        raise input_error(str(path), f"has more than {most_pixels / 1e6:g} megapixels", "give a smaller one")
+    # OpenCV allocates the claimed size before it reads the pixels.
+    if _claimed_size(path, refused) > max_pixels:
+        raise input_error(str(path), f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller one")
     try:
         with silent_stderr():
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -427,14 +411,14 @@ def read_numbers(path: Path, most_pixels: int, what: str, remedy: str) -> Number
 
 
 def _claimed_size(path: Path, refused: InputError) -> float:
-    """Return how many pixels a file claims to have."""
+    """Return the number of pixels in a file's header."""
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
         raise input_error(str(path), not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of large pictures, and of odd metadata
+            warnings.simplefilter("ignore")  # about large pictures and unusual metadata
             with Image.open(path, formats=FORMATS) as picture:
                 if picture.format == "PNG" and not png_is_complete(path):  # up to 4 GB are claimed for a chunk
                     raise refused
