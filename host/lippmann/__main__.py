@@ -1,4 +1,4 @@
-"""The program `lippmann`, also as `python -m lippmann`: Ctrl-C and SIGTERM end it with one line, at any moment."""
+"""The program `lippmann`, also as `python -m lippmann`; Ctrl-C and SIGTERM end it with one line at any time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lippmann.base import interrupts
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Load the command line, run it, and exit with the code of its outcome."""
+    """Run the command line and exit with its code."""
     interrupts.install()
     try:
         from lippmann.cli import run
@@ -20,21 +20,21 @@ def main(arguments: list[str] | None = None) -> None:
         print("lippmann: interrupted; nothing half-written is left", file=sys.stderr)
         code = interrupts.exit_code()
     if interrupts.received:
-        # Libraries that were interrupted while they loaded may crash when Python takes them down.
+        # Libraries that were interrupted while loading may crash when Python closes them.
         interrupts.leave(code)
     interrupts.ignore()  # the work is done
     sys.exit(code)
 
 
 def program() -> None:
-    """Run `main`, then end the process at once: Python would first take down all libraries, which takes a while."""
+    """Run `main`, then end the process at once, without closing the libraries, which takes long."""
     try:
         main()
     except SystemExit as end:
-        # Threads that still run, debuggers and profilers need Python's own end.
-        watched = sys.gettrace() is not None or sys.getprofile() is not None
-        if isinstance(end.code, int) and threading.active_count() == 1 and not watched:
-            atexit._run_exitfuncs()  # temporary folders go, too
+        # Running threads, debuggers and profilers need Python's own end.
+        has_tracer = sys.gettrace() is not None or sys.getprofile() is not None
+        if isinstance(end.code, int) and threading.active_count() == 1 and not has_tracer:
+            atexit._run_exitfuncs()  # removes temporary folders
             interrupts.leave(end.code)
         raise
 

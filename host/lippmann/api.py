@@ -1,7 +1,6 @@
-"""The functions of the public Python interface: load_scene, render, load_layers, draw, capture, observe, view.
+"""The public Python functions, which the command line calls too.
 
-Each function sets Mitsuba's variant for its device, and restores the user's variant afterwards. The command
-line calls these functions too.
+Each sets Mitsuba's variant for its device, and restores the user's variant afterwards.
 """
 
 from __future__ import annotations
@@ -50,28 +49,23 @@ from lippmann.scenes.scene import load_scene as load_scene_file
 
 #: Width of a view, pixels.
 VIEW_PX = 600
-#: Losses of a capture that are noted, per cent.
-NOTED_PERCENT = 1.0
+#: Losses of a capture above this cause a warning, per cent.
+WARNING_PERCENT = 1.0
 PAGE_SUFFIXES = (".html", ".htm")
 
 
 def load_scene(path: str | Path, placement: Placement | None = None, device: str = "auto") -> Scene:
-    """Read a scene once, for several calls of `render`, `capture` or `view`.
+    """Read a scene once, for several calls of `render`, `capture` or `view`; InputError for a bad file.
 
     Parameters
     ----------
     path
         Mitsuba XML, or another tool's file (`lippmann.scenes.formats`).
     placement
-        Where the scene stands relative to the display. None: as in the file beside the scene; without such a file a
+        Position of the scene relative to the display. None: as in the file beside the scene; without such a file a
         scene unit is 1 mm, and another tool's scene is placed by the display.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
-
-    Raises
-    ------
-    InputError
-        When the file is missing or invalid.
     """
     with own_variant(device):
         return load_scene_file(path, placement)
@@ -100,35 +94,29 @@ def render(
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> IntegralImage:
-    """Render the integral image of a scene for a display; the logger "lippmann" tells what "auto" chose (level INFO).
+    """Render the integral image of a scene for a display; the logger "lippmann" reports the choices of "auto" (INFO).
+
+    Raises InputError for a bad file or value, or an image that exceeds the memory limit; DeviceError when the scheduler
+    or all workers are lost; MissingLibraryError when Mitsuba, Dask or a tool of the engine is missing.
 
     Parameters
     ----------
     scene, display, placement
-        See `load_scene`, which a scene's path goes to; a scene may be a `mitsuba.Scene` or a dictionary of
-        `mitsuba.load_dict`, too. A display file, or what `load_display` returned.
+        A scene's path (see `load_scene`), what `load_scene` returned, a `mitsuba.Scene`, or a dictionary of
+        `mitsuba.load_dict`. A display file, or what `load_display` returned.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
         See `lippmann.rendering.options.RenderOptions`.
     arrange
-        "fit": the scene is scaled and moved into the display's depth range. "camera": the eye stands where the camera
-        in the scene's file does. None: the placement holds.
+        "fit": the scene is scaled and moved into the display's depth range. "camera": the eye is at the camera of the
+        scene's file. None: the placement holds.
     device, progress
         "llvm" (CPU), "cuda" (GPU) or "auto"; called with (rows done, rows in all).
     kept
-        Folder for the finished bands: an interrupted render goes on from them. Another render removes them.
+        Folder for the finished bands: an interrupted render continues from them. A different render removes them.
     workers, scheduler
-        Number of processes here that share the render, or the address of a Dask scheduler ("tcp://127.0.0.1:8786").
-
-    Raises
-    ------
-    InputError
-        For a bad file or value, or an image that exceeds the memory limit.
-    DeviceError
-        When the scheduler or all workers are lost.
-    MissingLibraryError
-        When Mitsuba, Dask or a tool of the engine is missing.
+        Number of local processes for the render, or the address of a Dask scheduler ("tcp://127.0.0.1:8786").
     """
     check_progress(progress)
     settings = Settings(samples, aperture, integrator, max_depth, seed, memory_mb, shading)
@@ -143,10 +131,7 @@ def render(
 def load_layers(path: str | Path) -> LayerStack:
     """Read a folder of layers that `lippmann layers` wrote, or its `layers.toml`.
 
-    Raises
-    ------
-    InputError
-        With file, key and remedy, for bad keys and for pictures that are not PNGs with a palette.
+    Raises InputError (file, key, remedy) for bad keys and for pictures that are not PNGs with a palette.
     """
     return load_named_layers(path)[0]
 
@@ -166,34 +151,23 @@ def draw(
 ) -> IntegralImage:
     """Draw layers for a display, as an FPGA does without a frame memory.
 
+    The light of twin and rtl is rounded to the panel's values; that of golden is not. Raises InputError for bad files
+    and values, and for layers at or behind the eyes.
+
     Parameters
     ----------
-    layers
-        A folder of layers, or what `load_layers` returned.
-    display
-        A display file, or what `load_display` returned.
+    layers, display
+        A folder of layers, or what `load_layers` returned. A display file, or what `load_display` returned.
     filter
         "nearest" texel, or "bilinear" between four.
     samples
         For each pixel: 1, 2 or 4.
-    model
-        Lens model.
-    engine
-        "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated.
+    model, engine
+        Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated.
     fraction_bits
         Word length of the optics, for twin and rtl; None: the longest.
     kept, workers, scheduler
         See `render`.
-
-    Returns
-    -------
-    The image. The light of twin and rtl is that of the panel's values; golden's is not rounded, which `save` does for a
-    PNG.
-
-    Raises
-    ------
-    InputError
-        For bad files and values, and layers at or behind the eyes.
     """
     built = display_at(display)
     stack = layers if isinstance(layers, LayerStack) else load_layers(layers)
@@ -219,12 +193,14 @@ def capture(
 ) -> IntegralImage:
     """Render the image that an imaging lens, a microlens array and a camera capture of a scene.
 
+    The result is for the set-up's display; `measured` contains `vignetting_percent` and `array_loss_percent`. Raises
+    InputError for a bad file or value, a scene that cannot be captured, or an image that exceeds the memory limit.
+
     Parameters
     ----------
-    scene
-        Mitsuba XML, or a scene that was loaded with `lippmann.capturing.capture.placement_before`.
-    setup
-        A set-up file, or what `load_setup` returned.
+    scene, setup
+        Mitsuba XML, or a scene that was loaded with `lippmann.capturing.capture.placement_before`. A set-up file, or
+        what `load_setup` returned.
     samples, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     rotate
@@ -234,15 +210,6 @@ def capture(
         For a pickup: "full", rays over the whole lenslet, or "chief", rays through its centre. None: "full".
     device, progress
         See `render`.
-
-    Returns
-    -------
-    The image for the set-up's display; `measured` contains `vignetting_percent` and `array_loss_percent`.
-
-    Raises
-    ------
-    InputError
-        For a bad file or value, a scene that cannot be captured, or an image that exceeds the memory limit.
     """
     check_progress(progress)
     built = setup if isinstance(setup, Setup) else load_setup(setup)
@@ -265,11 +232,11 @@ def capture(
 
 
 def _losses(lens_percent: float, array_percent: float) -> dict[str, float]:
-    """Return the rays of a capture that are lost in the lens and in the array, per cent, and warn of many."""
-    if lens_percent > NOTED_PERCENT:
+    """Return the lost rays of a capture by name, per cent; warn of many."""
+    if lens_percent > WARNING_PERCENT:
         text = f"the lens's aperture cuts off {lens_percent:.1f} % of the rays (black in the image)"
         warnings.warn(f"{text}; a larger lens.aperture_mm lets them in", LippmannWarning, stacklevel=3)
-    if array_percent > NOTED_PERCENT:
+    if array_percent > WARNING_PERCENT:
         text = f"{array_percent:.1f} % of the rays are lost in the array (black in the image)"
         remedy = "the lenslets' rims reflect them; a longer focal length lets them out"
         warnings.warn(f"{text}: {remedy}", LippmannWarning, stacklevel=3)
@@ -291,33 +258,24 @@ def observe(
     seed: int = 0,
     device: str = "auto",
 ) -> View:
-    """Return what an eye sees of a display that shows an image, through its lenslets.
+    """Return the view of an eye on a display that shows an image; InputError for an eye or value out of range.
 
     Parameters
     ----------
-    image
-        The image.
-    eye
-        Centre of the pupil, mm; the display is at z = 0, x right, y up, z towards the viewer.
+    image, eye
+        The image. Centre of the pupil, mm; the display is at z = 0, x right, y up, z towards the viewer.
     pupil_mm, focus_z_mm
         Diameter of the pupil (0: a pinhole), and the depth z in focus.
-    width_px
-        Width of the view.
-    samples
-        Rays for each pixel of the view.
+    width_px, samples
+        Width of the view, and rays for each of its pixels.
     display
         The display as built, such as `image.display.misaligned(rotation_deg=0.1)`; None: the image's.
     window
-        The part of the plane z = 0 that is seen; None: the whole panel, `width_px` wide.
+        The part of the plane z = 0 in the view; None: the whole panel, `width_px` wide.
     model, crosstalk, seed
-        Lens model; whether neighbouring elemental images are seen, or are black; seed of the sample points.
+        Lens model; whether neighbouring elemental images are visible or black; seed of the sample points.
     device
         "llvm" (CPU), "cuda" (GPU) or "auto".
-
-    Raises
-    ------
-    InputError
-        For an eye that cannot see the display, or values out of range.
     """
     check_image(image)
     built = image.display if display is None else display_at(display)
@@ -344,35 +302,24 @@ def view(
     seed: int = 0,
     device: str = "auto",
 ) -> Path:
-    """Write the page that shows an image through its lenslets in any browser with WebGL 2.
+    """Write the page that shows an image through its lenslets in any browser with WebGL 2; return its path.
+
+    Raises InputError when the page cannot be written, or for a bad scene.
 
     Parameters
     ----------
-    image
-        The image.
+    image, title
+        The image, and the heading of the page.
     path
         The page, .html; None: a temporary file, which a browser opens.
     scene
-        Mitsuba XML, or what `load_scene` returned: direct views of this scene are added to the page.
+        Mitsuba XML, or what `load_scene` returned: the page gets direct views of this scene.
     later, frames_per_second
-        The further frames of a film, of which `image` is the first; the page plays them.
-    title
-        Heading of the page.
+        The further frames of a film whose first frame is `image`; the page plays them.
     placement, arrange
         See `render`.
-    seed
-        Seed of the direct views' random numbers.
-    device
-        "llvm" (CPU), "cuda" (GPU) or "auto": for the direct views.
-
-    Returns
-    -------
-    Path of the page.
-
-    Raises
-    ------
-    InputError
-        When the page cannot be written, or for a bad scene.
+    seed, device
+        Seed of the direct views' random numbers, and their device: "llvm" (CPU), "cuda" (GPU) or "auto".
     """
     target = Path(tempfile.mkdtemp(prefix="lippmann-")) / "view.html" if path is None else path
     target = check_output(target, PAGE_SUFFIXES)
@@ -404,19 +351,9 @@ def widget(
     seed: int = 0,
     device: str = "auto",
 ) -> Widget:
-    """Return the page that `view` writes, as a notebook shows it below its cell.
+    """Return the page that `view` writes, as a notebook shows it below its cell, `height_px` high.
 
-    Parameters
-    ----------
-    image, scene, title, placement, arrange, seed, device
-        See `view`.
-    height_px
-        Height of the page in the notebook.
-
-    Raises
-    ------
-    InputError
-        For a bad scene.
+    Parameters and errors as for `view`.
     """
     page = view_page(image, scene, title=title, placement=placement, arrange=arrange, seed=seed, device=device)
     return Widget(page.decode("utf-8"), whole_number("height_px", height_px, 1, MAX_SIDE_PX))
@@ -429,30 +366,15 @@ def sweep(
     count: int = 21,
     **options: Any,
 ) -> Sweep:
-    """Return what an eye sees that moves from one place to another, in equal steps.
+    """Return `count` views of an eye that moves from `start` to `end` (x, y, z; mm) in equal steps.
 
-    Parameters
-    ----------
-    image
-        The integral image.
-    start, end
-        Positions of the eye, mm.
-    count
-        Number of views.
-    options
-        Further parameters of `observe`.
-
-    Raises
-    ------
-    InputError
-        As `observe`.
+    `options` are further parameters of `observe`, whose errors this raises too.
     """
     count = whole_number("count", count, 2, 1000)
     for name, place in (("start", start), ("end", end)):
         if np.shape(place) != (3,):
-            raise InputError(f"sweep: {name} {place!r} is no place; give (x, y, z) in mm")
-    places = np.linspace(start, end, count).tolist()
-    return Sweep([observe(image, (x, y, z), **options) for x, y, z in places])
+            raise InputError(f"sweep: {name} {place!r} is not a position; give (x, y, z) in mm")
+    return Sweep([observe(image, (x, y, z), **options) for x, y, z in np.linspace(start, end, count).tolist()])
 
 
 def view_page(
@@ -469,10 +391,7 @@ def view_page(
     device: str = "auto",
     progress: Progress | None = None,
 ) -> bytes:
-    """Return the page that `view` writes; `directs` are further direct views, already rendered.
-
-    `later` are the further frames of a film, which the page plays.
-    """
+    """Return the page that `view` writes; `directs` are further direct views, already rendered."""
     check_progress(progress)
     for frame in (image, *later):
         check_image(frame)

@@ -1,7 +1,4 @@
-"""The four engines: `trace` takes a display, pixels, aperture points, a model and an engine, and returns rays.
-
-Golden and fast share `lippmann.optics.trace`; twin and RTL share `trace_fixed`.
-"""
+"""The four engines of `trace`: golden and fast share `lippmann.optics.trace`, twin and RTL share `trace_fixed`."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ from lippmann.optics.trace import checked_rays, trace_optics
 
 #: Words of pixels u, v and of aperture points a, b, (N,) each.
 Words = tuple[Ints, Ints, Ints, Ints]
-#: A run of a build: words of pixels and aperture points to words of rays.
+#: Traces words of pixels and aperture points through a build.
 Pipeline = Callable[[Ints, Ints, Ints, Ints, Configuration, Build], FixedRays]
 
 
@@ -37,30 +34,25 @@ def trace(
 ) -> Rays:
     """Trace rays from the panel through the lenslets.
 
+    Raises InputError for wrong shapes, values that are not finite or beyond `FARTHEST_LENSLETS`, an unknown model,
+    engine or device, or a display that the formats of twin and rtl cannot hold; MissingLibraryError when a library or
+    tool of an engine is missing.
+
     Parameters
     ----------
     display
         A display file, or what `load_display` returned.
     pixels
-        (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r). Beyond its edges the panel goes on.
+        (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r). They may lie beyond the panel.
     aperture
-        (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; left out, chief rays.
-    model
-        "pinhole", "thin", "paraxial" or "exact".
-    engine
-        "golden", "fast", "twin" (the RTL's fixed point in integers) or "rtl" (the RTL itself, simulated).
+        (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; None: chief rays.
+    model, engine
+        "pinhole", "thin", "paraxial" or "exact". "golden", "fast", "twin" (the RTL's fixed point in integers) or "rtl"
+        (the RTL itself, simulated).
     device
-        Of the fast engine: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU when there is one.
+        For the fast engine: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one.
     fraction_bits
-        Of twin and rtl alone: F, 14 to 23; the widest when left out.
-
-    Raises
-    ------
-    InputError
-        For wrong shapes, values that are not finite or beyond `FARTHEST_LENSLETS`, an unknown model, engine or
-        device; for a display that the formats of twin and rtl cannot hold.
-    MissingLibraryError
-        When an engine lacks a library or a tool.
+        For twin and rtl: F, 14 to 23; None: the widest.
     """
     if engine in ("twin", "rtl"):
         from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner
@@ -82,10 +74,9 @@ def trace_fixed(
     pipeline: Pipeline = ray_pipeline,
     max_cell_steps: int | None = None,
 ) -> Rays:
-    """Trace rays through a fixed-point pipeline: the twin, unless another is given (parameters as in `trace`).
+    """Trace rays through a fixed-point pipeline, by default the twin (parameters as in `trace`).
 
-    Pixel coordinates are rounded to 1/16 pixel; `pixel` of the result holds the rounded ones. Raises InputError for a
-    display, pixels or aperture points that the formats cannot hold.
+    The result's `pixel` is rounded to 1/16 pixel. Raises InputError for values that the formats cannot hold.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
     words, registers = words_of_rays(display, build, model, pixels, aperture)
@@ -96,10 +87,7 @@ def trace_fixed(
 def words_of_rays(
     display: Display, build: Build, model: Model, pixels: Floats, aperture: Floats | None = None
 ) -> tuple[Words, Configuration]:
-    """Return what a pipeline of a build takes for rays: their words u, v, a, b, and the registers.
-
-    Raises InputError as `trace_fixed` does.
-    """
+    """Return the words u, v, a, b of rays, and the registers of a build; errors as for `trace_fixed`."""
     reach = None if aperture is None or not len(aperture) else float(np.hypot(*aperture.T).max())
     registers = configuration(display, build, model, reach)
     u, v = words_of_pixels(display, pixels)

@@ -11,12 +11,12 @@ from numbers import Integral
 from pathlib import Path
 from typing import Self
 
-#: What a terminal would obey instead of show: control characters, and those that turn the direction of writing.
-OBEYED = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]")
+#: Control characters, and characters that change the direction of writing.
+CONTROLS = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069\\ud800-\\udfff]")
 
 
 class LippmannError(Exception):
-    """Base of all errors that a user can correct; its message is one line: what is wrong, where, and the remedy."""
+    """Base of all errors that a user can correct; its message is one line with place, fault and remedy."""
 
     exit_code = 2
 
@@ -33,7 +33,7 @@ class DeviceError(LippmannError):
 
 
 class NoBoardError(DeviceError):
-    """No board answers, perhaps only for a while: no port, a lost connection, or no reply."""
+    """No board answers: no port, a lost connection, or no reply. Another attempt may succeed."""
 
 
 class InputError(LippmannError):
@@ -47,16 +47,15 @@ class MissingLibraryError(LippmannError):
 
 
 class NoSpaceError(LippmannError):
-    """A disk is full, or the user's share of it."""
+    """A disk or the user's quota is full."""
 
     exit_code = 3
 
 
 class LippmannWarning(UserWarning):
-    """A remark on a result that is valid but may not be what the user wants: `warnings.warn(text, LippmannWarning)`.
+    """A warning of a valid result that may not be what the user wants; the command line shows it as "note: text".
 
-    The command line shows it on stderr as "note: text". What a command does by itself goes to
-    `logging.getLogger("lippmann")` instead, at level INFO, and is shown as it is.
+    Reports of what a command does go to `logging.getLogger("lippmann")` at level INFO instead.
     """
 
 
@@ -68,28 +67,27 @@ def warn_user(text: str) -> None:
     warnings.warn(text, LippmannWarning, stacklevel=level)
 
 
-#: The errors whose line says where, what and the remedy.
-
+#: Errors of the form `where: what; remedy`.
 input_error, device_error, no_board_error = InputError.at, DeviceError.at, NoBoardError.at
 
 
 def reason(error: Exception) -> str:
-    """Return why a file could not be read, in words: the system's, without its number and the path."""
+    """Return the reason why a file could not be read, without errno and path."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not text in UTF-8"
-    if "pickle" in str(error):  # numpy's word for Python's own objects
+    if "pickle" in str(error):  # numpy refuses Python's own objects so
         return "it holds no array of numbers"
     return str((isinstance(error, OSError) and error.strerror) or error)
 
 
 def path_of(value: object, what: str) -> Path:
-    """Return a path that Python code gave; refuse what is none. `what` says of which file."""
+    """Return an argument as a path; refuse other types. `what` is the kind of file."""
     if not isinstance(value, str | Path):
         raise InputError(f"{str(value)[:80]!r} is not {what}; give its path")
     return Path(value)
 
 
-#: The modules that each extra of the package brings (pyproject.toml); the others come with the package itself.
+#: Modules of each extra of the package (pyproject.toml).
 EXTRA_MODULES = {
     "render": ("mitsuba", "drjit", "OpenImageIO", "trimesh", "plyfile", "imageio_ffmpeg"),
     "board": ("serial", "cobs", "qoi"),
@@ -100,7 +98,7 @@ EXTRA_MODULES = {
 
 
 def to_install(extra: str = "") -> str:
-    """Return the remedy for a missing package, or one of an extra: make in a checkout, pip elsewhere."""
+    """Return the remedy for a missing package: make in a checkout, else pip, with the extra."""
     top = Path(__file__).resolve().parents[2]
     if (top / "Makefile").is_file() and (top / "pyproject.toml").is_file():
         return "run make setup"
@@ -108,7 +106,7 @@ def to_install(extra: str = "") -> str:
 
 
 def missing_library(error: ImportError) -> MissingLibraryError:
-    """Return the error of a library that cannot be imported, with the command that installs it."""
+    """Return the error of a missing library, with the command that installs it."""
     module = (error.name or "").partition(".")[0]
     extra = "".join(name for name, modules in EXTRA_MODULES.items() if module in modules)
     what = f"{module} cannot be imported ({error})" if module else str(error)
@@ -116,7 +114,7 @@ def missing_library(error: ImportError) -> MissingLibraryError:
 
 
 def whole_number(name: str, value: object, low: int, high: int) -> int:
-    """Return a value as an int; refuse what is not a whole number from `low` to `high`."""
+    """Return a value as an int; refuse all but whole numbers from `low` to `high`."""
     if not isinstance(value, Integral) or isinstance(value, bool):
         raise InputError(f"{name} {value!r} is not a whole number; give {low} to {high}")
     if not low <= int(value) <= high:
@@ -124,25 +122,25 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
     return int(value)
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the remedy that names the likeliest of the known names, or an empty text."""
-    names = {one.casefold(): one for one in known}
+def did_you_mean(name: str, choices: Iterable[str]) -> str:
+    """Return the remedy with the likeliest of the choices, or an empty text."""
+    names = {one.casefold(): one for one in choices}
     return "".join(f"did you mean {names[likely]}?" for likely in difflib.get_close_matches(name.casefold(), names, 1))
 
 
 def likely_file(path: Path, suffixes: Iterable[str]) -> str:
-    """Return the remedy that names the likeliest file in a missing file's folder, or an empty text."""
+    """Return the remedy with the likeliest file in a missing file's folder, or an empty text."""
     files = {one.stem: one for one in sorted(path.parent.glob("*")) if one.suffix.lower() in suffixes and one.is_file()}
     return "".join(f"did you mean {files[likely]}?" for likely in difflib.get_close_matches(path.stem, files, 1))
 
 
 def not_there(path: Path, what: str = "file") -> str:
-    """Return in words why a path is no file that can be read: it is not there, or something else is."""
+    """Return the reason why a path is not a readable file."""
     if path.is_dir():
         return "is a folder"
     return "is not a plain file" if path.exists() else f"no such {what}"
 
 
 def printable(text: str) -> str:
-    """Return a text for the terminal: what files and names bring that it would obey is shown escaped."""
-    return OBEYED.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
+    """Return a text for the terminal, with `CONTROLS` escaped."""
+    return CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)

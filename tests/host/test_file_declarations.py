@@ -95,16 +95,16 @@ def test_a_promise_whose_words_file_test_or_point_is_gone_is_refused(old, new, s
 def test_a_file_of_another_kind_is_named(kind, tmp_path):
     """By every key that only one kind of file has at its top, in files of the kinds without this key."""
     top = {one: set(schema_of(one)["properties"]) for one in FILES}
+    titles = {"setup": "set-up", "layer_film": "film-of-layers"}
     for name, home in toml.KINDS.items():
-        assert [one.replace("_", " ") for one in FILES if name in top[one]] == [home]
+        assert [titles.get(one, one.replace("_", " ")) for one in FILES if name in top[one]] == [home]
         inside = {inner for table, node in toml.tables(schema_of(kind)) for inner in node["properties"]}
         if name in inside:
             continue
         module, declared = FILES[kind]
-        kinds = [{"setup": "set-up", "layer film": "film-of-layers"}.get(one, one) for one in (home, kind)]
-        with pytest.raises(InputError) as refused:
+        remedy = f"this is a {home} file, give a {titles.get(kind, kind)} file"
+        with pytest.raises(InputError, match=f"^f.toml: {name}: unknown key; {remedy}$"):
             toml.read(getattr(import_module(module), declared), {name: {}}, "f.toml")
-        assert str(refused.value) == f"f.toml: {name}: unknown key; this is a {kinds[0]} file, give a {kinds[1]} file"
 
 
 @pytest.mark.parametrize("kind", FILES)

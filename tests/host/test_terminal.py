@@ -24,12 +24,12 @@ def test_control_characters_of_names_are_shown(tmp_path, capsys):
     assert run(["inspect", str(tmp_path / "d.toml")]) == 0
     out = capsys.readouterr().out
     assert SHOWN in out
-    assert not errors.OBEYED.search(out)
+    assert not errors.CONTROLS.search(out)
     odd = tmp_path / "no\x1b[2Jsuch.toml"
     assert run(["inspect", str(odd)]) == 2
     err = capsys.readouterr().err
     assert r"no\x1b[2Jsuch.toml: no such file" in err
-    assert not errors.OBEYED.search(err)
+    assert not errors.CONTROLS.search(err)
 
 
 def test_a_name_of_two_lines_is_refused(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Pictures for screens: PNG files in memory, animations and contact sheets of views."""
+"""PNG files in memory, animations and contact sheets of views."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 ANIMATION_SUFFIXES = (".gif", ".png", ".apng")
 #: Duration of a frame, ms.
 FRAME_MS = 80
-#: Bytes of each pixel of each frame, in Pillow's copies of the frames (measured).
+#: Memory for each pixel of each frame, bytes (measured).
 FRAME_BYTES = 13
 
 
 def png_bytes(radiance: Numbers) -> bytes:
-    """Return linear radiance (height, width, 3) as a PNG file for screens: sRGB, 8 bits."""
+    """Return linear radiance (height, width, 3) as a PNG file in sRGB with 8 bits."""
     from PIL import Image
 
     stream = io.BytesIO()
@@ -33,11 +33,9 @@ def png_bytes(radiance: Numbers) -> bytes:
 def write_animation(
     path: str | Path, views: Iterable[Radiance], there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> None:
-    """Write views, (height, width, 3) linear radiance each, as an endless GIF or animated PNG, to and fro or onwards.
+    """Write views, (height, width, 3) linear radiance each, as an endless GIF or animated PNG.
 
-    They are taken one at a time, and kept in 8 bits (`animation_mb`).
-
-    Raises InputError when the file cannot be written.
+    Each view is stored in 8 bits before the next is taken. Raises InputError when the file cannot be written.
     """
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
@@ -52,7 +50,7 @@ def animation_bytes(
 
     frames = [Image.fromarray(encoded_values(view, "srgb", 8)) for view in views]
     if kind == "GIF":
-        # One palette and no dither: parts at rest take no space and do not flicker.
+        # One palette and no dither: parts that do not move take no space and do not flicker.
         palette = _common_palette(frames)
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     if there_and_back:
@@ -64,12 +62,12 @@ def animation_bytes(
 
 
 def animation_mb(frames: int, width_px: int, height_px: int) -> float:
-    """Return the memory of the frames of an animation while `write_animation` runs, MB."""
+    """Return the memory that `write_animation` needs, MB."""
     return frames * width_px * height_px * FRAME_BYTES / 1e6
 
 
 def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
-    """Return an image with a palette of 256 colours for all frames, from a small copy of each."""
+    """Return an image whose palette of 256 colours fits all frames."""
     from PIL import Image
 
     side = 96
@@ -80,10 +78,7 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
-    """Write views in rows, each with a caption below it.
-
-    Raises InputError when the file cannot be written.
-    """
+    """Write views in rows, each above its caption, as a PNG; InputError when the file cannot be written."""
     from PIL import Image, ImageDraw
 
     path = check_output(path, (".png",))

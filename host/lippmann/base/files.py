@@ -107,7 +107,7 @@ def _is_stale(entry: os.DirEntry[str], machine: str, pid: str, life: str) -> boo
 def _remove(path: Path) -> None:
     """Remove a file, or a folder with its content, if it exists."""
     # A second signal waits: an exception would stop the removal.
-    with interrupts.held():
+    with interrupts.hold_signals():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         elif os.path.lexists(path):  # a read-only file system refuses to remove even a missing file

@@ -1,4 +1,4 @@
-"""Images on the host's screens (SDL): unscaled on the whole of a panel, or in a window on the desktop."""
+"""Images on the host's screens (SDL): unscaled on a complete monitor, or in a window on the desktop."""
 
 from __future__ import annotations
 
@@ -22,27 +22,22 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: SDL drivers without a visible screen, which SDL chooses on a machine without a desktop.
+#: SDL drivers without a visible screen; SDL chooses them on a machine without a desktop.
 BLIND_DRIVERS = ("dummy", "evdev", "offscreen")
 #: Pause between two queries of the keyboard, s.
 LOOK_S = 0.05
-#: Largest window, as a share of the desktop.
+#: Maximum size of a window, as a fraction of the desktop.
 WINDOW_SHARE = 0.9
 
 
 def monitors() -> list[tuple[int, int]]:
-    """Return the width and height of each monitor, px; raise DeviceError when there is no desktop."""
+    """Return the width and height of each monitor, px; raise DeviceError without a desktop."""
     with desktop("its sizes") as pygame:
-        return sizes_of(pygame)
-
-
-def sizes_of(pygame: ModuleType) -> list[tuple[int, int]]:
-    """Return the width and height of each monitor of a desktop, px."""
-    return [(int(width), int(height)) for width, height in pygame.display.get_desktop_sizes()]
+        return list(pygame.display.get_desktop_sizes())
 
 
 def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
-    """Refuse a monitor that is missing, or has not just the size of a picture, which would be scaled."""
+    """Refuse a monitor that does not exist or has not the size of the picture."""
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
         raise InputError(f"no monitor {monitor}; choose from {listed}")
@@ -54,7 +49,7 @@ def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[in
 
 
 def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, int]:
-    """Return the size of a window for a picture: the picture's, or less on a smaller desktop, in its shape."""
+    """Return the size of a window for a picture, scaled down to a smaller desktop."""
     scale = min(1.0, *(WINDOW_SHARE * full / side for full, side in zip(desktop, size, strict=True)))
     width, height = (max(1, round(scale * side)) for side in size)
     return width, height
@@ -62,11 +57,11 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 
 @contextmanager
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
-    """Give a function that shows an image (height, width, 3) uint8 on the whole of a monitor; monitors count from 0.
+    """Provide a function that shows an image (height, width, 3) uint8 on a complete monitor, counted from 0.
 
-    The function takes a duration, s; it returns the screen's pixels at once, or when Escape or q is pressed, for None.
-    Raises InputError for a missing monitor, or one of another size: scaled pixels would not match the lenslets;
-    DeviceError when there is no desktop, or it does not allow the whole monitor.
+    The function takes the image and a duration, s (None: until Escape or q); it returns the screen's pixels. Raises
+    InputError for a missing monitor or one of another size, whose scaled pixels would not match the lenslets;
+    DeviceError without a desktop, or when it refuses the full screen.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size
@@ -76,18 +71,18 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
             raise DeviceError(f"the desktop gives {screen.get_size()} px of monitor {monitor}; turn its scaling off")
         pygame.mouse.set_visible(False)
 
-        def put(image: Pixels, seconds: float | None = 0.0) -> Pixels:
+        def show(image: Pixels, seconds: float | None = 0.0) -> Pixels:
             _put_up(pygame, screen, pygame.surfarray.make_surface(image.swapaxes(0, 1)), seconds)
             pygame.event.pump()
             return np.frombuffer(pygame.image.tobytes(screen, "RGB"), np.uint8).reshape(height, width, 3)
 
-        yield put
+        yield show
 
 
 def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
-    """Show frames (height, width, 3) uint8 of one size over and over, for some seconds or until Escape, q or the close.
+    """Repeat frames (height, width, 3) uint8 of one size, for some seconds or until Escape, q or the close button.
 
-    Frames larger than the desktop are scaled down. DeviceError when there is no desktop.
+    Frames larger than the desktop are scaled down. Raises DeviceError without a desktop.
     """
     height, width = frames[0].shape[:2]
     size = window_size((width, height), monitors()[0])
@@ -96,14 +91,14 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
         screen = pygame.display.set_mode(size)
         pygame.display.set_caption("Lippmann")
         pictures = [pygame.surfarray.make_surface(frame.swapaxes(0, 1)) for frame in frames]
-        shown = [one if one.get_size() == size else pygame.transform.smoothscale(one, size) for one in pictures]
-        for picture in itertools.cycle(shown):
+        scaled = [one if one.get_size() == size else pygame.transform.smoothscale(one, size) for one in pictures]
+        for picture in itertools.cycle(scaled):
             if _put_up(pygame, screen, picture, frame_s) or time.monotonic() >= until:
                 return
 
 
 def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
-    """Draw a picture; wait for Escape, q or the close button, or some seconds; tell whether the user ended it."""
+    """Show a picture for some seconds or until Escape, q or the close button; tell whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds
@@ -118,10 +113,10 @@ def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface,
 
 
 @contextmanager
-def desktop(wanted: str) -> Iterator[ModuleType]:
-    """Give pygame with its display initialised; an error of SDL becomes that of a desktop that refuses `wanted`."""
+def desktop(request: str) -> Iterator[ModuleType]:
+    """Provide pygame with its display initialised; an error of SDL becomes "the desktop refuses `request`"."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    # Keep the window when another one gets the keyboard.
+    # The window stays when another one gets the keyboard.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")
     try:
         import pygame
@@ -140,6 +135,6 @@ def desktop(wanted: str) -> Iterator[ModuleType]:
             raise DeviceError(f"no desktop (SDL found only its driver '{driver}', which shows nothing); {remedy}")
         yield pygame
     except pygame.error as error:
-        raise DeviceError(f"the desktop refuses {wanted} ({error}); run it in a graphical session") from None
+        raise DeviceError(f"the desktop refuses {request} ({error}); run it in a graphical session") from None
     finally:
         pygame.display.quit()

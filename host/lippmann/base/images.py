@@ -287,7 +287,7 @@ def _metadata_of(spec: OpenImageIO.ImageSpec) -> dict[str, str]:
 def openimageio() -> ModuleType:
     """Return the library; MissingLibraryError without it."""
     try:
-        with interrupts.held():  # an exception while its types load aborts the process
+        with interrupts.hold_signals():  # an exception while its types load aborts the process
             import OpenImageIO
     except ImportError as error:
         raise missing_library(error) from None

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM, remembered: some libraries drop the exception while they load; long work asks between steps."""
+"""Ctrl-C and SIGTERM are recorded, because some libraries drop the exception; long work calls `check` between steps."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-#: The signal of a terminal that is lost; Windows has none.
+#: The signal of a closed terminal; Windows has none.
 HANGUP = getattr(signal, "SIGHUP", None)
-#: Signals that end a command: Ctrl-C, the end that another program asks for, and the loss of the terminal.
+#: Signals that end a command.
 ENDING = (signal.SIGINT, signal.SIGTERM, *([HANGUP] if HANGUP else []))
 
 #: Signals received.
@@ -27,47 +27,47 @@ def install() -> None:
 
 
 def ignore() -> None:
-    """Let signals of `ENDING` change nothing any more: while Python ends, it would die of them."""
+    """Ignore the signals of `ENDING` while Python ends."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
 
 
 def receive(number: int, frame: FrameType | None) -> None:
-    """Keep the signal's number and raise KeyboardInterrupt, as Python's own handler does for SIGINT."""
+    """Record the signal's number and raise KeyboardInterrupt."""
     received.append(number)
     raise KeyboardInterrupt
 
 
 def check() -> None:
-    """Raise KeyboardInterrupt again when a signal was received."""
+    """Raise KeyboardInterrupt if a signal was received."""
     if received:
         raise KeyboardInterrupt
 
 
 def exit_code() -> int:
-    """Return the exit code of a command that a signal ended: 128 and the first signal, 130 after Ctrl-C."""
+    """Return the exit code after a signal: 128 plus the number of the first signal, such as 130 after Ctrl-C."""
     return 128 + (received[0] if received else signal.SIGINT)
 
 
 def leave(code: int) -> None:
-    """End the process without taking down its libraries; return if what was printed cannot be written."""
+    """End the process at once, without closing its libraries; return if the output cannot be flushed."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:  # closed by who called
+            if stream is not None:  # closed by the parent process
                 stream.flush()
         os._exit(code)
 
 
 @contextlib.contextmanager
-def held(*numbers: int) -> Iterator[list[int]]:
-    """Let signals, those of `ENDING` unless others are named, wait until the block ends; yields those that came.
+def hold_signals(*numbers: int) -> Iterator[list[int]]:
+    """Hold signals, by default those of `ENDING`, until the block ends; provide a list of those received.
 
-    For code that an exception at any place would break: C++ that loads, and subprocess, whose lock would stay taken.
-    To block the signals would not do: other libraries' threads take them, and Python answers in this one.
+    For code that an exception would break: C++ that loads, and subprocess with its lock. A signal mask would not help,
+    because threads of other libraries take the signals.
     """
     came: list[int] = []
     before = {number: signal.getsignal(number) for number in numbers or ENDING}
-    # Only the main thread has handlers, and those that are not Python's cannot be put back.
+    # Only the main thread can set handlers; a handler that is not Python's cannot be restored.
     if threading.current_thread() is not threading.main_thread() or None in before.values():
         yield came
         return
@@ -85,9 +85,9 @@ def held(*numbers: int) -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def blocked_in_children() -> Iterator[None]:
-    """Block the signals of `ENDING` in processes that multiprocessing starts meanwhile: this process ends them.
+    """Block the signals of `ENDING` in processes that multiprocessing starts in this block; nothing on Windows.
 
-    A terminal sends its signals to all of them. Windows has no signal masks; there the context does nothing.
+    A terminal sends its signals to all processes, but this process ends the others.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -96,7 +96,7 @@ def blocked_in_children() -> Iterator[None]:
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
-        resource_tracker.ensure_running()  # it unblocks some signals, so it starts before the other processes
+        resource_tracker.ensure_running()  # it unblocks some signals, so it starts first
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         yield
     finally:

@@ -1,10 +1,11 @@
-"""Limits of the files that are read: their size, and what they expand to, known before memory is taken for it."""
+"""Limits of files that are read: their size, and the memory for their content, checked before it is allocated."""
 
 from __future__ import annotations
 
 import io
 import math
 import os
+import re
 import struct
 import zipfile
 import zlib
@@ -19,39 +20,36 @@ from lippmann.base.machine import free_memory_mb
 from lippmann.base.tones import Numbers
 from lippmann.errors import InputError, input_error, reason
 
-#: Most bytes of a TOML file; a scene's XML; a table of pixels or words as text.
+#: Maximum bytes of a TOML file, of a scene's XML, and of a text table of pixels or words.
 MAX_TOML_BYTES, MAX_XML_BYTES, MAX_TABLE_BYTES = 1 << 20, 1 << 26, 1 << 28
-#: Most bytes of a bitstream: thrice that of the largest ECP5.
+#: Maximum bytes of a bitstream: three times that of the largest ECP5.
 MAX_BITSTREAM_BYTES = 1 << 23
-#: Most bytes of the header of an array's file: numpy itself takes no more.
+#: Maximum bytes of the header of an array's file, as in numpy.
 MAX_HEADER_BYTES = 10_000
-#: Most rays of a file, and of --pixels.
+#: Maximum of rays in a file, and for --pixels.
 MAX_RAYS = 100_000_000
-#: Deepest nest of an XML file's elements: Mitsuba takes some of the stack for each.
+#: Maximum depth of an XML file's elements: Mitsuba uses stack for each level.
 MAX_XML_DEPTH = 500
-#: Bytes that are read at once: a read takes memory for all that it might get.
+#: Bytes of one read, which allocates as much.
 PART_BYTES = 1 << 20
-#: Share of the free memory that a file may take.
+#: Fraction of the free memory that a file's content may take.
 SHARE = 0.8
 
 
-def read_limited(path: Path, most: int, remedy: str) -> bytes:
-    """Return a file's bytes; InputError when there are more than `most`. Endless devices and pipes are cut, too."""
+def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
+    """Return a file's bytes; InputError when there are more than `max_bytes`, also for endless devices and pipes."""
     data = bytearray()
     with path.open("rb") as stream:
-        while part := stream.read(min(PART_BYTES, most + 1 - len(data))):
+        while part := stream.read(min(PART_BYTES, max_bytes + 1 - len(data))):
             data += part
-    if len(data) > most:
-        raise input_error(str(path), f"is larger than {_size(most)}", remedy)
+    if len(data) > max_bytes:
+        size = f"{max_bytes >> 20} MB" if max_bytes >> 20 else f"{max_bytes >> 10} KB"
+        raise input_error(str(path), f"is larger than {size}", remedy)
     return bytes(data)
 
 
-def _size(count: int) -> str:
-    return f"{count >> 20} MB" if count >> 20 else f"{count >> 10} KB"
-
-
 def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> None:
-    """Raise InputError when a file's content needs more memory than is free."""
+    """Refuse content that needs more memory than is free."""
     limit = SHARE * free_memory_mb()
     if needed_bytes / 1e6 > limit:
         raise input_error(where, f"{what}: needs {needed_bytes / 1e6:.0f} MB, the limit is {limit:.0f} MB", remedy)
@@ -60,11 +58,11 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return arrays of numbers of an .npz file, those of `names` that it has, and all names in it.
+    """Return those arrays of an .npz file that `names` names, and all names in it.
 
-    Without `names` it is an .npy file, whose array is called "". The arrays' headers are read first: `bytes_a_ray` is
-    the memory that the caller takes for each of their rows. Raises InputError when the file is broken, has arrays of
-    other things than real numbers or more than `MAX_RAYS` rows, or needs more memory than is free.
+    Without `names`, the file is an .npy file; its array gets the name "". The caller needs `bytes_a_ray` of memory for
+    each row. Raises InputError when the file is broken, has arrays that are not of real numbers or more than `MAX_RAYS`
+    rows, or needs more memory than is free.
     """
     try:
         if names is None:
@@ -73,25 +71,23 @@ def load_arrays(
                 stream.seek(0)
                 return {"": np.asarray(np.lib.format.read_array(stream, allow_pickle=False))}, {""}
         with zipfile.ZipFile(path) as file:
-            there = {name.removesuffix(".npy"): name for name in file.namelist()}
-            wanted = {name: there[name] for name in names if name in there}
-            headers = {}
-            for name, member in wanted.items():
-                with file.open(member) as stream:
+            members = {name.removesuffix(".npy"): name for name in file.namelist()}
+            headers, arrays = dict[str, Header](), dict[str, Numbers]()
+            for name in (name for name in names if name in members):
+                with file.open(members[name]) as stream:
                     headers[name] = _header(stream)
             _check_arrays(path, headers, remedy, bytes_a_ray)
-            arrays = {}
-            for name, member in wanted.items():
-                with file.open(member) as stream:
+            for name in headers:
+                with file.open(members[name]) as stream:
                     arrays[name] = np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
-            return arrays, set(there)
+            return arrays, set(members)
     except InputError:
         raise
-    except Exception as error:  # zipfile, zlib and numpy raise of any kind for broken files
-        if isinstance(error, MemoryError | NotImplementedError | RuntimeError):  # of too much, ciphers, other codings
+    except Exception as error:  # zipfile, zlib and numpy raise errors of any class for broken files
+        if isinstance(error, MemoryError | NotImplementedError | RuntimeError):  # too large, encrypted, unknown coding
             error = ValueError(str(error) or "it is too large")
-        known = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error
-        why = reason(error) if isinstance(error, known) else type(error).__name__
+        usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error
+        why = reason(error) if isinstance(error, usual) else type(error).__name__
         raise input_error(str(path), f"cannot be read ({why})", remedy) from None
 
 
@@ -112,7 +108,7 @@ def _header(stream: IO[bytes]) -> Header:
 
 
 def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_ray: int) -> None:
-    """Refuse arrays that are not of real numbers, or are too large, by their headers."""
+    """Refuse arrays that are too large or not of real numbers, by their headers."""
     rows = total = 0
     for name, (shape, kind) in headers.items():
         called = f"{name} is" if name else "is"
@@ -129,7 +125,7 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
 
 
 def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
-    """Yield the kind of each chunk of a PNG, its bytes as it claims, and whether the file has them; none of others."""
+    """Yield for each chunk of a PNG its kind, its claimed bytes, and whether the file has them; nothing for others."""
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return
@@ -141,7 +137,7 @@ def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
 
 
 def png_is_complete(path: Path) -> bool:
-    """Tell whether a PNG has its last chunk, and each before it."""
+    """Tell whether a PNG has all chunks up to its last one."""
     for kind, _, complete in png_chunks(path):
         if kind == b"IEND" or not complete:
             return complete
@@ -149,20 +145,12 @@ def png_is_complete(path: Path) -> bool:
 
 
 def lines_of(text: str) -> Iterator[str]:
-    """Yield a text's lines one by one, without a list of them all."""
-    start = 0
-    while start < len(text):
-        end = text.find("\n", start)
-        end = len(text) if end < 0 else end
-        yield text[start:end].rstrip("\r")
-        start = end + 1
+    """Yield a text's lines without a list of all lines."""
+    return (line[0].rstrip("\r\n") for line in re.finditer(r"[^\n]*\n|[^\n]+", text))
 
 
 def check_xml(path: Path, remedy: str) -> list[str]:
-    """Refuse an XML file that is too large, or whose elements are nested too deeply; return the files it includes.
-
-    Other parsers would run out of stack.
-    """
+    """Refuse an XML file that is too large or too deep for the stack of other parsers; return the files it includes."""
     data = read_limited(path, MAX_XML_BYTES, remedy)
     depth, included = 0, list[str]()
 
@@ -183,7 +171,7 @@ def check_xml(path: Path, remedy: str) -> list[str]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(data, True)
-    except (expat.ExpatError, ValueError) as error:  # the caller's parser says it better, unless it could be too deep
+    except (expat.ExpatError, ValueError) as error:  # the caller's parser reports it, unless too deep
         if data.count(b"<") > MAX_XML_DEPTH:
             raise input_error(str(path), f"is not XML ({error})", remedy) from None
     return included

@@ -1,4 +1,4 @@
-"""Programs that a command runs and waits for: they end with it, and print any bytes; C libraries that print."""
+"""Programs that a command runs and ends, and C libraries that print to stderr."""
 
 from __future__ import annotations
 
@@ -13,18 +13,15 @@ from pathlib import Path
 
 from lippmann.base import interrupts
 
-#: Pause between two looks whether a signal came, s.
+#: Pause between two checks for signals, s.
 LOOK_S = 0.1
-#: Time in which an ended program removes its own files, before it is killed, s.
+#: Time for a program to end by itself before it is killed, s.
 GRACE_S = 5.0
 
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Have the processes that multiprocessing starts meanwhile import nothing from the current folder.
-
-    Nor do they warn of semaphores that are left when a signal ends them all.
-    """
+    """Let processes of multiprocessing import nothing from the current folder, nor warn of leaked semaphores."""
     quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
     before = dict(os.environ)
     os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
@@ -43,13 +40,13 @@ def run_program(
     environment: Mapping[str, str] | None = None,
     timeout_s: float | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program without input until it ends; return its exit code and what it printed, undecodable bytes marked.
+    """Run a program without input; return its exit code and its output, with undecodable bytes replaced.
 
-    A signal that ends this command ends the program first, with all programs that it started: they are a process group
-    of their own. Raises OSError when it cannot be run, subprocess.TimeoutExpired when it takes longer than `timeout_s`.
+    A signal to this command first ends the program's process group. Raises OSError when the program cannot be run,
+    subprocess.TimeoutExpired after `timeout_s`.
     """
     until = None if timeout_s is None else time.monotonic() + timeout_s
-    with interrupts.held() as came:
+    with interrupts.hold_signals() as came:
         process = subprocess.Popen(
             command,
             cwd=folder,
@@ -68,7 +65,7 @@ def run_program(
                     break
                 except subprocess.TimeoutExpired:
                     late = until is not None and time.monotonic() > until
-                    # Other threads hold no signals; they see those of the main thread.
+                    # A thread other than the main one sees the signals in `received`.
                     if came or interrupts.received or late:
                         out, err = _end(process)
                         if late and timeout_s is not None:
@@ -82,7 +79,7 @@ def run_program(
 
 
 def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """End a program and all that it started; return what it printed."""
+    """End a program's process group; return its output."""
     for name in ("SIGTERM", "SIGKILL"):
         with contextlib.suppress(ProcessLookupError):
             if hasattr(os, "killpg"):
@@ -97,15 +94,15 @@ def _end(process: subprocess.Popen[str]) -> tuple[str, str]:
 @contextlib.contextmanager
 def silent_stderr() -> Iterator[None]:
     """Redirect the process's stderr to /dev/null."""
-    if sys.stderr is None:  # closed; file number 2 may belong to another file
+    if sys.stderr is None:  # closed; descriptor 2 may be another file
         yield
         return
     sys.stderr.flush()
-    kept = os.dup(2)
+    saved = os.dup(2)
     try:
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(saved, 2)
+        os.close(saved)

@@ -1,4 +1,4 @@
-"""Progress of a long computation: the callback that learns of it."""
+"""Progress of a long computation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,10 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """A callback that a long computation calls after each step, with the steps done and the steps in all.
+    """A callback of a long computation; its first call may report the steps of an earlier run."""
 
-    The first call may come before any work, and with the steps that an earlier run did.
-    """
-
-    def __call__(self, done: int, total: int, /) -> None:
-        """Report that `done` of `total` steps are done."""
+    def __call__(self, steps: int, total: int, /) -> None:
+        """Report that `steps` of `total` steps are done."""
 
 
 def check_progress(progress: Progress | None) -> None:
@@ -27,25 +24,25 @@ def check_progress(progress: Progress | None) -> None:
 
 
 def report_each(items: Collection[Item], progress: Progress | None) -> Iterator[Item]:
-    """Yield the items; after each, report how many are done."""
-    for done, item in enumerate(items, 1):
+    """Yield the items; after each, report their number."""
+    for steps, item in enumerate(items, 1):
         yield item
         if progress is not None:
-            progress(done, len(items))
+            progress(steps, len(items))
 
 
 class RowProgress:
-    """Reports the rows of a picture that are done, also those of the band that is being rendered."""
+    """Reports the finished rows of a picture, with those of the band in work."""
 
     def __init__(self, progress: Progress | None, total: int) -> None:
         self.done, self._total, self._progress = 0, total, progress
 
     def __call__(self, band_rows: int) -> None:
-        """Report that so many rows of the next band are done."""
+        """Report rows of the band in work."""
         if self._progress is not None:
             self._progress(self.done + band_rows, self._total)
 
     def add(self, rows: int) -> None:
-        """Count rows that are finished, and report."""
+        """Count the rows of a finished band, and report."""
         self.done += rows
         self(0)

@@ -1,4 +1,4 @@
-"""The provenance of a report: where, when, how and with which versions its figures were measured."""
+"""The provenance of a report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lippmann.base.machine import machine_name
 def provenance(
     command: str, packages: tuple[str, ...] = ("mitsuba", "drjit", "numpy"), programs: Mapping[str, str] | None = None
 ) -> dict[str, str]:
-    """Return the provenance of a report: machine, date, command, versions of Lippmann, of programs, some packages."""
+    """Return machine, date, command, and the versions of Lippmann, of programs and of installed packages."""
     versions = dict(programs or {})
     for name in packages:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # an extra that is not installed

@@ -1,8 +1,7 @@
 """TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
 
-From the declaration follow the reader with its error messages (`read`), the JSON Schema for editors (`schema`), and the
-key tables of the reference pages (`tools.generate_tables`). msgspec converts and checks the values. `check_fields`
-gives values that Python code chose the same checks. `toml_text` writes files, by the library tomli-w.
+The declaration gives the reader and its errors (`read`), the JSON Schema for editors (`schema`), the key tables of the
+reference pages (`tools.generate_tables`), and the checks of values from Python code (`check_fields`).
 """
 
 from __future__ import annotations
@@ -26,27 +25,27 @@ import tomli_w
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, input_error, likely_file, reason
 
-#: Most parts of a dotted key: Python's parser takes the square of their number in time.
+#: Maximum parts of a dotted key: the time of Python's parser grows with the square of their number.
 MAX_KEY_PARTS = 32
-#: Most bytes of a part of a path, and characters of a path.
+#: Maximum bytes of a part of a path, and characters of a path.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
 DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?>[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){{{MAX_KEY_PARTS}}}""", re.ASCII)
 
 Form = TypeVar("Form")
 Schema = dict[str, Any]
-#: A table, or any other value, as TOML, a declaration or a schema holds it.
+#: A table, or any other value, of TOML, a declaration or a schema.
 Table = dict[str, Any]
 Value = Any
-#: Keys at the top of a file that only one kind of file has.
+#: Keys at the top of a file that tell its kind.
 KINDS = {
     "placement": "placement",
-    "display": "setup",
-    "lens": "setup",
-    "camera": "setup",
-    "pickup": "setup",
+    "display": "set-up",
+    "lens": "set-up",
+    "camera": "set-up",
+    "pickup": "set-up",
     "scene": "film",
     "world": "film",
-    "layers": "layer film",
+    "layers": "film-of-layers",
     "panel": "display",
     "gap_mm": "display",
     "picture": "pictures",
@@ -54,7 +53,7 @@ KINDS = {
 }
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
-#: Beginnings of names that people give to keys of other names.
+#: First words of wrong keys, and the keys that they may mean.
 SYNONYMS = {
     "skew": ("shear",),
     "slant": ("shear",),
@@ -65,8 +64,8 @@ SYNONYMS = {
     "stripes": ("subpixels",),
     "eye": ("viewing_distance_mm",),
 }
-#: Remedy for text that is not TOML.
 ENDLESS = "a number of thousands of digits"
+#: Remedy for text that is not TOML.
 MEND = "mend the syntax there (write numbers with a point, text in quotes)"
 
 
@@ -86,47 +85,47 @@ def key(
     Parameters
     ----------
     meaning
-        For the reference page and for editors. A key's name ends with its unit.
+        For the reference page and for editors.
     above, low, high
         Open lower bound, closed lower bound and closed upper bound of a number.
     default
-        What holds without the key, in words, where the declaration's default does not say it.
+        The default in words, where the declaration's default does not say it.
     instead_of
-        The key that this one replaces. A file gives exactly one of them; at most one where that key has a `default`.
+        The key that this one replaces. A file has exactly one of them; at most one if that key has a `default`.
     shape
-        What a list is, in words: "a list of ...".
+        A list in words: "a list of ...".
     lengths
-        Least and most entries of a list.
+        Minimum and maximum number of a list's entries.
     """
-    known = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
-    extra = {name: words for name, words in known if words}
+    texts = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
+    extra = {name: text for name, text in texts if text}
     bounds: Table = {"gt": above, "ge": low, "le": high, "min_length": lengths[0], "max_length": lengths[1]}
     return msgspec.Meta(description=meaning, extra_json_schema=extra, **bounds)
 
 
 def documented(form: type[Form]) -> type[Form]:
-    """Append the meanings of a dataclass's keys to its docstring. Dataclasses that no file declares may use it too."""
+    """Append the meanings of a dataclass's keys to its docstring."""
     lines = [inspect.cleandoc(form.__doc__ or ""), "", "Attributes", "----------"]
     for name, hint in get_type_hints(form, include_extras=True).items():
-        described = [note.description for part in (hint, *get_args(hint)) for note in getattr(part, "__metadata__", ())]
+        described = [meta.description for part in (hint, *get_args(hint)) for meta in getattr(part, "__metadata__", ())]
         lines += [name, *(f"    {meaning}" for meaning in [text for text in described if text][-1:])]
     form.__doc__ = "\n".join(lines)
     return form
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
-    """Return the dataclass `form` as a file writes it: keys added, of another type, or optional (None without them)."""
+    """Return the dataclass `form` as a file writes it, with keys of other types and with `optional` keys (or None)."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
     fields = []
     for name, kind in hints.items():
-        given = dataclasses.field(default=defaults.get(name, dataclasses.MISSING))
-        fields.append((name, kind | None if name in optional else kind, given))
+        field = dataclasses.field(default=defaults.get(name, dataclasses.MISSING))
+        fields.append((name, kind | None if name in optional else kind, field))
     return dataclasses.make_dataclass(form.__name__, fields, frozen=True, kw_only=True)
 
 
 def values(keys: Value) -> Table:
-    """Return the keys of a table that was read, with defaults."""
+    """Return the keys of a table that was read, with their defaults."""
     return {field.name: getattr(keys, field.name) for field in dataclasses.fields(keys)}
 
 
@@ -134,41 +133,41 @@ def values(keys: Value) -> Table:
 def schema(form: Value) -> Schema:
     """Return the JSON Schema of a declared file, without references.
 
-    Keys that are not declared are refused, save at the top of a class with `other_tables = True`.
+    It refuses undeclared keys, except at the top of a class with `other_tables = True`.
     """
-    whole = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
+    complete = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Value) -> Value:
         if isinstance(node, list):
             return [plain(item) for item in node]
         if not isinstance(node, dict):
             return node
-        # TOML has no null: a key that may be None is left out.
+        # TOML has no null: a key of None is left out.
         options = [option for option in node.get("anyOf", ()) if option != {"type": "null"}]
         if options:
             only = options[0] if len(options) == 1 else {"anyOf": options}
             node = {**only, **node, "anyOf": only.get("anyOf")}
         if "enum" in node:
             node["enum"] = [option for option in node["enum"] if option is not None]
-        if node.get("$ref"):  # what the docstring of a class says is for programmers
-            table = whole["$defs"][node["$ref"].rpartition("/")[2]]
+        if node.get("$ref"):  # without the class's docstring
+            table = complete["$defs"][node["$ref"].rpartition("/")[2]]
             node = {**table, "title": None, "description": None, **node, "$ref": None}
         node = {name: plain(value) for name, value in node.items() if value is not None}
         if node.get("type") == "object":
             node["additionalProperties"] = False
             choices = []
             for group, needed in rivals(node):
-                given = [{"required": [name]} for name in group]
-                choices.append({"oneOf": given if needed else [*given, {"not": {"anyOf": given}}]})
+                each = [{"required": [name]} for name in group]
+                choices.append({"oneOf": each if needed else [*each, {"not": {"anyOf": each}}]})
             if choices:
                 node["allOf"] = choices
         return node
 
-    return {**plain({"$ref": whole["$ref"]}), "additionalProperties": getattr(form, "other_tables", False)}
+    return {**plain({"$ref": complete["$ref"]}), "additionalProperties": getattr(form, "other_tables", False)}
 
 
 def rivals(table: Schema) -> list[tuple[list[str], bool]]:
-    """Return the groups of keys of which a table holds one at most, and whether it must hold one."""
+    """Return the groups of alternative keys of a table, and whether it must have one of them."""
     groups: dict[str, list[str]] = {}
     for name, node in table["properties"].items():
         if "x-instead-of" in node:
@@ -177,7 +176,7 @@ def rivals(table: Schema) -> list[tuple[list[str], bool]]:
 
 
 def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
-    """Yield the table and those inside it, each with its name ("" for the top)."""
+    """Yield a table and the tables inside it, each with its name ("" for the top)."""
     for option in node.get("anyOf", [node]):
         if "properties" in option:
             yield name, option
@@ -188,60 +187,53 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
 
 
 def parse(text: str, source: str, remedy: str = MEND) -> Table:
-    """Return the tables of TOML text; `source` names it in errors, `remedy` is for text that is not TOML."""
+    """Return the tables of TOML text; `source` is its name in errors, `remedy` that for text that is not TOML."""
     if (deep := DEEP_KEY.search(text)) is not None:
         place = text.count("\n", 0, deep.start()) + 1
         raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # broken, overlong numbers, endless nests
+    except (ValueError, RecursionError) as error:  # bad syntax, very long numbers, too many levels
         line = re.search(r"(?:twice|overwrite).*line (\d+)", str(error))
         if line:
             name = text.splitlines()[int(line[1]) - 1].partition("=")[0].strip()
-            raise input_error(
-                source, f"{name} is given a second time in line {line[1]}", "leave one of the two"
-            ) from None
+            what = f"{name} is given a second time in line {line[1]}"
+            raise input_error(source, what, "leave one of the two") from None
         why = ENDLESS if "int_max_str_digits" in str(error) else error
         raise input_error(source, f"not TOML ({why})", remedy) from None
 
 
 def load(path: Path, what: str) -> Table:
-    """Return the tables of a TOML file; `what` names its kind in errors."""
+    """Return the tables of a TOML file; `what` is its kind in errors."""
     try:
         text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
     except FileNotFoundError:
         remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
         raise input_error(str(path), "no such file", remedy) from None
-    except (OSError, ValueError) as error:  # bytes that are not UTF-8, a name that no file can have
+    except (OSError, ValueError) as error:  # not UTF-8, or an impossible name
         raise input_error(str(path), f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
 
 def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Form:
-    """Return the declared table that the parsed TOML holds.
-
-    Raises InputError (file, key, fault, remedy) for unknown keys first, then for the first other fault.
-    """
+    """Return parsed TOML as the declared table; InputError for an unknown key, else for the first other fault."""
     top = schema(form)
     nodes = {name: (value, node) for name, value, node in _walk(raw, top, "")}
     for name, (value, node) in nodes.items():
         keys = value if isinstance(value, dict) and "properties" in node else ()
-        for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):  # first what tells another kind
+        for unknown in sorted(keys, key=lambda one: bool(name) or one not in KINDS):  # of another kind of file first
             if unknown not in node["properties"] and not node["additionalProperties"]:
                 hint = _hint(top, node, value, unknown)
                 if not name and unknown in KINDS and not hint.startswith("it belongs"):
-                    kinds = (
-                        KINDS[unknown],
-                        re.sub(r"(?<=[a-z])[A-Z]", r" \g<0>", form.__name__.removesuffix("File")).lower(),
-                    )
-                    named = [kind.replace("setup", "set-up").replace("layer film", "film-of-layers") for kind in kinds]
-                    hint = f"this is a {named[0]} file, give a {named[1]} file"
+                    kind = re.sub(r"(?<=[a-z])[A-Z]", r" \g<0>", form.__name__.removesuffix("File")).lower()
+                    kind = kind.replace("setup", "set-up").replace("layer film", "film-of-layers")
+                    hint = f"this is a {KINDS[unknown]} file, give a {kind} file"
                 raise input_error(f"{source}: {_join(name, unknown)}", "unknown key", hint)
     for name, (value, node) in nodes.items():
         for group, needed in rivals(node) if isinstance(value, dict) and "properties" in node else ():
-            given = [rival for rival in group if rival in value]
-            if len(given) > 1 or (needed and not given):
-                state = "several are given" if given else "none is given"
+            count = sum(rival in value for rival in group)
+            if count > 1 or (needed and not count):
+                state = "several are given" if count else "none is given"
                 raise input_error(f"{source}: {_join(name, ' or '.join(group))}", state, "give exactly one of them")
         numbers = value if isinstance(value, list) else [value]
         if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
@@ -249,12 +241,12 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
     try:
         read: Form = msgspec.convert(raw, form, dec_hook=_path)
         return read
-    except InputError as error:  # of a __post_init__
+    except InputError as error:  # from a __post_init__
         raise InputError(f"{source}: {error}") from None
     except msgspec.ValidationError as error:
         # msgspec ends its messages with the place, such as "at `$.object[0].keys[1].frame`".
-        found = re.search(r" - at `\$\.?(.*)`$", str(error))
-        name = found[1] if found else ""
+        place = re.search(r" - at `\$\.?(.*)`$", str(error))
+        name = place[1] if place else ""
         missing = re.match(r"Object missing required field `(.*?)`", str(error))
         if missing:
             raise input_error(f"{source}: {_join(name, missing[1])}", "the key is missing", "add it") from None
@@ -263,20 +255,19 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
         raise _wrong(source, name, *nodes[name]) from None
 
 
-def check_fields(made: object) -> None:
-    """Refuse values of a declared dataclass that no file can give it, and store the others as a file gives them.
+def check_fields(table: object) -> None:
+    """Check the fields of a declared dataclass as `read` does, and store them as it does (for `__post_init__`).
 
-    For `__post_init__`: what is made in Python gets the checks of what is read. A field that is a dataclass itself must
-    be of that class. Raises InputError with class, key, fault and remedy.
+    Raises InputError with class, key, fault and remedy.
     """
-    form: Value = type(made)
+    form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
     for name, part in parts.items():
-        if not isinstance(getattr(made, name), part):
-            what = f"{_shown(getattr(made, name))} is not valid"
+        if not isinstance(getattr(table, name), part):
+            what = f"{_short(getattr(table, name))} is not valid"
             raise input_error(f"{source}: {name}", what, f"give a {part.__name__}")
     nodes = schema(plain)["properties"]
-    raw = {name: _builtin(getattr(made, name)) for name in nodes}
+    raw = {name: _builtin(getattr(table, name)) for name in nodes}
     try:
         fields = values(msgspec.convert(raw, plain))
     except msgspec.ValidationError as error:
@@ -285,20 +276,20 @@ def check_fields(made: object) -> None:
     for name, value in fields.items():
         if not _is_finite(value):
             raise _wrong(source, name, raw[name], nodes[name])
-        object.__setattr__(made, name, value)
+        object.__setattr__(table, name, value)
 
 
 class Checked:
-    """Base of declared dataclasses that refuse, when Python code makes them, what no file can give (`check_fields`)."""
+    """Base of declared dataclasses whose fields are checked when Python code makes them (`check_fields`)."""
 
     def __post_init__(self) -> None:
-        """Refuse what a file could not give."""
+        """Check the fields."""
         check_fields(self)
 
 
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
-    """Return a dataclass of a declared one's fields without its methods, and the fields that are dataclasses."""
+    """Return a dataclass with the simple fields of a declared one, and the fields that are dataclasses."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     fields = [(name, kind) for name, kind in hints.items() if name not in parts]
@@ -306,7 +297,7 @@ def _plain_form(form: Value) -> tuple[Value, Table]:
 
 
 def _builtin(value: Value) -> Value:
-    """Return a value with numpy's numbers and arrays as Python's."""
+    """Return a value with numpy's numbers and arrays as Python's numbers and lists."""
     if isinstance(value, list | tuple):
         return tuple(map(_builtin, value))
     return value.tolist() if hasattr(value, "tolist") else value
@@ -319,16 +310,16 @@ def _is_finite(value: object) -> bool:
 
 
 def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
-    """Return keys and tables as the text of a TOML file; a list stands in one line, or each entry in its own."""
+    """Return keys and tables as the text of a TOML file, each list in one line or each entry in its own."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
-    # A line that ends with a bracket or a comma is a list's: in texts line breaks are escaped.
+    # Only a list has lines that end with a bracket or a comma: texts have escaped line breaks.
     return re.sub(r",\n *", ", ", re.sub(r"(?<=\[)\n *|,\n *(?=\])", "", text))
 
 
 def _path(kind: Callable[[str], Path], text: str) -> Path:
-    """Return the path that a file names; ValueError for a name that no file can have."""
+    """Return the path in a file; ValueError for an impossible name."""
     parts = [os.fsencode(part) for part in Path(text).parts]
     if b"\0" in b"".join(parts) or max(map(len, parts), default=0) > MAX_NAME_BYTES or len(text) > MAX_PATH:
         raise ValueError(text)
@@ -340,7 +331,7 @@ def _join(table: str, name: str) -> str:
 
 
 def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, Schema]]:
-    """Yield name, value and schema of everything that the declaration knows, in the order of the file."""
+    """Yield name, value and schema of each declared key and entry, in the order of the file."""
     if isinstance(value, dict):  # a key that takes text or a table
         node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
     yield name, value, node
@@ -349,7 +340,7 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
             if inner in node["properties"]:
                 yield from _walk(item, node["properties"][inner], _join(name, inner))
     elif isinstance(value, list):
-        # Entries that are lists have a shape, and a place for each of their parts.
+        # Entries that are lists have a shape, and a schema for each of their parts.
         node = next((option for option in node.get("anyOf", ()) if "a list of [" in option.get("x-shape", "")), node)
         shape = node.get("x-shape", "").partition("a list of ")[2]
         inner = {**(node.get("items") or {}), **({"x-shape": shape} if shape else {})}
@@ -359,46 +350,46 @@ def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, S
                 yield from _walk(item, inner or parts[place], f"{name}[{place}]")
 
 
-def _hint(top: Schema, here: Schema, given: Mapping[str, object], unknown: str) -> str:
-    """Say which key an unknown one may stand for."""
-    missing = {*here.get("required", ())}.difference(given)
-    for group, needed in rivals(here):
-        if needed and not set(group) & set(given):
+def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) -> str:
+    """Return the remedy for an unknown key: the key that it may mean."""
+    missing = {*table.get("required", ())}.difference(keys)
+    for group, needed in rivals(table):
+        if needed and not set(group) & set(keys):
             missing.update(group)
 
     def likeness(name: str) -> float:
         alike = difflib.SequenceMatcher(None, unknown.lower(), name).ratio()
         part, first = name in unknown.lower() or unknown.lower() in name, name[0] == unknown[:1].lower()
-        node = here["properties"][name]
+        node = table["properties"][name]
         options = [one for choice in node.get("anyOf", [node]) for one in choice.get("enum", ())]
-        # The key's value in place of its name; a letter is in too many.
+        # A value in place of the key's name; one or two letters are in too many values.
         value = len(unknown) > 2 and any(unknown.lower() in str(one) for one in options)
         return alike + 0.25 * (name in missing) + 0.3 * part + 0.1 * first + 0.6 * value
 
-    similar = [name for name in sorted(here["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]
-    homes = [table for table, node in tables(top) if unknown in node["properties"]]
+    similar = [name for name in sorted(table["properties"], key=likeness, reverse=True)[:1] if likeness(name) > 0.6]
+    homes = [home for home, node in tables(top) if unknown in node["properties"]]
     places = [f"in [{home}]" if home else "at the top of the file, before the first [table]" for home in homes]
     hints = [f"it belongs {' or '.join(places)}"] if places else []
-    everywhere = [_join(table, other) for table, node in tables(top) for other in node["properties"]]
+    everywhere = [_join(home, other) for home, node in tables(top) for other in node["properties"]]
     last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
     synonyms = [key for word, keys in SYNONYMS.items() if unknown.lower().startswith(word) for key in keys]
-    # Of the same table rather than of another one.
-    known = [key for key in synonyms if key in here["properties"]] + [last[key] for key in synonyms if key in last]
-    if known and not places:
-        similar = known[:1]
+    # A key of the same table comes first.
+    likely = [key for key in synonyms if key in table["properties"]] + [last[key] for key in synonyms if key in last]
+    if likely and not places:
+        similar = likely[:1]
     if not places and not similar:
         similar = [last[other] for other in difflib.get_close_matches(unknown, last, 1)]
         similar = similar or (list(missing) if len(missing) == 1 else [])
     if similar:
-        meant, unit = here["properties"].get(similar[0], {}), re.search(UNITS, unknown)
+        meant, unit = table["properties"].get(similar[0], {}), re.search(UNITS, unknown)
         meaning = meant.get("description", "")
         takes = f" ({meaning})" if unit and meaning and not similar[0].endswith(unit[0]) else ""
         hints.append(f"did you mean {similar[0]}{takes}?")
-    return ", or ".join(hints) or f"known here: {', '.join(here['properties'])}"
+    return ", or ".join(hints) or f"known here: {', '.join(table['properties'])}"
 
 
-def _shown(value: object) -> str:
-    """Return a value for an error's line."""
+def _short(value: object) -> str:
+    """Return a value as a short text for errors."""
     if isinstance(value, float):
         return f"{value:g}"
     try:
@@ -408,24 +399,24 @@ def _shown(value: object) -> str:
 
 
 def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
-    least, most = node.get("minItems", 0), node.get("maxItems", math.inf)
+    low, high = node.get("minItems", 0), node.get("maxItems", math.inf)
     if isinstance(value, list) and "x-shape" not in node and "prefixItems" not in node:  # tables
-        if len(value) > most:
-            return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {most}")
-        if len(value) < least:
+        if len(value) > high:
+            return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {high}")
+        if len(value) < low:
             how = remedy(node, re.sub(r"\[\d+\]", "", name))
-            return input_error(f"{source}: {name}", "is empty", f"give at least {least}: {how}")
-    shown = _shown(value)
-    if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # of `_path`
-        return input_error(f"{source}: {name}", f"{shown} is no file's name", "give the name of a file")
+            return input_error(f"{source}: {name}", "is empty", f"give at least {low}: {how}")
+    short = _short(value)
+    if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # from `_path`
+        return input_error(f"{source}: {name}", f"{short} is no file's name", "give the name of a file")
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
-    meant = [word for word in words if len(shown) > 1 and shown.strip('"').lower() in word]
+    meant = [word for word in words if len(short) > 1 and short.strip('"').lower() in word]
     guess = f'did you mean "{meant[0]}"? ' if len(meant) == 1 else ""
-    return input_error(f"{source}: {name}", f"{shown} is not valid", guess + remedy(node, re.sub(r"\[\d+\]", "", name)))
+    return input_error(f"{source}: {name}", f"{short} is not valid", guess + remedy(node, re.sub(r"\[\d+\]", "", name)))
 
 
 def remedy(node: Schema, name: str) -> str:
-    """Say what a key takes."""
+    """Return the remedy for a wrong value: what the key takes."""
     if "anyOf" in node:
         return " or ".join(remedy(option, name) for option in node["anyOf"])
     if "enum" in node:

@@ -1,4 +1,4 @@
-"""Tones: the transfer curve between linear light and panel values, named or measured, and the quantised values."""
+"""The transfer curve between linear light and panel values, named or measured, and quantisation."""
 
 from __future__ import annotations
 
@@ -14,34 +14,31 @@ from lippmann.errors import InputError
 
 #: An array of numbers of any type.
 Numbers = npt.NDArray[Any]
-#: Pairs (panel value, light), both rising from 0 to 1; straight lines run between them.
+#: Pairs (panel value, light), both rising from 0 to 1, with linear interpolation.
 Curve = tuple[tuple[float, float], ...]
 #: A curve's name, a measured curve, or the text of a measured curve in an image's metadata.
 Transfer = str | Curve
 
-#: Rows that are encoded, written and compared at once: a multiple of EXR's 16, so that no block is split.
+#: Rows of a band of a file: a multiple of 16, the rows of an EXR block.
 BAND_ROWS = 64
-#: Most pairs of a curve: one for each level of 12 bits.
+#: Maximum of pairs in a curve: one for each level of 12 bits.
 MAX_PAIRS = 4096
 
 
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
-    """Return a measured curve, or its text, as an array (pairs, 2) of panel value and light; None for a name.
-
-    Raises InputError when the text or the pairs are not a curve.
-    """
+    """Return a measured curve, or its text, as an array (pairs, 2); None for a name; InputError if it is invalid."""
     if not isinstance(transfer, str):
-        return checked(transfer)
+        return _check_curve(transfer)
     if not transfer.startswith("["):
         return None
     try:
-        return checked(json.loads(transfer))
+        return _check_curve(json.loads(transfer))
     except (ValueError, RecursionError):
         raise InputError(f"transfer '{transfer[:20]}...' is not a curve of pairs; render the image again") from None
 
 
-def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
-    """Return the pairs of a curve as an array; raise InputError, with the remedy, when they do not rise from 0 to 1."""
+def _check_curve(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
+    """Return the pairs of a curve as an array; refuse pairs that do not rise from 0 to 1."""
     remedy = "give [panel value, light] pairs that rise from [0, 0] to [1, 1]"
     try:
         curve = np.array(pairs, np.float64)
@@ -49,7 +46,7 @@ def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
         curve = np.empty(0)
     if curve.ndim != 2 or curve.shape[1] != 2 or not 2 <= len(curve) <= MAX_PAIRS:
         raise InputError(f"is not a curve of 2 to {MAX_PAIRS} pairs; {remedy}")
-    # Written as not greater, so that NaN fails too.
+    # "Not greater" is also true for NaN.
     falls = np.flatnonzero(~(np.diff(curve, axis=0) > 0.0).all(axis=1))
     if len(falls):
         before, after = curve[falls[0]].tolist(), curve[falls[0] + 1].tolist()
@@ -68,12 +65,12 @@ def checked(pairs: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
 
 
 def transfer_text(transfer: Transfer) -> str:
-    """Return a transfer curve as text for an image's metadata: its name, or its numbers."""
+    """Return a transfer curve as text for metadata: its name or its numbers."""
     return transfer if isinstance(transfer, str) else json.dumps(transfer)
 
 
 def transfer_name(transfer: Transfer) -> str:
-    """Return a transfer curve's name for messages. A measured curve's has its length and a checksum of its numbers."""
+    """Return a transfer curve's name for messages, for a measured one with its length and checksum."""
     text = transfer_text(transfer)
     if not text.startswith("["):
         return text
@@ -94,7 +91,7 @@ def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
-    """Map panel values in [0, 1] to linear light; the inverse of `encode`."""
+    """Map panel values in [0, 1] to linear light, the inverse of `encode`."""
     v, light = np.asarray(values, np.float32), values
     if (measured := curve_of(transfer)) is not None:
         light = np.interp(v, measured[:, 0], measured[:, 1])
@@ -106,30 +103,27 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def _checked_name(transfer: Transfer) -> Transfer:
-    """Return a curve's name; refuse an unknown one."""
+    """Refuse an unknown name of a curve."""
     if transfer not in ("srgb", "gamma2.2", "linear"):
         raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
     return transfer
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance with a panel's transfer curve and quantise it to the panel's bits.
-
-    Returns uint8 for up to 8 bits, else uint16; the 2^bits levels are spread over the integer's range.
-    """
+    """Encode linear radiance and quantise it to 2^bits levels over the range of uint8, or of uint16 above 8 bits."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)
     for first in range(0, len(values), BAND_ROWS):
         rows = slice(first, first + BAND_ROWS)
         level = np.rint(encode(radiance[rows], transfer) * levels)
-        # In double: float32 would round the spread levels of 9 to 15 bits twice.
+        # In double precision: float32 would round the levels of 9 to 15 bits twice.
         values[rows] = np.rint(level * np.float64(np.iinfo(kind).max / levels))
     return values
 
 
 def psnr_db(a: Numbers, b: Numbers, mask: npt.NDArray[np.bool_] | None = None) -> float:
-    """Return the peak signal-to-noise ratio, dB, of two linear images, compared as sRGB values."""
+    """Return the peak signal-to-noise ratio of two linear images, compared as sRGB values, dB."""
     difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
     mean = difference.mean() if mask is None else difference[mask].mean()
     return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))

@@ -1,4 +1,4 @@
-"""Starts Mitsuba on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
+"""Mitsuba and Dr.Jit on the CPU (LLVM) or on an NVIDIA GPU (CUDA)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from typing import Any, TypeAlias
 from lippmann.base import interrupts
 from lippmann.errors import InputError, MissingLibraryError, missing_library
 
-#: A value or object of Dr.Jit or Mitsuba, such as an array, a ray or a BSDF. Its type depends on the variant that is
-#: set while the program runs, so no type checker can follow it.
+#: A value or object of Dr.Jit or Mitsuba, such as an array, a ray or a BSDF. Its type depends on the variant.
 Jit: TypeAlias = Any
 
 VARIANTS = {"llvm": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -25,10 +24,9 @@ def check_device(device: str) -> None:
 
 
 def available_device(device: str = "auto") -> str:
-    """Return the device, "llvm" or "cuda", that computes for "llvm", "cuda" or "auto": the GPU when there is one.
+    """Return "llvm" or "cuda" for a device; "auto" is the GPU if there is one.
 
-    Raises InputError for an unknown device; MissingLibraryError when Dr.Jit, or the libLLVM or CUDA driver that it
-    needs, cannot be loaded.
+    Raises InputError for an unknown device; MissingLibraryError without Dr.Jit, libLLVM or the CUDA driver.
     """
     check_device(device)
     try:
@@ -45,9 +43,9 @@ def available_device(device: str = "auto") -> str:
 
 
 def start_mitsuba(device: str = "auto") -> str:
-    """Set Mitsuba's variant for a device, "llvm", "cuda" or "auto", and return the device: "llvm" or "cuda".
+    """Set Mitsuba's variant for a device, and return "llvm" or "cuda".
 
-    Scenes and pictures belong to the variant that was set when they were made. Raises as `available_device`, and
+    A scene can be used only with the variant that it was made with. Raises as `available_device`, and
     MissingLibraryError when Mitsuba cannot be loaded.
     """
     check_device(device)
@@ -60,16 +58,13 @@ def start_mitsuba(device: str = "auto") -> str:
 
 @contextlib.contextmanager
 def own_variant(device: str = "auto") -> Iterator[str]:
-    """Run a block with our variant for a device, and set the variant and log level from before again after it.
-
-    Errors as for `start_mitsuba`.
-    """
+    """Run a block with our variant, then restore the previous variant and log level; errors as `start_mitsuba`."""
     mi = _loaded()
     variant = mi.variant()
     level = mi.log_level() if variant else None
-    chosen = start_mitsuba(device)
+    device = start_mitsuba(device)
     try:
-        yield chosen
+        yield device
     finally:
         if variant:
             mi.set_variant(variant)
@@ -77,9 +72,9 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 
 
 def mitsuba() -> ModuleType:
-    """Return the module `mitsuba` with one of our variants set; `start_mitsuba("auto")` when none is set yet.
+    """Return the module `mitsuba`; with no variant yet, set that for "auto".
 
-    Raises InputError when another variant is set; MissingLibraryError as `start_mitsuba`.
+    Raises InputError when a variant that is not ours is set; MissingLibraryError as `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()
@@ -94,20 +89,20 @@ def mitsuba() -> ModuleType:
 
 
 def drjit() -> ModuleType:
-    """Return the module `drjit`, whose functions a type checker cannot follow."""
+    """Return the module `drjit`."""
     import drjit
 
     return drjit
 
 
 class _Lazy:
-    """A module that is loaded when one of its names is first used: most commands start without it."""
+    """A module that is loaded at the first use of one of its names."""
 
     def __init__(self, load: Callable[[], ModuleType]) -> None:
         self._load = load
 
     def __getattr__(self, name: str) -> Jit:
-        if name.startswith("__"):  # who only looks at the object loads nothing
+        if name.startswith("__"):  # inspection of the object loads nothing
             raise AttributeError(name)
         return getattr(self._load(), name)
 
@@ -118,12 +113,12 @@ mi: Jit = _Lazy(mitsuba)
 
 
 def _loaded() -> ModuleType:
-    """Import Mitsuba."""
+    """Import and return Mitsuba."""
     loaded = sys.modules.get("mitsuba")
     if loaded is not None and hasattr(loaded, "variant"):  # not while another thread still imports it
         return loaded
     try:
-        with interrupts.held():
+        with interrupts.hold_signals():
             import mitsuba as mi
     except ImportError as error:
         raise missing_library(error) from None

@@ -90,7 +90,7 @@ def write_folder(scene: Scene, view: View, folder: Path) -> Exported:
                 if (folder / file).is_dir():
                     raise input_error(str(folder / file), "is a folder", "choose another place for the export")
             folder.mkdir(exist_ok=True)
-            with interrupts.held():
+            with interrupts.hold_signals():
                 for file in files:
                     moved(partial / file, folder / file)
     except OSError as error:

@@ -15,7 +15,7 @@ from click.shell_completion import CompletionItem
 
 from lippmann import __version__
 from lippmann.base import interrupts
-from lippmann.base.files import is_full, made, no_space, remove_empty
+from lippmann.base.files import is_full, new_folders, no_space, remove_empty
 from lippmann.cli.output import logs_on_stderr
 from lippmann.errors import InputError, LippmannError, MissingLibraryError, NoSpaceError, missing_library, printable
 
@@ -83,7 +83,7 @@ def run(arguments: list[str], command: click.Command = cli, name: str | None = "
     if sys.stdout is None:
         print("lippmann: stdout is closed; open it, or send it to /dev/null", file=sys.stderr)
         return MissingLibraryError.exit_code
-    made.clear()
+    new_folders.clear()
     try:
         with logs_on_stderr():
             code = command.main(args=arguments, prog_name=name, standalone_mode=False, obj=arguments)

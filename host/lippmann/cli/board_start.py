@@ -131,7 +131,7 @@ def _serve(
                 write_file(ready, json.dumps(result) + "\n")
             emit(result, f"{display.name}: {board.url} (Ctrl-C ends it)")
             sys.stdout.flush()
-            with interrupts.held() as ended:
+            with interrupts.hold_signals() as ended:
                 while board.process.poll() is None and not ended:
                     if capture:
                         virtual_board.keep_as_png(capture, display, after)
@@ -188,7 +188,7 @@ def _in_background(ready: Path) -> None:
             words, stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True, env=environment
         )
     try:
-        with interrupts.held() as ended:
+        with interrupts.hold_signals() as ended:
             while process.poll() is None and not ready.exists() and not ended:
                 time.sleep(CHECK_S)
         if not ready.exists():

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lippmann.base.fullscreen import Pixels, check_monitor, desktop, sizes_of, window_size
+from lippmann.base.fullscreen import Pixels, check_monitor, desktop, window_size
 from lippmann.errors import DeviceError
 from lippmann.motion.film_frames import Reel
 from lippmann.scenes.placement import SCALE_RANGE, Matrix, Placement
@@ -87,7 +87,7 @@ class Screens:
         pygame = self._pygame
         if pygame is None:
             return
-        sizes = sizes_of(pygame)
+        sizes = pygame.display.get_desktop_sizes()
         if monitor is None:
             self._windows[name] = pygame.Window(name, window_size(size, sizes[0]))
             return

@@ -283,7 +283,7 @@ def _remove_lines_of_the_dead(place: Path) -> None:
 def _wait(process: subprocess.Popen[str], ready: Path) -> str:
     """Wait for the ready file; return its URL."""
     until = time.monotonic() + START_SECONDS
-    with interrupts.held() as ended:
+    with interrupts.hold_signals() as ended:
         while not ready.exists() and process.poll() is None and not ended and time.monotonic() < until:
             time.sleep(0.01)
     if ready.exists():
