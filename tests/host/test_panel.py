@@ -428,7 +428,7 @@ def test_a_layout_keeps_the_mean(layout):
     n = 240
     u, v = np.meshgrid((np.arange(n * made.columns) + 0.5) / n, (np.arange(n * made.rows) + 0.5) / n)
     light = [np.float64(0.9), np.float64(0.5), np.float64(0.3)]
-    parts, total = made.shown(light, min(light)), np.zeros(3)
+    parts, total = made.split_light(light, min(light)), np.zeros(3)
     for k, gain, inside in made.emitters(NumpyBackend(), u, v):
         total[[k] if k < 3 else [0, 1, 2]] += gain * parts[k] * inside.mean()
     np.testing.assert_allclose(total, light, rtol=1e-9)

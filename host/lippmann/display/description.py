@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 from lippmann.base import toml
 from lippmann.base.toml import Checked, documented, key, variant
 from lippmann.base.tones import MAX_PAIRS, Curve, curve_of
-from lippmann.display.glass import DESIGN_WAVELENGTH_NM, SELLMEIER, index_of
+from lippmann.display.glass import SELLMEIER, index_of
 from lippmann.display.subpixels import Subpixel, layout_of
 from lippmann.errors import InputError, input_error, path_of
 
@@ -30,17 +30,17 @@ TransferName = Literal["srgb", "linear", "gamma2.2"]
 Pair = tuple[float, float]
 
 MM_PER_INCH = 25.4
-#: Least viewing distance, in focal lengths of the lenslets or in distances D to the panel, whichever is longer.
+#: Minimum viewing distance, in focal lengths or in distances D to the panel, whichever is longer.
 NEAREST_EYE = 4.0
-#: Largest ratio of an array's pitches: beyond it cells are slits, not lenslets.
+#: Maximum ratio of an array's pitches; beyond it cells are slits, not lenslets.
 MAX_PITCH_RATIO = 4.0
-#: Largest extent of an array, in diagonals of the panel.
+#: Maximum extent of an array, in diagonals of the panel.
 MAX_EXTENT = 100.0
 #: Keys of a panel that affect no ray.
 TONES = ("bits", "transfer", "white_cd_m2", "black_cd_m2")
-#: Largest side of a panel, px: the largest that picture files and 16-bit indices can hold.
+#: Maximum side of a panel, px: the limit of picture files and 16-bit indices.
 MAX_SIDE_PX = 65535
-#: Smallest and largest length in a file, mm: far beyond what can be built, yet squares and quotients do not overflow.
+#: Minimum and maximum length in a file, mm: squares and quotients do not overflow.
 MIN_LENGTH_MM, MAX_LENGTH_MM = 1e-9, 1e12
 Length = Annotated[float, key("", low=MIN_LENGTH_MM, high=MAX_LENGTH_MM)]
 Gap = Annotated[float, key("", low=0.0, high=MAX_LENGTH_MM)]
@@ -50,7 +50,6 @@ Shear = Annotated[float, key("shift of the rows along x, as a share of their hei
 _EXTENT = "width along the rows and height across them of the area with lenslets, about `offset_mm`"
 Extent = Annotated[LengthPair | None, key(_EXTENT, default="none: lenslets everywhere")]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
-ViewingDistance = Length | None
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
 Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
@@ -82,23 +81,22 @@ class Panel(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys and their values, without those that were left out and have no default."""
+        """The keys and their values, without those that have no value."""
         return {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
 
     @property
     def black(self) -> float:
-        """Light of a black pixel, as a share of white's."""
+        """Light of a black pixel, as a fraction of white's."""
         return (self.black_cd_m2 or 0.0) / (self.white_cd_m2 or 1.0)
 
     @property
     def pitches_mm(self) -> Pair:
         """Pixel pitches in x and y, mm."""
-        pitch = self.pixel_pitch_mm
-        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+        return both_pitches(self.pixel_pitch_mm)
 
     @property
     def coarsest_mm(self) -> float:
-        """The larger one of the pixel pitches, mm, which limits depth range and resolution."""
+        """The larger pixel pitch, mm, which limits depth range and resolution."""
         return max(self.pitches_mm)
 
     @property
@@ -112,7 +110,7 @@ class Panel(Checked):
         return self.height_px * self.pitches_mm[1]
 
     def with_columns(self, width_px: int) -> Panel:
-        """Return a panel of the same size in mm with another number of columns, and with rows to match."""
+        """Return a panel of the same size in mm with another number of columns and corresponding rows."""
         height_px = max(1, round(width_px * self.height_px / self.width_px))
         x, y = (self.width_px * side / width_px for side in self.pitches_mm)
         pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
@@ -145,19 +143,14 @@ class Array(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys and their values, without those that were left out or say what holds without them."""
-        fields = dataclasses.asdict(self)
-        if self.shear == 0.0:
-            del fields["shear"]
-        if self.extent_mm is None:
-            del fields["extent_mm"]
-        return fields
+        """The keys and their values, without `shear` and `extent_mm` where they have their defaults."""
+        defaults = {"shear": 0.0, "extent_mm": None}
+        return {key: value for key, value in dataclasses.asdict(self).items() if defaults.get(key, ...) != value}
 
     @property
     def pitches_mm(self) -> Pair:
-        """Pitch px of the lenslets of a row, and the pitch py that the rows' distance follows from, mm."""
-        pitch = self.pitch_mm
-        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+        """Pitch px along a row, and the pitch py that gives the distance of rows, mm."""
+        return both_pitches(self.pitch_mm)
 
     @property
     def finest_mm(self) -> float:
@@ -170,18 +163,18 @@ class Array(Checked):
         return max(self.pitches_mm)
 
     def pitch_of(self, along_mm: float) -> float | tuple[float, ...]:
-        """Return the key `pitch_mm` of the array stretched so far that the lenslets of a row are `along_mm` apart."""
+        """Return the key `pitch_mm` of the array, scaled to a pitch of `along_mm` along a row."""
         pitch = self.pitch_mm
         return (along_mm, pitch[1] * (along_mm / pitch[0])) if isinstance(pitch, tuple) else along_mm
 
     @property
     def regular(self) -> bool:
-        """Whether the lattice is the regular one: a single pitch, no shear."""
+        """Whether the lattice has a single pitch and no shear."""
         return self.shear == 0.0 and self.pitches_mm[0] == self.pitches_mm[1]
 
     @property
     def half_diagonal_mm(self) -> float:
-        """Centre of a cell to its farthest corner, mm."""
+        """Distance from the centre of a cell to its farthest corner, mm."""
         px, py = self.pitches_mm
         if self.regular:
             return px / (math.sqrt(2.0) if self.grid == "square" else math.sqrt(3.0))
@@ -198,10 +191,10 @@ class Array(Checked):
 
     @property
     def half_steps(self) -> tuple[int, int] | None:
-        """The farthest lenslets within the extent, in half steps along a row and in half rows; None without an extent.
+        """The maximum steps of lenslets within the extent, in halves of a pitch and of a row; None without an extent.
 
-        Lenslet (i, j) is there when its steps 2 i, hexagonal 2 i + j, and 2 j are no farther from 0 than these. An
-        extent that ends on a centre, but for rounding, includes that lenslet.
+        The steps of lenslet (i, j) are 2 i, hexagonal 2 i + j, and 2 j. An extent that ends on a centre includes that
+        lenslet, within rounding error.
         """
         if self.extent_mm is None:
             return None
@@ -212,14 +205,14 @@ class Array(Checked):
     @property
     def flat_distance_mm(self) -> float:
         """Distance d from the sphere's centre to the rims' plane, mm (paper, equations 3 and 4)."""
-        # Factored, since R^2 - rho^2 loses digits where a lenslet is nearly a hemisphere.
+        # Factored: R^2 - rho^2 loses digits where a lenslet is nearly a hemisphere.
         rho = self.half_diagonal_mm
         return math.sqrt((self.radius_mm - rho) * (self.radius_mm + rho))
 
     @property
     def sag_mm(self) -> float:
         """Depth of the dome from its vertex to the cell's corners, mm."""
-        # rho^2 / (R + d) equals R - d without the cancellation of a nearly flat lens.
+        # R - d, without the cancellation for a nearly flat lens.
         return self.half_diagonal_mm**2 / (self.radius_mm + self.flat_distance_mm)
 
     @property
@@ -237,7 +230,7 @@ class Display(Checked):
     panel: Panel
     array: Array
     gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0 in contact")]
-    viewing_distance_mm: Annotated[ViewingDistance, key(_CONVERGES, default="none: the eye is far away")] = None
+    viewing_distance_mm: Annotated[Length | None, key(_CONVERGES, default="none: the eye is far away")] = None
     viewing_axis_mm: Annotated[Pair, key("point of the panel that this eye is in front of, from the centre")] = (
         0.0,
         0.0,
@@ -245,13 +238,13 @@ class Display(Checked):
 
     @property
     def convergence(self) -> float:
-        """D / E, the share by which elemental images are farther apart than lenslets; 0 without a viewing distance."""
+        """D / E: elemental images have 1 + D / E times the pitch of lenslets; 0 without a viewing distance."""
         distance = self.viewing_distance_mm
         return 0.0 if distance is None else self.aperture_distance_mm / distance
 
     @property
     def nearest_eye_mm(self) -> float:
-        """Least viewing distance, mm. A nearer eye is within the lenslets' focal zone."""
+        """Minimum viewing distance, mm; a nearer eye is within the lenslets' focal zone."""
         return NEAREST_EYE * max(self.array.focal_length_mm, self.aperture_distance_mm)
 
     @property
@@ -263,11 +256,11 @@ class Display(Checked):
 
     @cached_property
     def identity(self) -> str:
-        """Hash of the optical part, 16 hexadecimal digits; images carry it to name the display that they fit."""
+        """Hash of the optical part, 16 hexadecimal digits, which an image carries for the display that it fits."""
         array = self.array.keys
         panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
-            # The glass gives the index, so that a display has the same identity at every wavelength.
+            # A display has the same identity at every wavelength.
             del array["index"]
         optical: dict[str, object] = {"panel": panel, "array": array, "gap_mm": self.gap_mm}
         if self.viewing_distance_mm is not None:
@@ -276,9 +269,9 @@ class Display(Checked):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def at_wavelength(self, wavelength_nm: float) -> Display:
-        """Return this display with the index that its glass has at a wavelength (nm).
+        """Return this display with its glass's index at a wavelength (nm).
 
-        Raises InputError when the array has an index and no glass, and for a wavelength out of range.
+        Raises InputError for an array without a glass, and for a wavelength out of range.
         """
         if self.array.glass is None:
             raise InputError(
@@ -293,9 +286,9 @@ class Display(Checked):
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
-        """Return the display as built: the array turned, moved, lifted and stretched by the given errors.
+        """Return the display as built: the array rotated, moved, lifted and scaled by these errors.
 
-        Raises InputError when the result cannot be built, for example when the gap becomes negative.
+        Raises InputError for a wrong value, or when the result cannot be built, such as with a negative gap.
         """
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
@@ -308,7 +301,7 @@ class Display(Checked):
             extent_mm=None if extent is None else tuple(side * scale for side in extent),
         )
         if scale > 1.0:
-            # Stretched lenslets have deeper domes. The thinnest lenslets become thicker, so that the glass holds them.
+            # Larger lenslets have deeper domes: the thickness becomes at least the sag.
             check_radius(moved, f"{where}array.radius_mm")
             moved = replace(moved, thickness_mm=max(moved.thickness_mm, moved.sag_mm))
         built_gap_mm = self.gap_mm + errors.gap_mm
@@ -321,7 +314,7 @@ class Display(Checked):
 
 @dataclass(frozen=True)
 class Misalignment(Checked):
-    """The errors of a display as built (parameters of `Display.misaligned`)."""
+    """The parameters of `Display.misaligned`, checked."""
 
     rotation_deg: float
     offset_mm: Pair
@@ -332,13 +325,13 @@ class Misalignment(Checked):
 def load_display(path: str | Path) -> Display:
     """Read a display file.
 
-    Raises InputError, with file, key and remedy, for a key that is missing or unknown, or a value that cannot be built.
+    Raises InputError (file, key, remedy) for a missing or unknown key, or a value that cannot be built.
     """
     return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
 
 
 def display_at(display: str | Path | Display) -> Display:
-    """Return a display, which is read when it is given as the path of its file."""
+    """Return a display, read from its file when a path is given."""
     if isinstance(display, Display):
         return display
     if not isinstance(display, str | Path):
@@ -359,15 +352,12 @@ _Dpi = Annotated[Length, key("pixels per inch, 25.4 / `pixel_pitch_mm`", instead
 _Focal = Annotated[Length, key("focal length in air at 587.56 nm", instead_of="radius_mm")]
 _PanelFile = variant(Panel, ("pixel_pitch_mm", "dpi"), dpi=_Dpi)
 _ArrayFile = variant(Array, ("radius_mm", "index", "thickness_mm", "focal_length_mm"), focal_length_mm=_Focal)
-#: A display file: the keys of `Display`, and other ways to give the same numbers.
+#: A display file: the keys of `Display`, and alternative keys.
 DisplayFile = variant(Display, ("name",), panel=_PanelFile, array=_ArrayFile)
 
 
 def display_of(keys: Any, name: str, where: str) -> Display:
-    """Return the display that the keys of a `DisplayFile` describe.
-
-    `name` is its name when the keys give none; `where` goes before a key's name in errors.
-    """
+    """Return the display of a `DisplayFile`'s keys; `name` is the default name, `where` begins errors."""
     panel, array = toml.values(keys.panel), toml.values(keys.array)
     dpi, focal_mm = panel.pop("dpi"), array.pop("focal_length_mm")
     if dpi is not None:
@@ -389,7 +379,11 @@ def display_of(keys: Any, name: str, where: str) -> Display:
         array["radius_mm"] = focal_mm * (array["index"] - 1.0)
     thinnest = array["thickness_mm"] is None
     lenslets = Array(**array | ({"thickness_mm": array["radius_mm"]} if thinnest else {}))
-    check_pitch(lenslets, f"{where}array.pitch_mm")
+    if lenslets.coarsest_mm > MAX_PITCH_RATIO * lenslets.finest_mm:
+        x, y = lenslets.pitches_mm
+        what = f"[{x:g}, {y:g}] is not a lattice of lenslets: one pitch is over {MAX_PITCH_RATIO:g} times the other"
+        mend = "give [px, py]: lenslets px mm apart along a row, rows py mm apart, hexagonal 0.866 py"
+        raise input_error(f"{where}array.pitch_mm", what, mend)
     if thinnest:
         check_radius(lenslets, f"{where}array.radius_mm")
         lenslets = replace(lenslets, thickness_mm=max(lenslets.sag_mm, MIN_LENGTH_MM))
@@ -401,23 +395,28 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     return display
 
 
+def both_pitches(pitch_mm: float | tuple[float, ...]) -> Pair:
+    """Return the pitches in x and y of a pitch key."""
+    return (pitch_mm[0], pitch_mm[1]) if isinstance(pitch_mm, tuple) else (pitch_mm, pitch_mm)
+
+
 def plain_pitch(pitch_mm: float | tuple[float, ...]) -> float | tuple[float, ...]:
-    """Return a pitch of two equal numbers as one, so that both ways of writing have one identity."""
+    """Return two equal pitches as one number, so that both have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 
 
 def index_of_keys(keys: Any, where: str) -> float:
-    """Return the index that `keys.index` gives, or the glass `keys.glass` at the design wavelength."""
+    """Return `keys.index`, or the index of `keys.glass` at the design wavelength."""
     if keys.glass is None:
         return float(keys.index)
     try:
-        return index_of(keys.glass, DESIGN_WAVELENGTH_NM)
+        return index_of(keys.glass)
     except InputError as error:
         raise InputError(f"{where}glass: {error}") from None
 
 
 def display_text(display: Display) -> str:
-    """Return a display as the text of a display file, from which `parse_display` reads the same one."""
+    """Return a display as the text of a display file, the inverse of `parse_display`."""
     top: dict[str, object] = {"name": display.name, "gap_mm": display.gap_mm}
     if display.viewing_distance_mm is not None:
         top |= {"viewing_distance_mm": display.viewing_distance_mm, "viewing_axis_mm": display.viewing_axis_mm}
@@ -426,18 +425,8 @@ def display_text(display: Display) -> str:
     return toml.toml_text({**top, "panel": display.panel.keys, "array": array})
 
 
-def check_pitch(array: Array, where: str) -> None:
-    """Refuse cells that are slits; `where` names the key in errors."""
-    if array.coarsest_mm > MAX_PITCH_RATIO * array.finest_mm:
-        px, py = array.pitches_mm
-        what = f"[{px:g}, {py:g}] is not a lattice of lenslets: one pitch is over {MAX_PITCH_RATIO:g} times the other"
-        raise input_error(
-            where, what, "give [px, py]: lenslets px mm apart along a row, rows py mm apart, hexagonal 0.866 py"
-        )
-
-
 def check_radius(array: Array, where: str) -> None:
-    """Refuse domes that do not span their cells; `where` names the key in errors."""
+    """Refuse domes that do not span their cells; `where` is the key in errors."""
     rho = array.half_diagonal_mm
     if not array.radius_mm >= rho:
         what = f"radius {array.radius_mm:g} mm is too small to span its cell, whose half diagonal is {rho:g} mm"
@@ -445,7 +434,7 @@ def check_radius(array: Array, where: str) -> None:
 
 
 def _check(display: Display, where: str) -> None:
-    """Refuse keys that cannot be built together; `where` goes before a key's name in errors."""
+    """Refuse keys that do not fit together; `where` precedes the key in errors."""
     array, pixel_mm = display.array, display.panel.coarsest_mm
     check_array(array, f"{where}array.")
     if array.finest_mm < 0.1 * pixel_mm and 0.001 * pixel_mm <= array.finest_mm:
@@ -468,22 +457,22 @@ def _check(display: Display, where: str) -> None:
         inside = f"within the lenslets' focal zone, which ends at {nearest:.4g} mm"
         farther = f"a viewing_distance_mm such as {float(f'{1.01 * nearest:.3g}'):g}"
         in_focus = array.focal_length_mm - (display.aperture_distance_mm - gap)
-        # In focus, the eye would be outside: the gap is the mistake.
+        # With the panel in focus, the eye would be outside: the gap is wrong.
         if 0.0 <= in_focus < gap and eye >= NEAREST_EYE * array.focal_length_mm:
             what = f"{gap:g} mm puts the eye at {eye:g} mm {inside}"
             raise input_error(f"{where}gap_mm", what, f"give {in_focus:.4g}, in focus, or {farther}")
-        if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # nobody looks from some millimetres away
+        if 0.1 <= eye <= 10.0 and 1000.0 * eye >= nearest:  # metres, not millimetres
             farther = f"{1000.0 * eye:g}, if {eye:g} m are meant, or {farther}"
         raise input_error(f"{where}viewing_distance_mm", f"{eye:g} mm is {inside}", f"give {farther}")
 
 
 def _check_extent(display: Display, where: str) -> None:
-    """Refuse an extent without a lenslet in front of the panel, or one far larger than the panel."""
+    """Refuse an extent with no lenslet in front of the panel, or one far larger than the panel."""
     array, panel = display.array, display.panel
     width, height = array.extent_mm or (0.0, 0.0)
-    size, least = f"{width:g} x {height:g} mm", (array.pitches_mm[0], array.row_pitch_mm)
-    if width < least[0] or height < least[1]:
-        what = f"{size} holds no lenslet of {least[0]:.4g} x {least[1]:.4g} mm"
+    size, column_mm, row_mm = f"{width:g} x {height:g} mm", array.pitches_mm[0], array.row_pitch_mm
+    if width < column_mm or height < row_mm:
+        what = f"{size} holds no lenslet of {column_mm:.4g} x {row_mm:.4g} mm"
         raise input_error(where, what, "give the width and height of the area with lenslets, mm, or leave it out")
     if max(width, height) > MAX_EXTENT * math.hypot(panel.width_mm, panel.height_mm):
         what = f"{size} is over {MAX_EXTENT:g} times the panel, {panel.width_mm:.4g} x {panel.height_mm:.4g} mm"
@@ -495,17 +484,17 @@ def _check_extent(display: Display, where: str) -> None:
     columns = (c * array.shear - s, s * array.shear + c)
     reach = array.half_diagonal_mm
     for ax, ay in ((1.0, 0.0), (0.0, 1.0), (-rows[1], rows[0]), (-columns[1], columns[0])):
-        here = 0.5 * (abs(ax) * panel.width_mm + abs(ay) * panel.height_mm)
-        there = 0.5 * (abs(ax * rows[0] + ay * rows[1]) * width + abs(ax * columns[0] + ay * columns[1]) * height)
-        if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > here + there + reach * math.hypot(ax, ay):
+        to_edge = 0.5 * (abs(ax) * panel.width_mm + abs(ay) * panel.height_mm)
+        half = 0.5 * (abs(ax * rows[0] + ay * rows[1]) * width + abs(ax * columns[0] + ay * columns[1]) * height)
+        if abs(ax * array.offset_mm[0] + ay * array.offset_mm[1]) > to_edge + half + reach * math.hypot(ax, ay):
             what = f"{size} at offset_mm {list(array.offset_mm)} leaves no lenslet in front of the panel"
             raise input_error(where, what, "bring array.offset_mm nearer to the panel, or raise extent_mm")
 
 
 def check_array(array: Array, where: str) -> None:
-    """Refuse lenslets that cannot be built; `where` goes before a key's name in errors."""
+    """Refuse lenslets that cannot be built; `where` precedes the key in errors."""
     check_radius(array, f"{where}radius_mm")
-    # A thickness that was typed as the sag with 15 digits may be rounded to slightly less.
+    # Allows for the rounding of a sag with 15 digits.
     if array.thickness_mm < array.sag_mm * (1.0 - 1e-12):
         what = f"{array.thickness_mm:g} mm is below the sag of the dome, {array.sag_mm:.6g} mm"
         remedy = "make it at least the sag, or leave it out for the thinnest lenslet"

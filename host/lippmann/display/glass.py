@@ -1,4 +1,4 @@
-"""Refractive index of the glasses that lenslets are made of.
+"""Refractive index of the glasses of lenslets.
 
 Each glass is a Sellmeier formula n^2 - 1 = sum B w^2 / (w^2 - C), w the vacuum wavelength in micrometres:
 
@@ -13,10 +13,10 @@ import math
 
 from lippmann.errors import InputError, did_you_mean
 
-#: Helium d line, the wavelength at which a display file states its focal length (nm).
+#: Helium d line, the wavelength of a display file's focal length, nm.
 DESIGN_WAVELENGTH_NM = 587.5618
 
-#: Wavelengths that are accepted (nm). The plastics were measured from 436.8 nm up; below, their fits extrapolate.
+#: Accepted wavelengths, nm. The plastics were measured from 436.8 nm up; below, their fits extrapolate.
 WAVELENGTH_RANGE_NM = (380.0, 1060.0)
 
 #: Name -> pairs (B, C in square micrometres).
@@ -30,12 +30,11 @@ SELLMEIER: dict[str, tuple[tuple[float, float], ...]] = {
 
 
 def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
-    """Return the refractive index of a glass (a name of `SELLMEIER`, in upper or lower case) at a vacuum wavelength.
+    """Return the refractive index of a glass of `SELLMEIER` (upper or lower case) at a vacuum wavelength.
 
-    Raises InputError for an unknown glass, and for a wavelength outside the published range.
+    Raises InputError for an unknown glass, and for a wavelength outside `WAVELENGTH_RANGE_NM`.
     """
-    by_folded_name = {name.casefold(): terms for name, terms in SELLMEIER.items()}
-    terms = by_folded_name.get(glass.casefold())
+    terms = {name.casefold(): terms for name, terms in SELLMEIER.items()}.get(glass.casefold())
     if terms is None:
         likely = did_you_mean(glass, SELLMEIER)
         raise InputError(f"unknown glass '{glass}'; {likely or 'choose from ' + ', '.join(SELLMEIER)} (or give index)")

@@ -1,4 +1,4 @@
-"""Sub-pixels: where in a pixel each colour is emitted, and where a colour is shown that a pixel lacks."""
+"""Sub-pixels: where a pixel emits each colour, or where another pixel does if it lacks the colour."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from typing import Any, Literal, NamedTuple
 from lippmann.errors import InputError
 
 Colour = Literal["red", "green", "blue", "white"]
-#: Numbers of a library of arrays, or the library: numpy or Dr.Jit.
+#: An array of numpy or Dr.Jit, or that library.
 Numbers = Any
 COLOURS: tuple[Colour, ...] = ("red", "green", "blue", "white")
 #: Colour; centre, to the right and upward from the first pixel's centre; width and height; all in pixels.
 Subpixel = tuple[Colour, float, float, float, float]
-#: Most pixels across, and most pixels down, after which a layout repeats.
+#: Maximum period of a layout along x and y, pixels.
 MAX_PERIOD = 16
-#: Error of a coordinate in a file, by rounding, that is accepted, pixels.
+#: Accepted rounding error of a coordinate in a file, pixels.
 ROUNDING = 1e-6
 
 
 def _row(order: str, column: int = 0, row: int = 0) -> tuple[Subpixel, ...]:
-    """Return the stripes of a pixel from left to right; `order` holds the first letters of their colours."""
+    """Return the stripes of a pixel from left to right; `order` has the first letters of their colours."""
     names, n = {name[0]: name for name in COLOURS}, len(order)
     places = [column + (2 * k + 1 - n) / (2 * n) for k in range(n)]
     return tuple((names[letter], x, -float(row), 1.0 / n, 1.0) for letter, x in zip(order, places, strict=True))
 
 
-#: The layouts that have a name. In pentile, pixels of red and green alternate with pixels of blue and green.
+#: Layouts by name. In pentile, pixels of red and green alternate with pixels of blue and green.
 LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
     **{order: _row(order) for order in ("rgb", "bgr", "rgbw")},
     "pentile": (*_row("rg"), *_row("bg", 1), *_row("bg", 0, 1), *_row("rg", 1, 1)),
@@ -37,7 +37,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle of the panel, in pixels: its centre from a pixel's centre (u right, v down), its width and height."""
+    """A rectangle, in pixels: its centre relative to a pixel's centre (u right, v down), its width and height."""
 
     u: float
     v: float
@@ -47,43 +47,40 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """The sub-pixels of a panel, which repeat after some columns and rows of pixels."""
+    """The sub-pixels of a panel, with a period of some columns and rows of pixels."""
 
     subpixels: tuple[Subpixel, ...]
     columns: int
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return how much brighter a sub-pixel is than its pixel: the panel's area over the area of that colour."""
+        """Return the brightness of a sub-pixel over its pixel's: the panel's area over that of the colour."""
         return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
 
     def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
         """Yield each sub-pixel's colour (an index of `COLOURS`), its gain, and which pixel coordinates lie inside."""
         tile_u = u - self.columns * b.floor(u / self.columns)
         tile_v = v - self.rows * b.floor(v / self.rows)
-        for colour, left, top, right, bottom in self.edges():
-            inside = (tile_u >= left) & (tile_u < right) & (tile_v >= top) & (tile_v < bottom)
+        for colour, u_min, v_min, u_max, v_max in self.edges():
+            inside = (tile_u >= u_min) & (tile_u < u_max) & (tile_v >= v_min) & (tile_v < v_max)
             yield COLOURS.index(colour), self.gain(colour), inside
 
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
         """Yield colour, left, top, right and bottom of each sub-pixel, pixels from the top left of the first pixel."""
         for colour, x, y, w, h in self.subpixels:
             # Rounded, so that neighbours share an edge.
-            left, right = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
-            top, bottom = (round(0.5 - y + side * h, 12) for side in (-0.5, 0.5))
-            yield colour, left, top, right, bottom
+            u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))
+            v_min, v_max = (round(0.5 - y + side * h, 12) for side in (-0.5, 0.5))
+            yield colour, u_min, v_min, u_max, v_max
 
-    def shown(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
-        """Return what red, green, blue and white sub-pixels emit of a pixel's light; `darkest` is its least value.
-
-        A white sub-pixel emits what the three colours have in common, and the other sub-pixels emit the rest.
-        """
+    def split_light(self, light: Sequence[Numbers], darkest: Numbers) -> list[Numbers]:
+        """Return the light of red, green, blue and white sub-pixels; white emits `darkest`, the minimum of `light`."""
         if "white" not in (colour for colour, *_ in self.subpixels):
             return list(light)
         return [*(colour - darkest for colour in light), darkest]
 
     def boxes(self, colour: Colour) -> list[Box]:
-        """Return where each pixel of the layout, row by row, shows a colour: its own sub-pixel, else the nearest."""
+        """Return a colour's place for each pixel of the layout, row by row: its own sub-pixel, else the nearest."""
         own = [sub for sub in self.subpixels if sub[0] == colour]
         boxes = []
         for number in range(self.columns * self.rows):
@@ -105,7 +102,7 @@ def _pixel_of(subpixel: Subpixel) -> tuple[int, int]:
 
 
 def layout_of(subpixels: str | tuple[Subpixel, ...]) -> Layout | None:
-    """Return the layout for a name or a table, None for "none". Raises InputError for a table that cannot be built."""
+    """Return the layout for a name or a table, None for "none"; InputError for a table that cannot be built."""
     if subpixels == "none":
         return None
     table = LAYOUTS[subpixels] if isinstance(subpixels, str) else subpixels

@@ -169,7 +169,7 @@ def _emitted_light(b: DrJitBackend, panel: Panel, look_up: LookUp, hits: PixelHi
     if layout is None:
         return colour
     # A sub-pixel emits its colour from a part of the panel, so much brighter; white emits all three.
-    parts = layout.shown(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
+    parts = layout.split_light(colour, dr.minimum(colour[0], dr.minimum(colour[1], colour[2])))
     colour = [mi.Float(0.0)] * 3
     for k, gain, inside in layout.emitters(b, hits.u, hits.v):
         for c in (k,) if k < 3 else range(3):

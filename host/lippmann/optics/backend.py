@@ -1,9 +1,8 @@
-"""The few array operations that the optics need, for numpy (golden) and Dr.Jit (fast).
+"""The array operations of the optics, for numpy (golden) and Dr.Jit (fast).
 
-There are two real formats: `double` for coordinates that span the whole panel, and `real`, the engine's own, for
-everything lens-local. In the golden engine both are float64. In the fast engine `real` is float32, which resolves
-0.05 nm inside a lenslet but only 30 nm across a 700 mm panel. From a capture's imaging lens on, rays are `real` as
-well: they reach an object a metre away with less than 1 micrometre of error.
+Coordinates across the panel are `double`; lens-local numbers are `real`, the engine's own format. In the fast engine
+`real` is float32, which resolves 0.05 nm inside a lenslet but only 30 nm across a 700 mm panel. Rays behind a capture's
+imaging lens are `real` too: their error at an object 1 m away is below 1 micrometre.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-#: An array of the backend at hand: numpy.ndarray, or a Dr.Jit array type. All arrays of a call have one length.
+#: An array of the backend. All arrays of a call have one length.
 Arr = Any
 State = tuple[Arr, ...]
 Operation = Callable[..., Arr]
@@ -22,9 +21,9 @@ Trace = Callable[..., State]
 
 
 class Backend:
-    """The operations that the optics take from an array library, on arrays of one length."""
+    """The operations of an array library, on arrays of one length."""
 
-    #: Cast to the engine's own floating-point format, to float64, and from whole numbers to signed integers.
+    #: Cast to the engine's floating-point format, to float64, and from whole numbers to signed integers.
     real: Operation
     double: Operation
     integer: Operation
@@ -34,18 +33,15 @@ class Backend:
     absolute: Operation
     maximum: Operation
     minimum: Operation
-    #: Choose element by element: where(condition, yes, no).
+    #: Choose by element: where(condition, yes, no).
     where: Operation
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
-        """Repeat `state = body(*state)` for the elements where `active(*state)` holds, until it holds nowhere."""
+        """Repeat `state = body(*state)` for the elements where `active(*state)` is true, until none is."""
         raise NotImplementedError
 
     def refine(self, mask: Arr, trace: Trace, inputs: State, coarse: State) -> State:
-        """Return `coarse` with the elements under `mask` replaced by `trace(backend, *inputs)` in double precision.
-
-        `inputs` are double. A backend that computes in double precision anyway returns `coarse`.
-        """
+        """Replace elements under `mask` by `trace(backend, *inputs)` in double precision, unless `coarse` has it."""
         return coarse
 
 
@@ -59,7 +55,7 @@ class NumpyBackend(Backend):
         self.maximum, self.minimum, self.where = np.maximum, np.minimum, np.where
 
     def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
-        # Works on the active elements only: they are few, and the others must not change.
+        # Only the active elements are computed: they are few, and the others must not change.
         index = np.flatnonzero(active(*state))
         if index.size:
             state = tuple(np.array(x) for x in state)

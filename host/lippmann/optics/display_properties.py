@@ -1,4 +1,4 @@
-"""The numbers that follow from a display file, each with its formula; `lippmann inspect` prints them."""
+"""The numbers that follow from a display file; `lippmann inspect` prints them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from lippmann.optics.zones import Zone, middle_eye, remedy, sees_all, status_sha
 
 #: Distances of the eyes in the table of views, in viewing distances.
 DISTANCES = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
-#: A beat between lenslets and pixels is visible as moire when it is longer than this many lenslets ...
+#: A beat between lenslets and pixels is visible as moire if it is longer than this many lenslets ...
 MOIRE_FROM_LENSLETS = 4.0
-#: ... and an elemental image has fewer pixels than this: beyond, the contrast is too low.
+#: ... and an elemental image has fewer pixels than this, for enough contrast.
 MOIRE_BELOW_PIXELS = 60.0
-#: A lattice turned by less than this counts as parallel to the pixels, degrees.
+#: Maximum rotation of a lattice that counts as parallel to the pixels, degrees.
 PARALLEL_DEG = 0.05
-#: Who gives a viewing distance beyond this has not meant millimetres, or needs none.
+#: A viewing distance beyond this is probably not in millimetres, or has no effect.
 FAR_MM = 100_000.0
 
 Lenslets = tuple[int, int, int]
@@ -38,10 +38,7 @@ _DEPTHS = (
 @documented
 @dataclass(frozen=True)
 class DisplayProperties:
-    """The numbers that follow from a display file.
-
-    Those of a lenslet, from its radius to its focal length, are by equations 2 to 4 of the paper.
-    """
+    """The numbers that follow from a display file; radius to focal length by equations 2 to 4 of the paper."""
 
     radius_mm: float
     sag_mm: float
@@ -86,7 +83,7 @@ class EyeView:
 
 
 def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -> list[EyeView]:
-    """Return what eyes before a display see of it, each by itself; InputError for one that is not before it."""
+    """Return what each eye sees of a display; InputError for an eye that is not in front of it."""
     pitch, distance = display.array.finest_mm, display.aperture_distance_mm
     shares = [status_share(display, eye) for eye in eyes_mm]
     reach, step = pitch * distance / display.panel.coarsest_mm, display.panel.coarsest_mm / distance
@@ -102,7 +99,7 @@ def eye_views(display: Display, eyes_mm: Sequence[tuple[float, float, float]]) -
 
 
 def axis_text(display: Display) -> str:
-    """Return whose axis the angles of viewing and of crosstalk are measured from."""
+    """Return the axis of the viewing and crosstalk angles in words."""
     if display.viewing_distance_mm is None:
         return "a lenslet's axis"
     x, y = display.viewing_axis_mm
@@ -110,7 +107,7 @@ def axis_text(display: Display) -> str:
 
 
 def percent(share: float, sampled: bool = False) -> str:
-    """Return a share in per cent; one that is not 0, or that was `sampled` and may be more, does not look like 0."""
+    """Return a fraction in per cent; a small one, if not 0 or if `sampled`, as "< 0.1 %"."""
     return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 
@@ -127,7 +124,7 @@ def display_properties(display: Display) -> DisplayProperties:
     half_field_deg = math.degrees(math.atan2(0.5 * image, distance))
     (zone,) = zones(display, [viewing_distance(display)])
     vergence = 1.0 / array.focal_length_mm - 1.0 / distance
-    # In focus, but for rounding: the image is at infinity.
+    # In focus, within rounding error: the image is at infinity.
     in_focus = abs(vergence) * distance < 1e-12
     in_glass = array.thickness_mm / array.index if array.plano_side == "panel" else 0.0
     return DisplayProperties(
@@ -155,22 +152,22 @@ def display_properties(display: Display) -> DisplayProperties:
 
 
 def depth_reach_mm(display: Display) -> Pair:
-    """Return the farthest and the nearest depth at which a pixel's beam is at most as wide as a lenslet, mm."""
+    """Return the farthest and nearest depth at which a pixel's beam is at most as wide as a lenslet, mm."""
     reach = display.array.finest_mm * display.aperture_distance_mm / display.panel.coarsest_mm
     return -reach, reach
 
 
 def _lenslets(display: Display) -> Lenslets:
-    """Return the number of lenslets across, down and in all: before the panel, and within the array's extent."""
+    """Return the number of lenslets in front of the panel, within the extent: across, down and in all."""
     panel, array = display.panel, display.array
-    # 1e-9 forgives the rounding of a panel that is a whole number of lenslets wide.
+    # 1e-9 allows for the rounding error of a panel that is a whole number of lenslets wide.
     across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
     down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
     if array.half_steps is None:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a lenslet in the middle; on a hexagonal lattice the next rows have two beside the middle.
+    # The middle row has a lenslet in the middle; the next rows of a hexagonal lattice have one on each side of it.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others
@@ -179,16 +176,14 @@ def _lenslets(display: Display) -> Lenslets:
 def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[float, float]:
     """Return the periods of the beats of pixel columns and of pixel rows with the lenslets, in lenslet pitches.
 
-    An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches apart.
-
-    From a lenslet to its neighbour along a lattice vector a, the phase of the pixel columns, of frequency k = (1/p, 0),
-    advances by k . a cycles. Whole cycles are invisible, so the eye sees the longest wave whose frequency f satisfies
-    f . a = k . a modulo 1 for both lattice vectors. The length of f is the distance of k from the reciprocal lattice.
-    The period is infinite where each lenslet has the same phase.
+    An eye at a distance z looks through neighbouring lenslets at points 1 + D/z pitches apart. The phase of the pixel
+    columns, of frequency k = (1/p, 0), advances by k . a cycles along a lattice vector a. The eye sees the longest wave
+    whose frequency f satisfies f . a = k . a modulo 1 for both lattice vectors: |f| is the distance of k from the
+    reciprocal lattice. The period is infinite if each lenslet has the same phase.
     """
     lattice, frame = System.of(display).lattice, PanelFrame.of(display)
     pitch_mm = lattice.pitches_mm[0]
-    # In lenslet pitches; the second from the first, and the area of the two.
+    # The lattice vectors in lenslet pitches, and the area between them.
     step, row = (tuple(c / pitch_mm for c in lattice.centre(*lenslet)) for lenslet in ((1, 0), (0, 1)))
     area = step[0] * row[1]
 
@@ -207,7 +202,7 @@ def beats_in_lenslets(display: Display, distance_mm: float = math.inf) -> tuple[
 
 
 def visible_moire(display: Display, distance_mm: float) -> float | None:
-    """Return the longest period of a visible beat in lenslets; None without one."""
+    """Return the longest period of a visible beat in lenslets, or None."""
     panel, pitch = display.panel, display.array.pitches_mm[0]
     widest = max(panel.width_mm, panel.height_mm) / pitch
     beats = [beat for beat in beats_in_lenslets(display, distance_mm) if MOIRE_FROM_LENSLETS < beat < widest]
@@ -236,7 +231,7 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
             f"moire: to an eye at {distance:g} mm, pixels and lenslets beat every {moire * px:.3g} mm; change the "
             "pitch of either, or the angle of the array by some degrees"
         )
-    # Stripes along a row of lenslets or across it: every 90 degrees, on a hexagonal lattice every 30.
+    # Stripes are along or across a row of lenslets every 90 degrees, on a hexagonal lattice every 30.
     symmetry_deg = 30.0 if array.grid == "hex" else 90.0
     if panel.subpixels != "none" and abs(math.remainder(array.rotation_deg, symmetry_deg)) <= PARALLEL_DEG:
         kind = "stripes" if panel.subpixels in ("rgb", "bgr") else "sub-pixels"
@@ -259,7 +254,7 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
 
 
 def _eye_warnings(display: Display, zone: Zone | None) -> list[str]:
-    """Return warnings of the eye's place and of what it sees, from the zone at its distance."""
+    """Return warnings of the eye's position and view; `zone` is that at its distance."""
     panel, distance, texts = display.panel, viewing_distance(display), []
     off_panel = [
         abs(at) > 0.5 * side

@@ -1,8 +1,8 @@
-"""Step 2 of a ray: the lenslet that a point belongs to, and the point's position inside that lenslet.
+"""Step 2 of a ray: the lenslet of a point, and the point's position inside that lenslet.
 
-The centre of lenslet (i, j) of the regular lattice of pitch 1 is at (X, Y) = (i, j) on the square grid, at
-(i + j/2, j sqrt(3)/2) on the hexagonal one. A cell is half-open, -1/2 <= q < 1/2 along each of its axes, so that every
-point of the plane has exactly one owner. The array's lattice is an affine image of it, cells included:
+On the regular lattice of pitch 1, the centre of lenslet (i, j) is at (X, Y) = (i, j), hexagonal (i + j/2, j sqrt(3)/2).
+A cell is half-open, -1/2 <= q < 1/2 along each of its axes, so that each point belongs to exactly one lenslet. The
+array's lattice is an affine image of it, cells included:
 
     y = py Y,   x = px X + shear y.
 """
@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.display.description import Array, Grid, Pair
+from lippmann.display.description import Array, Grid, Pair, both_pitches
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.rays import Indices
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
 
-#: Step in (i, j) to the neighbour across the side of a cell that each of `Lattice.axes` crosses.
+#: Step in (i, j) to the neighbour along each of `Lattice.axes`.
 STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
     "square": ((1, 0), (0, 1)),
     "hex": ((1, 0), (0, 1), (-1, 1)),
@@ -29,9 +29,9 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """Square or hexagonal lattice with the pitches px and py (mm) and a shear, in the array's frame.
+    """A square or hexagonal lattice with the pitches px and py (mm) and a shear, in the array's frame.
 
-    `half_sqrt3` is sqrt(3)/2 in the precision of the coordinates; `half_steps` as in `Array`: where the lenslets end.
+    `half_sqrt3` is sqrt(3)/2 in the coordinates' precision; `half_steps` as in `Array`.
     """
 
     grid: Grid
@@ -48,26 +48,24 @@ class Lattice:
     @property
     def pitches_mm(self) -> Pair:
         """The pitches px and py, mm."""
-        pitch = self.pitch_mm
-        return (pitch[0], pitch[1]) if isinstance(pitch, tuple) else (pitch, pitch)
+        return both_pitches(self.pitch_mm)
 
     @property
     def half_mm(self) -> float:
-        """Half a cell along each of `axes`, mm: px/2."""
+        """Half a cell along each of `axes`, mm."""
         return 0.5 * self.pitches_mm[0]
 
     @property
     def stepped(self) -> bool:
-        """Whether the sides of cells are not midway between centres, so that domes have steps between them."""
+        """Whether cells' sides are not midway between centres, so that there are steps between domes."""
         px, py = self.pitches_mm
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
     @property
     def axes(self) -> tuple[tuple[float, float], ...]:
-        """Vectors perpendicular to the sides of a cell, one for each pair of opposite sides.
+        """Vectors a perpendicular to the sides of a cell, of length 1 for a regular lattice.
 
-        A point q from the centre is in the cell when each product a . q is in [-px/2, px/2). The vectors of a regular
-        lattice have length 1.
+        A point q from the centre is in the cell when each product a . q is in [-px/2, px/2).
         """
         regular: tuple[tuple[float, float], ...] = (1.0, 0.0), (0.0, 1.0)
         if self.grid == "hex":
@@ -85,50 +83,50 @@ class Lattice:
         return tuple(self.sheared(radius * math.cos(angle), radius * math.sin(angle) * (py / px)) for angle in angles)
 
     def sheared(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Return a point of the lattice without its shear where the shear moves it, mm."""
+        """Return the sheared position of a point of the lattice without shear, mm."""
         return (x + self.shear * y, y) if self.shear else (x, y)
 
     def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
-        """Return the centre of lenslet (i, j), mm, in the floating-point format of `i` and `j`."""
+        """Return the centre of lenslet (i, j), mm, in the format of `i` and `j`."""
         px, py = self.pitches_mm
         if self.grid == "square":
             return self.sheared(i * px, j * py)
         return self.sheared((i + 0.5 * j) * px, j * (self.half_sqrt3 * py))
 
     def present(self, b: Backend, i: Arr, j: Arr) -> Arr:
-        """Tell whether lenslet (i, j) lies within the extent of the array, if it has one (see `Array.half_steps`)."""
+        """Tell whether lenslet (i, j) is within the array's extent (see `Array.half_steps`)."""
         if self.half_steps is None:
             return i < math.inf
         along = 2.0 * i + j if self.grid == "hex" else 2.0 * i
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
     def nearest_within(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Return the points within the extent that are nearest along and across the rows; numpy arrays, mm."""
+        """Return the nearest points within the extent, along and across the rows; numpy arrays, mm."""
         if self.half_steps is None:
             return x, y
         px, py = self.pitches_mm
         row = self.half_sqrt3 * py if self.grid == "hex" else py
-        # Between the middles of the last rows, and of their last lenslets.
+        # Limits: the middles of the last rows, and of their last lenslets.
         along, across = 0.5 * (self.half_steps[0] - 1) * px, (self.half_steps[1] // 2) * row
         y = np.clip(y, -across, across)
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the owner (i, j), whole numbers in x's format, and the point from its centre (mm)."""
+        """Return the lenslet (i, j) of a point, whole numbers in x's format, and the point from its centre, mm."""
         px, py = self.pitches_mm
         along = x - self.shear * y if self.shear else x
         if self.grid == "square":
             i = b.floor(along * (1.0 / px) + 0.5)
             j = b.floor(y * (1.0 / py) + 0.5)
         else:
-            # First the corner (i, j) of the lattice parallelogram that holds the point, then the nearest of its four
-            # corners: the bisectors between them are q = 1/2 and q = 1 along the cell's axes.
+            # First the corner (i, j) of the point's lattice parallelogram, then the nearest of its four corners: the
+            # bisectors between them are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (self.half_sqrt3 * py))
             u = along * (1.0 / px)
             s = u - 0.5 * t
             i, j = b.floor(s), b.floor(t)
             s, t = s - i, t - j
-            # q0 from u, not s + t/2: a column of pixels on an upright edge keeps one owner.
+            # q0 from u, not s + t/2: a column of pixels on an upright edge stays in one lenslet.
             q0, q1 = u - (i + 0.5 * j), 0.5 * s + t
             near = (q0 < 0.5) & (q1 < 0.5)
             far = (q0 >= 1.0) & (q1 >= 1.0)
@@ -142,7 +140,7 @@ class Lattice:
         """Return a point's coordinate along each of the lattice's `axes`."""
 
         def along(ax: float, ay: float) -> Arr:
-            # A point on a side that runs along x or y must not be rounded off it.
+            # A point on a side along x or y must not be rounded off it.
             if (ax, ay) == (1.0, 0.0):
                 return x
             if (ax, ay) == (0.0, 1.0):
@@ -153,38 +151,34 @@ class Lattice:
 
     def holds(self, x: Arr, y: Arr) -> Arr:
         """Tell whether a point, measured from a lenslet's centre, lies in its cell."""
-        half, across = self.half_mm, self.across(x, y)
-        inside = (across[0] >= -half) & (across[0] < half)
-        for q in across[1:]:
-            inside = inside & (q >= -half) & (q < half)
+        inside: Arr = True
+        for q in self.across(x, y):
+            inside = inside & (q >= -self.half_mm) & (q < self.half_mm)
         return inside
 
     def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
-        Return t where it crosses the cell's side (infinite when dx = dy = 0), the step (di, dj) to the neighbour across
-        that side, whole numbers in x's format, and that neighbour's centre from this one's, mm.
+        Return t at the cell's side (infinite when dx = dy = 0), the step (di, dj) to the neighbour behind it, whole
+        numbers in x's format, and that neighbour's centre from this one's, mm.
         """
-        half = self.half_mm
-        t = di = dj = cx = cy = None
+        nearest: tuple[Arr, ...] = ()
         for (ax, ay), (si, sj) in zip(self.axes, STEPS[self.grid], strict=True):
             q, v = ax * x + ay * y, ax * dx + ay * dy
             sign = b.where(v < 0.0, -1.0, 1.0)
             parallel = b.absolute(v) < 1e-30
-            t_k = b.where(parallel, math.inf, (sign * half - q) / b.where(parallel, 1.0, v))
-            nx, ny = (sign * step for step in self.centre(si, sj))
-            if t is None:
-                t, di, dj, cx, cy = t_k, sign * si, sign * sj, nx, ny
-                continue
-            first = t_k < t
-            t = b.where(first, t_k, t)
-            di, dj = b.where(first, sign * si, di), b.where(first, sign * sj, dj)
-            cx, cy = b.where(first, nx, cx), b.where(first, ny, cy)
+            t = b.where(parallel, math.inf, (sign * self.half_mm - q) / b.where(parallel, 1.0, v))
+            side = (t, *(sign * step for step in (si, sj, *self.centre(si, sj))))
+            if nearest:
+                first = t < nearest[0]
+                side = tuple(b.where(first, new, old) for new, old in zip(side, nearest, strict=True))
+            nearest = side
+        t, di, dj, cx, cy = nearest
         return t, (di, dj), (cx, cy)
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the different lenslets (i, j) of pixels (N, 2), ascending (M, 2), and the number of each pixel's (N,)."""
+    """Return the distinct lenslets (i, j) of pixels (N, 2), ascending (M, 2), and the index of each pixel's (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index - low) @ [span, 1]

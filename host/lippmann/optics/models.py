@@ -1,12 +1,11 @@
 """A ray through a lenslet by one of the four models.
 
-The idealised models are `pinhole`, `thin` and `paraxial`. Their slopes are tangents of angles in the x and y sections;
-heights are lens-local, mm.
+The models `pinhole`, `thin` and `paraxial` are ideal: slopes are tangents of angles in the x and y sections, heights
+are lens-local, mm.
 
-The model `exact` obeys Snell's law at both faces, at their true positions. There are four cases: panel to world and
-world to panel, each with the plano side to the panel or to the viewer. Mirrored where needed, domes always bulge to
-+z, so that two kinds of passage are enough: upward, out of the glass through a dome, and downward, into the glass
-through a dome. Plano-concave lenslets are the downward kind with glass and air exchanged.
+The model `exact` obeys Snell's law at both faces. Rays are mirrored where needed so that domes bulge to +z, which gives
+two kinds of passage: upward, out of the glass through a dome, and downward, into the glass through a dome. Plano-concave
+lenslets are the downward kind with glass and air exchanged.
 """
 
 from __future__ import annotations
@@ -30,16 +29,15 @@ from lippmann.optics.faces import (
 from lippmann.optics.rays import Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
-#: Squared cosine below which the fast engine traces a ray again in double precision. float32 turns a ray by about 0.2
-#: microradian over its cosine to the face's normal: above this cosine, by less than 1 microradian.
+#: Squared cosine below which the fast engine traces a ray again in double precision. float32 rotates a ray by about 0.2
+#: microradian over its cosine to the normal, so by less than 1 microradian above this limit.
 GRAZING_SQUARE = 0.15
 
 
 def ray_matrix(system: System) -> npt.NDArray[np.float64]:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
-    Translations by gap and by thickness / n (the slope inside the glass is carried times n), refraction with power
-    1/f at the dome and with none at the flat face (Hecht, Optics, section 6.2, matrix methods).
+    Translations by gap and thickness / n, refraction with power 1/f at the dome (Hecht, Optics, section 6.2).
     """
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
@@ -49,10 +47,10 @@ def ray_matrix(system: System) -> npt.NDArray[np.float64]:
 
 
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
-    """Trace rays from the panel to the world; rays that graze a face, in double precision throughout.
+    """Trace rays from the panel to the world; rays that graze a face, in double precision.
 
-    The panel points (x, y) are local to the lenslet that they belong to, array's axes, mm, double; the points aimed at
-    likewise, None for chief rays.
+    The panel points (x, y) and the aperture points (None: chief rays) are local to the pixel's lenslet, array's axes,
+    mm; (x, y) are double.
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
@@ -73,8 +71,8 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
 def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     """Trace rays from the world to the panel.
 
-    `ray` is local to the lenslet whose cell its point lies in, array's axes, heading for the panel. The point lies in
-    the vertices' plane for `pinhole` and `thin`, on the last face's plane (dome vertices or flat) for the others.
+    `ray` is local to the lenslet of its point's cell, array's axes. The point lies in the vertices' plane for `pinhole`
+    and `thin`, in `System.last_face_mm` for the others.
     """
     return _reach_exact(b, system, ray) if model == "exact" else _reach_ideal(b, system, ray, model)
 
@@ -86,7 +84,7 @@ def _leave_ideal(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
     sx, sy = -x * per_mm, -y * per_mm
     z = 0.0
     if aperture is not None and model != "pinhole":
-        # The lenslet whose cell the aperture point lies in bends the ray.
+        # The lenslet of the aperture point's cell refracts the ray.
         sx, sy = (aperture[0] - x) * per_mm, (aperture[1] - y) * per_mm
         di, dj, hx, hy = system.lattice.locate(b, *aperture)
         cx, cy = aperture[0] - hx, aperture[1] - hy
@@ -122,14 +120,14 @@ def _reach_ideal(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
 
 
 def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
-    """Trace rays from the panel to the world by Snell's law (parameters as in `leave_panel`)."""
+    """Trace rays from the panel to the world by Snell's law."""
     zero = 0.0 * x
     aim_x, aim_y = (zero, zero) if aperture is None else aperture
     towards_x, towards_y = aim_x - x, aim_y - y
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
-    # Point on the array's near plane: the flat face, or the domes' vertices. A pixel of a display for a near eye may be
-    # many lenslets aside, where the last place counts: from the nearer end. Other displays keep the words they had.
+    # Point on the array's near plane, the flat face or the domes' vertices. With a near eye, a pixel may be far aside;
+    # then the nearer end gives the smaller rounding error. Other displays keep their published words.
     share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y
@@ -141,11 +139,11 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
         ray = Ray(near_x, near_y, zero - system.thickness_mm, dx, dy, dz)
         ray, _ = refract_flat(b, ray, 1.0 / system.index)
         if system.concave:
-            # Mirrored, the domes bulge to +z as always, but the glass lies above them and the air below.
+            # Mirrored, the domes bulge to +z, with the glass above and the air below.
             exit_ = _out_of_glass(b, system, mirrored(ray), 0.0, upward=False)
             exit_ = exit_._replace(ray=mirrored(exit_.ray))
         else:
-            # An aimed ray may have left its cell before it comes to the rims' plane.
+            # An aimed ray may leave its cell before the rims' plane.
             exit_ = _out_of_glass(b, system, ray, -system.dome.sag_mm if strays else None)
     else:
         exit_ = _downward(b, system, Ray(near_x, near_y, zero, dx, dy, -dz), strays)
@@ -154,7 +152,7 @@ def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
 
 
 def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
-    """Trace rays from the world to the panel by Snell's law (parameters as in `reach_panel`)."""
+    """Trace rays from the world to the panel by Snell's law."""
     if system.plano_to_panel:
         exit_ = _downward(b, system, ray, strays=False)
         panel_z = -(system.thickness_mm + system.gap_mm)
@@ -170,9 +168,9 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """From the flat face (ray already in the glass) through a dome into the air: above, or below where it is concave.
+    """Trace rays in the glass at the flat face through a dome into the air.
 
-    `plane`: where the ray is told the lenslet that it is over; None: it is still over its own.
+    At the height `plane` a ray becomes local to the lenslet below it; None: it is still in its own cell.
     """
     start = (0.0, 0.0)
     if plane is not None:
@@ -185,7 +183,7 @@ def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upw
 
 
 def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
-    """From the vertices' plane (ray in the air) through a dome and the flat face into the air below."""
+    """Trace rays in the air at the vertices' plane through a dome and the flat face into the air below."""
     start = (0.0, 0.0)
     if strays:
         ray, start = _relocated(b, system, ray)
@@ -197,13 +195,13 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     at_flat = at_flat._replace(dz=inside.dz)
     out, square = refract_flat(b, at_flat, system.index)
     out = Ray(*(b.where(passes, new, old) for new, old in zip(out, inside, strict=True)))
-    # A ray may graze the dome where it enters, or the flat face where it leaves: rounding hurts both alike.
+    # A ray may graze the dome or the flat face: the effect of rounding is the same.
     grazing = b.minimum(square, crossing.cosine * crossing.cosine)
     return _exit(b, out, start, crossing, passes & (square <= 0.0), blocked, grazing)
 
 
 def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, upward: bool) -> tuple[Ray, Arr]:
-    """Refract rays where they meet a dome; one that is lost at a wall between domes keeps its direction."""
+    """Refract rays where they meet a dome; a ray lost at a wall keeps its direction."""
     ray = crossing.ray
     out, square = refract_dome(b, system.dome, ray, crossing.cosine, ratio, upward)
     if system.lattice.stepped:
@@ -212,7 +210,7 @@ def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, 
 
 
 def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr]]:
-    """Make rays local to the lenslet whose cell their points lie in; return the step to that lenslet too."""
+    """Make rays local to the lenslet of their points' cell; return the step to it, too."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j)
 
@@ -220,7 +218,7 @@ def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Ar
 def _exit(
     b: Backend, ray: Ray, start: tuple[Arr, Arr], crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr
 ) -> Exit:
-    """Gather the result of a passage; `start` is the step of the relocation before it."""
+    """Return the result of a passage; `start` is the step of the relocation before it."""
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)
     status = b.where(other, int(Status.CROSSTALK), int(Status.OK))

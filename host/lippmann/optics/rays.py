@@ -1,4 +1,4 @@
-"""Results of a trace (`Rays`, `Hits`, `Status`), and the names of models and engines."""
+"""Results of a trace, and the names of models and engines."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Indices = npt.NDArray[np.int64]
 
 
 class Status(IntEnum):
-    """Fate of a ray; the same numbers in golden, fast, twin and RTL."""
+    """Status of a ray, the same in all engines."""
 
     OK = 0
     MISSED = 1
@@ -34,15 +34,15 @@ class Status(IntEnum):
 
 
 def check_fraction_bits(fraction_bits: int | None, engine: str) -> None:
-    """Refuse a word length for an engine that has none."""
+    """Refuse a word length for golden and fast."""
     if fraction_bits is not None and engine in ("golden", "fast"):
         what = "fraction_bits (--fraction-bits) belongs to the engines twin and rtl"
         raise InputError(f"{what}; leave it out with {engine}")
 
 
 def gets_through(status: Arr) -> Arr:
-    """Tell which rays pass the lenslets: ok and crosstalk. `status` is an array of any backend."""
-    # Plain integers: Dr.Jit does not compare with an IntEnum.
+    """Tell which rays pass the lenslets; `status` is an array of any backend."""
+    # Integers, because Dr.Jit does not compare with an IntEnum.
     return (status == int(Status.OK)) | (status == int(Status.CROSSTALK))
 
 
@@ -60,7 +60,7 @@ class Rays:
 
     @property
     def origin_mm(self) -> Floats:
-        """(N, 3) float64, the origins in the panel frame."""
+        """(N, 3) float64, origins in the panel frame."""
         origin = self.local_mm.copy()
         origin[:, :2] += self.centre_mm
         return origin

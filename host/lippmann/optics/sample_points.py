@@ -1,6 +1,6 @@
-"""Sample points in a pixel, a lenslet's cell and a pupil: low-discrepancy, the same for the same seed.
+"""Low-discrepancy sample points in a pixel, a lenslet's cell and a pupil.
 
-They depend on the pixel, the sample and their numbers, and on the seed, not on how the work is cut into chunks.
+They depend on the numbers of pixel and sample and on the seed, but not on the chunks of a render.
 """
 
 from __future__ import annotations
@@ -12,37 +12,36 @@ from lippmann.optics.lattice import Lattice
 #: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts, "The unreasonable effectiveness
 #: of quasirandom sequences", 2018).
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
-#: The golden ratio's fractional part, in units of 2^-32.
+#: Fractional part of the golden ratio, in units of 2^-32.
 GOLDEN_STEP = 0x9E3779B9
-#: Rounds of the Tiny Encryption Algorithm in a hash of two numbers. After four, Mitsuba's default, neighbouring pixels
-#: are still correlated for some seeds.
+#: Rounds of the Tiny Encryption Algorithm. With Mitsuba's four, neighbouring pixels are correlated for some seeds.
 HASH_ROUNDS = 6
 
 
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return (first, step), in units of 2^-32 and modulo 1, of the places of a pixel's samples along each of its sides.
+    """Return (first, step) of a pixel's samples along each of its sides, in units of 2^-32, modulo 1.
 
-    Place k of N is 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2: Hammersley's points with golden steps in
-    van der Corput's place, about the centre. Each N-th part of the width has one; a single place is the centre.
+    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2: Hammersley's points about the centre,
+    with golden steps instead of van der Corput's sequence. Each N-th part of the width has one sample.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
 
 
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> tuple[Arr, Arr]:
-    """Return the places in the unit square of samples (UInt32), of so many for each pixel (`pixel_steps`).
+    """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
 
-    A hash of pixel and seed mirrors a pixel's places, or exchanges their axes, lest all pixels err alike. A random
-    shift would make the error at a straight edge 1.1 to 1.4 times as large. Two pictures of different seeds share a
-    part of their errors. Of several passes over a picture, by their `number`, the first has these places; in others
-    the golden steps go on, and each place moves by golden steps within its N-th part of the width.
+    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors. A
+    random shift would make the error at a straight edge 1.1 to 1.4 times as large. Pictures of different seeds share a
+    part of their errors. `number` is the pass over a picture: after the first pass the golden steps continue, and each
+    point moves by golden steps within its N-th part of the width.
     """
     mi = mitsuba()
     import drjit as dr
 
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
-    # Opaque, so that another seed needs no compilation.
+    # Opaque: another seed needs no compilation.
     own = dr.opaque(mi.UInt32, seed) if isinstance(seed, int) else seed
     turn, _ = mi.sample_tea_32(pixel, own, HASH_ROUNDS)
 
@@ -52,7 +51,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     def along(axis: int, mirrored: Arr) -> Arr:
         first, step = pixel_steps(samples)[axis]
         place = (first + sample * step + moves[axis]) ^ dr.select(mirrored, mi.UInt32(0xFFFFFFFF), 0)
-        # 24 bits: rounding must not bring a point onto the square's far edge, which belongs to the next pixel.
+        # 24 bits: rounding must not move a point onto the far edge, which belongs to the next pixel.
         return mi.Float(place >> 8) * 2.0**-24
 
     x, y = along(0, (turn & 1) != 0), along(1, (turn & 2) != 0)
@@ -61,16 +60,15 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 
 
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tuple[Arr, Arr]:
-    """Return points (s, t) in the unit square for a cell or a pupil, by pixel and sample numbers (UInt32) and a seed.
+    """Return points (s, t) in the unit square for a cell or a pupil, from numbers of pixel and sample (UInt32).
 
-    Sample s of pixel k is the s-th point of the R2 sequence, shifted modulo 1 by a hash of pixel and seed: few samples
-    of each of many pixels still fill the square. Stream 0, independent of stream 1, is that of the pixels of an eye's
-    view: the viewer's page shows it sample by sample (viewer/shaders/sampling.glsl).
+    Sample s is the s-th point of the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0 is for the
+    pixels of an eye's view, as in viewer/shaders/sampling.glsl; it is independent of stream 1.
     """
     mi = mitsuba()
     import drjit as dr
 
-    # Rounding must not bring a point onto the square's far edge, which belongs to the next cell.
+    # Rounding must not move a point onto the far edge, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24
 
     def coordinate(axis: int) -> Arr:
@@ -84,11 +82,11 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tup
 
 
 def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> tuple[Arr, Arr]:
-    """Map points (s, t) of the unit square to a lenslet's cell, with equal areas for equal areas; lens-local mm."""
+    """Map points (s, t) of the unit square to a lenslet's cell, lens-local mm; equal areas stay equal."""
     px, py = lattice.pitches_mm
     if lattice.grid == "square":
         return lattice.sheared((s - 0.5) * px, (t - 0.5) * py)
-    # A hexagon is three rhombi round its centre; each is spanned by two of its corner vectors.
+    # A hexagon is three rhombi around its centre, each between two of its corner vectors.
     corners = lattice.corners[::2]
     rhombus = b.minimum(b.floor(3.0 * s), 2.0)
     s = 3.0 * s - rhombus

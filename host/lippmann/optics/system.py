@@ -1,16 +1,12 @@
 """The optical system of a display as plain numbers, and the rays at its two ends.
 
-Step 1 of a ray: pixel coordinates to panel millimetres, to the array's frame, and back; and the eye that images
-converge on.
+Step 1 of a ray: from pixel coordinates to panel millimetres, to the array's frame, and back.
 
-A pixel belongs to the lenslet through which an eye sees it. The eye is in front of the axis point a, at the distance E
-from the aperture plane. This plane is at the distance D from the panel. The line from the eye to the pixel's point x
-crosses it at
-
-    q = x - (x - a) s,   s = D / (D + E),
-
-and the lenslet whose cell contains q owns the pixel. So the elemental image of the lenslet with centre c is its cell,
-enlarged by 1 + D/E around the point c + (c - a) D/E. Without a viewing distance s is 0, and q is x itself.
+A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the axis point a, at the distance E
+from the aperture plane, which is at the distance D from the panel. The line from the eye to the pixel's point x crosses
+this plane at q = x - (x - a) s with s = D / (D + E), and the pixel belongs to the lenslet whose cell contains q. The
+elemental image of the lenslet at c is its cell, scaled by 1 + D/E around the point c + (c - a) D/E. Without a viewing
+distance, s is 0 and q is x.
 """
 
 from __future__ import annotations
@@ -36,11 +32,7 @@ def exact_rotation(degrees: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class PanelFrame:
-    """The maps between pixel coordinates, the panel's frame and the array's frame.
-
-    They hold the pixel pitches in x and y, the panel's size in pixels, the array's origin in the panel's frame, and
-    cosine and sine of the array's rotation.
-    """
+    """The maps between pixel coordinates, the panel's frame and the array's frame (`offset_mm` is its origin)."""
 
     pitch_mm: tuple[float, float]
     width_px: int
@@ -63,11 +55,11 @@ class PanelFrame:
         return tuple(self.array_from_panel(*corner) for corner in ((-x, -y), (-x, y), (x, -y), (x, y)))
 
     def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
-        """Map pixel coordinates (column, row; continuous) to panel millimetres."""
+        """Map pixel coordinates (column, row; continuous) to the panel's frame, mm."""
         return (u - 0.5 * self.width_px) * self.pitch_mm[0], (0.5 * self.height_px - v) * self.pitch_mm[1]
 
     def pixel_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Map panel millimetres to pixel coordinates."""
+        """Map the panel's frame, mm, to pixel coordinates."""
         return x / self.pitch_mm[0] + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm[1]
 
     def array_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
@@ -80,13 +72,13 @@ class PanelFrame:
         return x + self.offset_mm[0], y + self.offset_mm[1]
 
     def turn(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Turn a vector from the array's axes to the panel's axes."""
+        """Rotate a vector from the array's axes to the panel's axes."""
         if self.sin == 0.0 and self.cos == 1.0:
             return x, y
         return self.cos * x - self.sin * y, self.sin * x + self.cos * y
 
     def turn_back(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Turn a vector from the panel's axes to the array's axes."""
+        """Rotate a vector from the panel's axes to the array's axes."""
         if self.sin == 0.0 and self.cos == 1.0:
             return x, y
         return self.cos * x + self.sin * y, self.cos * y - self.sin * x
@@ -94,30 +86,27 @@ class PanelFrame:
 
 @dataclass(frozen=True)
 class Convergence:
-    """The share s = D / (D + E), and the axis point a in the array's frame, mm."""
+    """The fraction s = D / (D + E), and the axis point a in the array's frame, mm."""
 
     share: float = 0.0
     axis_x: float = 0.0
     axis_y: float = 0.0
 
     def towards_eye(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Return where the line from a point of the panel to the eye crosses the aperture plane, array frame, mm."""
+        """Return where the line from a panel point to the eye crosses the aperture plane, array's frame, mm."""
         if self.share == 0.0:
             return x, y
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
     def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
-        """Return the same as `towards_eye`; point and result are measured from the lenslet's centre (cx, cy)."""
+        """Return the same as `towards_eye`, both points measured from the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
         return x * shrink - (cx - self.axis_x) * self.share, y * shrink - (cy - self.axis_y) * self.share
 
     def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
-        """Return the point of the panel that the eye sees through a point of the cell of the lenslet at (cx, cy).
-
-        Both points are measured from the lenslet's centre. This is the inverse of `within_cell`.
-        """
+        """Return the panel point that the eye sees through a point of the cell: the inverse of `within_cell`."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
@@ -128,8 +117,8 @@ class Convergence:
 class System:
     """The optical system of a display: frames, lattice, domes, and distances in mm.
 
-    `concave`: plano-concave lenslets, the domes pressed into the glass, the flat face to the panel; `thickness_mm` is
-    their thickness at the vertex. Only capturing optics have them, and only `exact` rays from the panel pass them.
+    `concave`: plano-concave lenslets of capturing optics, with the flat face to the panel, `thickness_mm` thick at the
+    vertex. Only `exact` rays from the panel pass them.
     """
 
     frame: PanelFrame
@@ -165,29 +154,26 @@ class System:
 
     @property
     def last_face_mm(self) -> float:
-        """Height z of the plane that a ray to the viewer crosses last: dome vertices or flat face."""
+        """Height z of the last plane of a ray to the viewer: dome vertices or flat face."""
         return 0.0 if self.plano_to_panel else self.thickness_mm
 
     def locate(self, b: Backend, u: Arr, v: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) that owns pixel coordinates, and their point from its centre, array's axes, mm."""
+        """Return the lenslet (i, j) of pixel coordinates, and their point from its centre, array's axes, mm."""
         x, y = self.frame.array_from_panel(*self.frame.panel_from_pixel(u, v))
         i, j, qx, qy = self.lattice.locate(b, *self.convergence.towards_eye(x, y))
         if self.convergence.share == 0.0:
             return i, j, qx, qy
         cx, cy = self.lattice.centre(i, j)
-        return i, j, x - cx, y - cy  # not from q: its roundings would grow by 1 / (1 - s)
+        return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
 
     def owns(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Arr:
-        """Tell whether the lenslet at (cx, cy) owns a point of the panel, measured from there; array's axes, mm."""
+        """Tell whether a panel point, measured from the lenslet at (cx, cy), belongs to it; array's axes, mm."""
         return self.lattice.holds(*self.convergence.within_cell(x, y, cx, cy))
 
     def through_mount(
         self, b: Backend, status: Arr, passed: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None
     ) -> Arr:
-        """Return statuses, blocked where lenslets (i, j) are missing: the mount is opaque there.
-
-        `passed` are those that rays pass, `own` the pixels' own ones. A ray that met no dome stays missed.
-        """
+        """Return statuses, blocked where the lenslet of a ray or pixel is missing: there the mount is opaque."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
@@ -203,8 +189,8 @@ class System:
 class Exit(NamedTuple):
     """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
 
-    `grazing` is the least squared cosine to a face's normal, on the air's side, launch and exit included: rounding
-    turns the ray by about epsilon over its root.
+    `grazing` is the minimum squared cosine to a face's normal, in air, from launch to exit: rounding rotates the ray by
+    about epsilon over its root.
     """
 
     ray: Ray
@@ -215,10 +201,7 @@ class Exit(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm.
-
-    The status tells whether the ray got there, not whether the point is one of that lenslet's own.
-    """
+    """A ray from the world on the panel plane: point local to the lenslet passed, in the array's axes, mm."""
 
     x: Arr
     y: Arr

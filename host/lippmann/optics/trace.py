@@ -1,8 +1,6 @@
 """Golden and fast: from pixel coordinates to rays in the panel's frame, and from such rays to pixel coordinates.
 
-Coordinates across the panel are double; each ray is traced local to its lenslet, in the engine's own format. The
-renderer and the observer call `rays_from_pixels` and `pixels_from_rays`, which take a backend's arrays; the other
-functions take and give numpy arrays.
+`rays_from_pixels` and `pixels_from_rays` are for a backend's arrays; the other functions are for numpy arrays.
 """
 
 from __future__ import annotations
@@ -23,9 +21,9 @@ from lippmann.optics.models import leave_panel, reach_panel
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays, Status, gets_through
 from lippmann.optics.system import System
 
-#: Largest distance from the array's centre to which rays are followed, in lenslets: their indices fit into 32 bits.
+#: Maximum distance of rays from the array's centre, in lenslets: their indices fit into 32 bits.
 FARTHEST_LENSLETS = 1 << 28
-#: Least |dz| of a ray that can reach the array; a divisor below it may be 0 in float32.
+#: Minimum |dz| of a ray that can reach the array; a smaller divisor may be 0 in float32.
 FLATTEST = 1e-30
 
 
@@ -43,15 +41,11 @@ class LocalRays(NamedTuple):
 def rays_from_pixels(
     b: Backend, system: System, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None, model: Model
 ) -> LocalRays:
-    """Trace from pixel coordinates (u, v), given as double, to the rays that leave the array.
-
-    The aperture points are lens-local, mm, in the array's axes; None for chief rays.
-    """
-    i, j, x, y = system.locate(b, u, v)
+    """Trace pixel coordinates (u, v; double) to the rays that leave the array; `aperture` as in `leave_panel`."""
+    own_i, own_j, x, y = system.locate(b, u, v)
     out = leave_panel(b, system, x, y, aperture, model)
-    own = i, j
-    i, j = i + b.double(out.di), j + b.double(out.dj)
-    status = system.through_mount(b, out.status, (i, j), own)
+    i, j = own_i + b.double(out.di), own_j + b.double(out.dj)
+    status = system.through_mount(b, out.status, (i, j), (own_i, own_j))
     ray, turn = out.ray, system.frame.turn
     ray = Ray(*turn(ray.x, ray.y), ray.z, *turn(ray.dx, ray.dy), ray.dz)
     return LocalRays(ray, *system.centre(i, j), b.integer(i), b.integer(j), status)
@@ -79,7 +73,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # A ray that meets the array's plane too far out has missed; its numbers are replaced, so that none overflows.
+    # A ray that meets the array's plane too far out has missed; its numbers are replaced, lest they overflow.
     farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
@@ -102,15 +96,14 @@ def pixels_from_rays(
     return PixelHits(u, v, b.integer(i), b.integer(j), b.integer(status))
 
 
-#: Largest error of a direction's length: a unit vector with a small step added passes, a slope does not.
+#: Maximum error of a direction's length: accepts a unit vector with a small step, but no slope.
 UNIT_ERROR = 1e-3
 
 
 def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
-    """Return the array library of an engine, on a device where that is "fast"; numpy for no rays.
+    """Return the backend of an engine; `device` is for "fast". Without rays it is numpy: Dr.Jit has no empty arrays.
 
-    Dr.Jit does not compute with empty arrays. Raises InputError for an engine that has none and for an unknown device,
-    and MissingLibraryError as `available_device`.
+    Raises InputError for another engine or an unknown device; MissingLibraryError as `available_device`.
     """
     check_device(device)
     if engine == "golden":
@@ -123,13 +116,13 @@ def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
 
 
 def check_model(model: str) -> None:
-    """Raise InputError for a model that does not exist."""
+    """Refuse an unknown model."""
     if model not in MODELS:
         raise InputError(f"unknown model '{model}'; choose from {', '.join(MODELS)}")
 
 
 def columns(name: str, values: npt.ArrayLike, width: int, limit: float) -> Floats:
-    """Return values as (N, width) float64; refuse other shapes, and values that are not finite or beyond `limit`."""
+    """Return values as (N, width) float64; refuse other shapes, and values not finite or beyond `limit`."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError):
@@ -151,7 +144,7 @@ def trace_optics(
     engine: Engine = "golden",
     device: str = "auto",
 ) -> Rays:
-    """Trace rays from the panel through the lenslets by golden or fast (parameters and errors of `engines.trace`)."""
+    """Trace rays from the panel by golden or fast (parameters and errors as for `engines.trace`)."""
     display, pixel, points = checked_rays(display, pixels, aperture, model)
     b = backend_of(engine, device, len(pixel))
     aims = None if points is None else (b.double(points[:, 0]), b.double(points[:, 1]))
@@ -162,7 +155,7 @@ def trace_optics(
 def checked_rays(
     display: str | Path | Display, pixels: npt.ArrayLike, aperture: npt.ArrayLike | None, model: Model
 ) -> tuple[Display, Floats, Floats | None]:
-    """Return the display, the pixel coordinates (N, 2) and the aperture points (N, 2) of rays, all checked."""
+    """Check and return the display, pixel coordinates (N, 2) and aperture points (N, 2) of rays."""
     check_model(model)
     display = display_at(display)
     array, panel = display.array, display.panel
@@ -186,8 +179,8 @@ def trace_to_panel(
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
-    A ray flatter than `FLATTEST`, or that meets the array's plane beyond `FARTHEST_LENSLETS`, has missed. Raises as
-    `trace` does, and for directions that are not of length 1.
+    A ray flatter than `FLATTEST`, or that meets the array's plane beyond `FARTHEST_LENSLETS`, has missed. Errors as for
+    `trace`, and InputError for directions that are not of length 1.
     """
     check_model(model)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
@@ -202,7 +195,7 @@ def trace_to_panel(
 
 
 def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:
-    """Return the traced rays of pixel coordinates (N, 2) as numpy arrays, their reals in the type `number`."""
+    """Return traced rays of pixel coordinates (N, 2) as numpy arrays, with real numbers of the type `number`."""
     n, ray = len(pixel), out.ray
     return Rays(
         pixel=pixel,
@@ -215,13 +208,13 @@ def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -
 
 
 def hits_of(n: int, hits: PixelHits, number: npt.DTypeLike = np.float64) -> Hits:
-    """Return the hits of n rays as numpy arrays, their reals in the type `number`."""
+    """Return the hits of n rays as numpy arrays, with real numbers of the type `number`."""
     status = _stack(n, np.uint8, hits.status)[:, 0]
     return Hits(_stack(n, number, hits.u, hits.v), _stack(n, np.int64, hits.i, hits.j), status)
 
 
 def _stack(n: int, number: npt.DTypeLike, *columns: Arr) -> Arr:
-    """Gather an engine's arrays (or constants) as the columns of one (n, k) array of a type."""
+    """Return a backend's arrays or constants as the columns of an array (n, k)."""
     gathered = np.empty((n, len(columns)), number)
     for k, column in enumerate(columns):
         gathered[:, k] = np.asarray(column)

@@ -1,8 +1,8 @@
-"""What eyes see of a display: crosstalk, and the zone without any. Both are found with rays through exact lenslets.
+"""The crosstalk that eyes see of a display, and the zone of eyes without it, from rays through exact lenslets.
 
 At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k = D/E, less the panel's width
-times |1 - z/E|. Thick lenslets bend steep rays by other angles, and corners of cells bend rays more than centres do.
-So the real zone is narrower. It is searched for by bisection.
+times |1 - z/E|. The real zone is narrower, because thick lenslets refract steep rays and rays at corners differently. A
+bisection finds it.
 """
 
 from __future__ import annotations
@@ -22,22 +22,21 @@ from lippmann.optics.sample_points import R2_STEPS
 from lippmann.optics.system import System
 from lippmann.optics.trace import trace_to_panel
 
-#: Distance of the eyes that is assumed for a display without a viewing distance, mm.
+#: Assumed distance of the eyes for a display without a viewing distance, mm.
 VIEWING_DISTANCE_MM = 600.0
-#: Farthest place of an eye, mm: a thousand kilometres.
+#: Maximum coordinate of an eye, mm: a thousand kilometres.
 FARTHEST_EYE_MM = 1e9
-#: Number of rays from an eye that measure its share of crosstalk.
+#: Number of rays from an eye that measure its crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down through which an eye's rays are traced to find any crosstalk. The rays pass each lenslet at
-#: these points: shares of the way to corners and sides of the cell, and of the height of the rims. At the height of the
-#: rims a ray is the last one before the next dome.
+#: Lenslets across and down whose rays are tested for crosstalk, and the rays' points in each lenslet: fractions of the
+#: way to the cell's corners and sides, and of the rims' height, where the neighbour's dome is near.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: The search for an end of a zone: its reach in paraxial half widths, and its number of halvings.
-FARTHEST, HALVINGS = 2.0, 11
-#: The search for a better display: the factor on its viewing distance, focal length or pitch, and the number of steps.
+#: The search for an end of a zone: its range in paraxial half widths, and its number of bisections.
+FARTHEST, BISECTIONS = 2.0, 11
+#: The search for a better display: the factor on viewing distance, focal length or pitch, and the number of steps.
 FACTOR, STEPS = 1.1, 24
-#: A better display has no crosstalk up to this share of a lenslet's own zone, to both sides.
+#: A better display has no crosstalk up to this fraction of a lenslet's own zone, to both sides.
 WORTH = 0.25
 
 
@@ -51,27 +50,27 @@ class Zone(NamedTuple):
 
 
 def viewing_distance(display: Display) -> float:
-    """Return the distance of the eyes, mm: the display's viewing distance, or the usual one."""
+    """Return the display's viewing distance, mm, or `VIEWING_DISTANCE_MM`."""
     return VIEWING_DISTANCE_MM if display.viewing_distance_mm is None else display.viewing_distance_mm
 
 
 def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, float]:
-    """Return the middle eye at a distance, mm: it sees the panel's opposite sides alike."""
+    """Return the middle eye at a distance, mm, which sees opposite sides of the panel alike."""
     share = 0.0 if display.viewing_distance_mm is None else distance_mm / display.viewing_distance_mm
     return share * display.viewing_axis_mm[0], share * display.viewing_axis_mm[1], distance_mm
 
 
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Return the share of an eye's rays by status, as `observe` does for a window that covers the panel.
+    """Return the fraction of an eye's rays by status, as `observe` does for the whole panel.
 
-    Raises InputError when the eye is not in front of the display, or absurdly far away.
+    Raises InputError when the eye is not in front of the display, or beyond `FARTHEST_EYE_MM`.
     """
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 
 
 def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
-    """Return the same for eyes (N, 3), from `rays` rays of each: (N, statuses) float64. Raises as `status_share`."""
+    """Return `status_share` of eyes (N, 3) from `rays` rays each, as (N, statuses) float64."""
     front, nearest = System.of(display).last_face_mm, eyes_mm[:, 2].min()
     if not nearest > front:
         what = f"z {nearest:g} mm is not in front of the display, whose front is at z = {front:.4g} mm"
@@ -85,12 +84,12 @@ def status_shares(display: Display, eyes_mm: Floats, rays: int) -> Floats:
 
 
 def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
-    """Tell which eyes, (N, 3) float64 mm, see the whole panel without any crosstalk."""
+    """Tell which eyes, (N, 3) float64 mm, see the whole panel without crosstalk."""
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # The lenslets through which each eye sees the points of this grid. Where the panel ends, it is traced as if it
-    # went on: a lenslet there may see a neighbour's image beyond the edge, and the next lenslet sees it before.
+    # The lenslets through which each eye sees the points of this grid. The traced panel extends beyond the real edge: a
+    # lenslet there may see a neighbour's image beyond the edge, which the next lenslet sees inside the panel.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -103,20 +102,20 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     cell = np.concatenate([np.pad(share * around, ((0, 0), (0, 1)), constant_values=h * rims) for share, h in POINTS])
     points = (np.pad(centres, ((0, 0), (0, 0), (0, 1)))[:, :, None] + cell).reshape(len(eyes_mm), -1, 3)
     x, y = panel.pitches_mm
-    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # their number has a limit
+    wide = replace(panel, pixel_pitch_mm=(4.0 * x, 4.0 * y))  # not more pixels, whose number is limited
     status = _statuses(replace(display, panel=wide), eyes_mm, points)
     mostly, crosstalk = (status == Status.OK).mean(axis=1) >= 0.5, (status == Status.CROSSTALK).any(axis=1)
     return np.asarray(mostly & ~crosstalk)
 
 
 def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
-    """Return the zone at each distance; None where the middle eye sees crosstalk."""
+    """Return the zone at each distance, None where the middle eye sees crosstalk."""
     middle = np.array([middle_eye(display, z) for z in distances_mm])
     clear = sees_all(display, middle)
     away = np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0)])
     reach = np.zeros((len(middle), len(away), 1))
     step = FARTHEST * half_width(display) * middle[:, None, 2:]
-    for _ in range(HALVINGS if clear.any() else 0):
+    for _ in range(BISECTIONS if clear.any() else 0):
         step = 0.5 * step
         eyes = (middle[:, None] + (reach + step) * away)[clear].reshape(-1, 3)
         reach[clear] += np.where(sees_all(display, eyes).reshape(-1, len(away), 1), step[clear], 0.0)
@@ -126,12 +125,12 @@ def zones(display: Display, distances_mm: Sequence[float]) -> list[Zone | None]:
 
 
 def half_width(display: Display) -> float:
-    """Return half the paraxial width of a lenslet's own zone, over the distance z."""
+    """Return half the paraxial width of a lenslet's own zone, divided by the distance z."""
     return 0.5 * (1.0 + display.convergence) * display.array.coarsest_mm / display.aperture_distance_mm
 
 
 def remedy(display: Display) -> str:
-    """Say which change of the display gives it a zone without crosstalk at the eyes' distance."""
+    """Return the smallest change that gives the display a zone without crosstalk at the eyes' distance."""
     old = _Change(
         display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
     )
@@ -161,7 +160,7 @@ class _Change(NamedTuple):
 
 
 def _changes(display: Display, old: _Change) -> Iterator[_Change]:
-    """Yield changes that may give a better display, the smallest first."""
+    """Yield changes to try, the smallest first."""
     usual = viewing_distance(display)
     in_glass = display.array.thickness_mm / display.array.index if display.array.plano_side == "panel" else 0.0
 
@@ -185,8 +184,7 @@ def _rounded(value: float, digits: int) -> float:
 def _statuses(display: Display, eyes_mm: Floats, points_mm: Floats, inside: bool = True) -> npt.NDArray[np.uint8]:
     """Return the status (N, M) of rays from eyes (N, 3) to points, (N, M, 3) or (M, 3), mm.
 
-    `inside`: the points lie in the glass. The rays start in such directions that they reach the points after refraction
-    at a flat front face.
+    Points `inside` lie in the glass: the rays reach them after refraction at a flat front face.
     """
     place, z = eyes_mm[:, None, :2], eyes_mm[:, None, 2:]
     slope = (points_mm[..., :2] - place) / (z - points_mm[..., 2:])
