@@ -86,9 +86,8 @@ def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: S
     columns = min(columns, len(views))
     rows = -(-len(views) // columns)
     margin, line = 8, 20
-    sheet = Image.new(
-        "RGB", (columns * (width + margin) + margin, rows * (height + line + margin) + margin), (24, 24, 24)
-    )
+    size = columns * (width + margin) + margin, rows * (height + line + margin) + margin
+    sheet = Image.new("RGB", size, (24, 24, 24))
     draw = ImageDraw.Draw(sheet)
     for k, (view, caption) in enumerate(zip(views, captions, strict=True)):
         x = margin + (k % columns) * (width + margin)

@@ -90,18 +90,19 @@ def remove_stale(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for entry in list(os.scandir(folder)):
             match = PARTIAL.fullmatch(entry.name)
-            if match is not None and _is_stale(entry, *match.groups()[:3]):
+            if match is None:
+                continue
+            machine, process, life, _ = match.groups()
+            if machine == _machine():
+                is_stale = _life(int(process)) != life
+            else:
+                is_stale = time.time() - entry.stat(follow_symlinks=False).st_mtime > FOREIGN_S
+            if is_stale:
                 _remove(Path(entry.path))
 
 
 #: The same, but for each folder only at the first call; takes an absolute path.
 remove_stale_once = functools.cache(remove_stale)
-
-
-def _is_stale(entry: os.DirEntry[str], machine: str, pid: str, life: str) -> bool:
-    if machine != _machine():
-        return time.time() - entry.stat(follow_symlinks=False).st_mtime > FOREIGN_S
-    return _life(int(pid)) != life
 
 
 def _remove(path: Path) -> None:
@@ -121,7 +122,7 @@ def is_full(error: BaseException) -> bool:
     return isinstance(error, OSError) and error.errno in FULL
 
 
-def no_space(where: str, why: str | None = None) -> NoSpaceError:
+def no_space(where: object, why: str | None = None) -> NoSpaceError:
     """Return the error of a full disk."""
     what = f"cannot be written ({why or 'no space left on the device'})"
     return NoSpaceError.at(where, what, "free space or choose another place")
@@ -150,8 +151,8 @@ def not_written(path: Path, why: OSError | str = "", partial: Path | None = None
     else:
         full = on_full_disk(partial or path)
     if full is not None:
-        return no_space(str(path), full)
-    return input_error(str(path), f"cannot be written ({reason})", "free space or choose another place")
+        return no_space(path, full)
+    return input_error(path, f"cannot be written ({reason})", "free space or choose another place")
 
 
 def sync(path: Path) -> None:
@@ -253,8 +254,8 @@ def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         if is_full(error):
-            raise no_space(str(folder), error.strerror) from None
-        raise input_error(str(folder), f"cannot be made ({error.strerror})", remedy) from None
+            raise no_space(folder, error.strerror) from None
+        raise input_error(folder, f"cannot be made ({error.strerror})", remedy) from None
 
 
 class FolderLock:
@@ -284,7 +285,7 @@ def _locked(folder: Path, remedy: str) -> int | None:
     except BlockingIOError:
         os.close(handle)
         what = "belongs to another command that is at work"
-        raise input_error(str(folder), what, f"wait until it has ended, or {remedy}") from None
+        raise input_error(folder, what, f"wait until it has ended, or {remedy}") from None
     except OSError:  # there are no locks
         return handle
     with contextlib.suppress(FileNotFoundError):
@@ -317,7 +318,7 @@ def private_folder() -> Path:
     status = folder.lstat()
     shared = os.name != "nt" and (status.st_uid != user_id() or status.st_mode & 0o077)
     if not stat.S_ISDIR(status.st_mode) or shared:
-        raise input_error(str(folder), "is not a folder of yours alone", "remove it, or set TMPDIR to your own folder")
+        raise input_error(folder, "is not a folder of yours alone", "remove it, or set TMPDIR to your own folder")
     return folder
 
 

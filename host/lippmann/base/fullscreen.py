@@ -41,11 +41,10 @@ def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[in
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
         raise InputError(f"no monitor {monitor}; choose from {listed}")
-    if sizes[monitor] != size:
-        raise InputError(
-            f"monitor {monitor} has {sizes[monitor][0]} x {sizes[monitor][1]} pixels, the image {size[0]} x {size[1]}; "
-            "set the monitor to its panel's own resolution, without scaling"
-        )
+    width, height = sizes[monitor]
+    if (width, height) != size:
+        what = f"monitor {monitor} has {width} x {height} pixels, the image {size[0]} x {size[1]}"
+        raise InputError(f"{what}; set the monitor to its panel's own resolution, without scaling")
 
 
 def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, int]:

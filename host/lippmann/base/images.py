@@ -10,10 +10,9 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -49,10 +48,11 @@ PREFIX = "lippmann:"
 
 #: Linear radiance, (height, width, 3).
 Radiance = npt.NDArray[np.float32]
+#: Takes a file's metadata; raises to refuse the file.
+Accept = Callable[[Mapping[str, str]], None]
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(NamedTuple):
     """An image file's linear radiance (height, width, 3) float32 and its metadata (keys without prefix)."""
 
     radiance: Radiance
@@ -68,16 +68,16 @@ def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     if len(os.fsencode(path.name)) > MAX_NAME_BYTES:
         raise input_error(path.name[:40] + "...", "the file name is too long", f"keep it under {MAX_NAME_BYTES} bytes")
     if path.suffix.lower() not in suffixes:
-        raise input_error(str(path), f"unknown extension '{path.suffix}'", f"choose from {', '.join(suffixes)}")
+        raise input_error(path, f"unknown extension '{path.suffix}'", f"choose from {', '.join(suffixes)}")
     if path.suffix.lower() in SUFFIXES:
         openimageio()  # raises when the library is missing
     if path.is_dir():
-        raise input_error(str(path), "is a folder", "give a file name")
+        raise input_error(path, "is a folder", "give a file name")
     folder = path.parent
     if not folder.is_dir():
-        raise input_error(str(path), f"the folder {folder} does not exist", "make it first")
+        raise input_error(path, f"the folder {folder} does not exist", "make it first")
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise input_error(str(path), "cannot be written", "choose another place or change permissions")
+        raise input_error(path, "cannot be written", "choose another place or change permissions")
     try:
         with tempfile.TemporaryFile(dir=folder):  # /proc has write permission, but refuses files
             pass
@@ -92,7 +92,7 @@ def check_input(path: str | Path) -> Path:
     path = path_of(path, "an image file")
     if not path.is_file():
         missing = likely_file(path, SUFFIXES) or "render it first: lippmann render"
-        raise input_error(str(path), not_there(path, "image"), "give an image" if path.exists() else missing)
+        raise input_error(path, not_there(path, "image"), "give an image" if path.exists() else missing)
     return path
 
 
@@ -122,7 +122,7 @@ def write_picture(
         rows = np.asarray(radiance[first : first + BAND_ROWS])
         # Infinite light becomes the largest value in the other formats.
         if np.isnan(rows).any() or (suffix in (".tif", ".tiff") and np.isinf(rows).any()):
-            raise input_error(str(path), "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
+            raise input_error(path, "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
 
     def file_values(first: int) -> Numbers:
         """Return the file's values of the band that begins at a row."""
@@ -137,7 +137,7 @@ def write_picture(
     with replacing(path) as partial:
         out = openimageio().ImageOutput.create(str(partial))
         if out is None:
-            raise input_error(str(path), openimageio().geterror(), "choose another extension")
+            raise input_error(path, openimageio().geterror(), "choose another extension")
         with silent_stderr():
             complete = out.open(str(partial), spec) and _write_bands(out, firsts, file_values)
             trouble = _first_line(out.geterror(), partial)
@@ -185,15 +185,11 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
     return True
 
 
-def read_picture(
-    path: str | Path,
-    limit: tuple[int, int] | None = None,
-    accept: Callable[[Mapping[str, str]], None] | None = None,
-) -> Picture:
+def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
     """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata, or as sRGB.
 
-    `limit` is the required (width, height). `accept` gets the metadata before the pixels are read; it may raise.
-    Raises InputError when the file is missing, broken, of another size, or not a flat image.
+    `limit` is the required (width, height); `accept` is called before the pixels are read. Raises InputError when the
+    file is missing, broken, of another size, or not a flat image.
     """
     with StoredRows(path, limit, accept) as rows:
         return Picture(np.array(rows, copy=None), rows.metadata)
@@ -206,11 +202,11 @@ def _quiet(path: Path) -> Iterator[None]:
         with silent_stderr():
             yield
     except UnicodeDecodeError:  # OpenImageIO quotes a broken header
-        raise input_error(str(path), "is broken", "render it again") from None
+        raise input_error(path, "is broken", "render it again") from None
 
 
 def _opened(
-    path: Path, limit: tuple[int, int] | None, accept: Callable[[Mapping[str, str]], None] | None
+    path: Path, limit: tuple[int, int] | None, accept: Accept | None
 ) -> tuple[OpenImageIO.ImageInput, dict[str, str]]:
     """Open an existing image file; return OpenImageIO's input and our metadata (see `read_picture`)."""
     _check_texts(path)
@@ -221,13 +217,13 @@ def _opened(
         # OpenImageIO gives the size of a very large image only in its error.
         if limit is not None and (claim := re.search(r"claimed to be (\d+)x(\d+)", trouble)):
             _check_size(path, (int(claim[1]), int(claim[2])), limit)
-        raise input_error(str(path), f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
+        raise input_error(path, f"is not an image ({_first_line(trouble, path)})", "give an EXR, TIFF or PNG file")
     try:
         spec = source.spec()
         if limit is not None:
             _check_size(path, (spec.width, spec.height), limit)
         if spec.deep or spec.depth > 1 or spec.nchannels > MAX_CHANNELS:
-            raise input_error(str(path), f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
+            raise input_error(path, f"is not a flat image of 1 to {MAX_CHANNELS} channels", "render it again")
         metadata = _metadata_of(spec)
         if accept is not None:
             accept(metadata)
@@ -240,7 +236,7 @@ def _opened(
 def _decode_rows(path: Path, rows: Radiance, metadata: Mapping[str, str]) -> None:
     """Make a file's values linear in place; refuse values that are not finite."""
     if not np.isfinite(rows).all():
-        raise input_error(str(path), "contains pixels that are not finite", "render it again")
+        raise input_error(path, "contains pixels that are not finite", "render it again")
     # In a linear file's metadata, the transfer curve is the panel's.
     linear = path.suffix.lower() in LINEAR_SUFFIXES
     try:
@@ -253,7 +249,7 @@ def _check_size(path: Path, size: tuple[int, int], limit: tuple[int, int]) -> No
     """Refuse an image of another size than the panel's."""
     if size != limit:
         what = f"is {size[0]} x {size[1]} pixels, the panel {limit[0]} x {limit[1]}"
-        raise input_error(str(path), what, "render it for this display")
+        raise input_error(path, what, "render it for this display")
 
 
 def _check_texts(path: Path) -> None:
@@ -262,7 +258,7 @@ def _check_texts(path: Path) -> None:
     for kind, size, _ in png_chunks(path):
         texts += size * (kind in (b"zTXt", b"iTXt"))
         if texts > MAX_TEXT_BYTES:
-            raise input_error(str(path), f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
+            raise input_error(path, f"contains more than {MAX_TEXT_BYTES} bytes of texts", "render it again")
 
 
 def _first_line(trouble: str, path: Path) -> str:
@@ -302,12 +298,7 @@ class StoredRows:
 
     dtype, ndim = np.dtype(np.float32), 3
 
-    def __init__(
-        self,
-        path: str | Path,
-        limit: tuple[int, int] | None = None,
-        accept: Callable[[Mapping[str, str]], None] | None = None,
-    ) -> None:
+    def __init__(self, path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> None:
         """Open an image file; arguments and errors as for `read_picture`."""
         self._path = check_input(path)
         with _quiet(self._path):
@@ -366,7 +357,7 @@ class StoredRows:
                     pixels = self._source.read_scanlines(0, 0, *y, 0, 0, channels, kind)
                 if pixels is None:
                     trouble = _first_line(self._source.geterror(), self._path)
-                    raise input_error(str(self._path), f"is truncated or broken ({trouble})", "render it again")
+                    raise input_error(self._path, f"is truncated or broken ({trouble})", "render it again")
                 band = rows[low - first : high - first]
                 band[:] = pixels[low - top : high - top]
                 _decode_rows(self._path, band, self.metadata)
@@ -396,10 +387,10 @@ def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers
     """
     import cv2
 
-    refused = input_error(str(path), what, remedy)
+    refused = input_error(path, what, remedy)
     # OpenCV allocates the claimed size before it reads the pixels.
     if _claimed_size(path, refused) > max_pixels:
-        raise input_error(str(path), f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller one")
+        raise input_error(path, f"has more than {max_pixels / 1e6:g} megapixels", "give a smaller one")
     try:
         with silent_stderr():
             numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -415,7 +406,7 @@ def _claimed_size(path: Path, refused: InputError) -> float:
     from PIL import Image, UnidentifiedImageError
 
     if not path.is_file():
-        raise input_error(str(path), not_there(path), "give a PNG, JPEG or TIFF file")
+        raise input_error(path, not_there(path), "give a PNG, JPEG or TIFF file")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about large pictures and unusual metadata

@@ -59,14 +59,14 @@ def leave(code: int) -> None:
 
 
 @contextlib.contextmanager
-def hold_signals(*numbers: int) -> Iterator[list[int]]:
-    """Hold signals, by default those of `ENDING`, until the block ends; provide a list of those received.
+def hold_signals() -> Iterator[list[int]]:
+    """Hold the signals of `ENDING` until the block ends; provide a list of those received.
 
     For code that an exception would break: C++ that loads, and subprocess with its lock. A signal mask would not help,
     because threads of other libraries take the signals.
     """
     came: list[int] = []
-    before = {number: signal.getsignal(number) for number in numbers or ENDING}
+    before = {number: signal.getsignal(number) for number in ENDING}
     # Only the main thread can set handlers; a handler that is not Python's cannot be restored.
     if threading.current_thread() is not threading.main_thread() or None in before.values():
         yield came

@@ -44,7 +44,7 @@ def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
             data += part
     if len(data) > max_bytes:
         size = f"{max_bytes >> 20} MB" if max_bytes >> 20 else f"{max_bytes >> 10} KB"
-        raise input_error(str(path), f"is larger than {size}", remedy)
+        raise input_error(path, f"is larger than {size}", remedy)
     return bytes(data)
 
 
@@ -88,7 +88,7 @@ def load_arrays(
             error = ValueError(str(error) or "it is too large")
         usual = ValueError | OSError | KeyError | EOFError | TypeError | zipfile.BadZipFile | zlib.error
         why = reason(error) if isinstance(error, usual) else type(error).__name__
-        raise input_error(str(path), f"cannot be read ({why})", remedy) from None
+        raise input_error(path, f"cannot be read ({why})", remedy) from None
 
 
 Header = tuple[tuple[int, ...], np.dtype[np.generic]]
@@ -113,14 +113,14 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
     for name, (shape, kind) in headers.items():
         called = f"{name} is" if name else "is"
         if kind.hasobject:
-            raise input_error(str(path), "cannot be read (it holds no array of numbers)", remedy)
+            raise input_error(path, "cannot be read (it holds no array of numbers)", remedy)
         if kind.kind not in "biuf" or kind.itemsize > 16:
-            raise input_error(str(path), f"{called} {kind}", "give real numbers")
+            raise input_error(path, f"{called} {kind}", "give real numbers")
         count = math.prod(shape)
         rows = max(rows, shape[0] if shape else 1, count // 16)
         total += count * kind.itemsize
     if rows > MAX_RAYS:
-        raise input_error(str(path), f"holds {rows} rays", f"give at most {MAX_RAYS}")
+        raise input_error(path, f"holds {rows} rays", f"give at most {MAX_RAYS}")
     check_expanded(str(path), f"{rows} rays", total + rows * bytes_a_ray, "give fewer rays")
 
 
@@ -159,7 +159,7 @@ def check_xml(path: Path, remedy: str) -> list[str]:
         depth += 1
         if depth > MAX_XML_DEPTH:
             what = f"has elements more than {MAX_XML_DEPTH} deep (line {parser.CurrentLineNumber})"
-            raise input_error(str(path), what, remedy)
+            raise input_error(path, what, remedy)
         if name == "include" and "filename" in attributes:
             included.append(attributes["filename"])
 
@@ -173,5 +173,5 @@ def check_xml(path: Path, remedy: str) -> list[str]:
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError) as error:  # the caller's parser reports it, unless too deep
         if data.count(b"<") > MAX_XML_DEPTH:
-            raise input_error(str(path), f"is not XML ({error})", remedy) from None
+            raise input_error(path, f"is not XML ({error})", remedy) from None
     return included

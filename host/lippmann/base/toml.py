@@ -53,16 +53,13 @@ KINDS = {
 }
 #: Unit at the end of a key's name.
 UNITS = r"_(deg|rad|nm|um|mm|cm|m|in|px|percent|cd_m2)$"
-#: First words of wrong keys, and the keys that they may mean.
+#: Keys, and the first words of wrong keys that may mean them.
 SYNONYMS = {
-    "skew": ("shear",),
-    "slant": ("shear",),
-    "angle": ("rotation_deg",),
-    "tilt": ("rotation_deg",),
-    "turn": ("rotation_deg",),
-    "layout": ("grid", "subpixels"),
-    "stripes": ("subpixels",),
-    "eye": ("viewing_distance_mm",),
+    "shear": ("skew", "slant"),
+    "rotation_deg": ("angle", "tilt", "turn"),
+    "grid": ("layout",),
+    "subpixels": ("layout", "stripes"),
+    "viewing_distance_mm": ("eye",),
 }
 ENDLESS = "a number of thousands of digits"
 #: Remedy for text that is not TOML.
@@ -82,20 +79,9 @@ def key(
 ) -> msgspec.Meta:
     """Describe a key: `name: Annotated[type, key(...)]`.
 
-    Parameters
-    ----------
-    meaning
-        For the reference page and for editors.
-    above, low, high
-        Open lower bound, closed lower bound and closed upper bound of a number.
-    default
-        The default in words, where the declaration's default does not say it.
-    instead_of
-        The key that this one replaces. A file has exactly one of them; at most one if that key has a `default`.
-    shape
-        A list in words: "a list of ...".
-    lengths
-        Minimum and maximum number of a list's entries.
+    `above` is an open lower bound, `low` and `high` are closed bounds. `default` is the default in words. This key
+    replaces the key `instead_of`: a file has exactly one of them, at most one if that key has a `default`. `shape` is a
+    list in words, "a list of ..."; `lengths` are the minimum and maximum number of its entries.
     """
     texts = ("x-default", default), ("x-instead-of", instead_of), ("x-shape", shape)
     extra = {name: text for name, text in texts if text}
@@ -209,9 +195,9 @@ def load(path: Path, what: str) -> Table:
         text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
     except FileNotFoundError:
         remedy = likely_file(path, (".toml",)) or f"give the path of a {what} file (.toml)"
-        raise input_error(str(path), "no such file", remedy) from None
+        raise input_error(path, "no such file", remedy) from None
     except (OSError, ValueError) as error:  # not UTF-8, or an impossible name
-        raise input_error(str(path), f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
+        raise input_error(path, f"cannot be read ({reason(error)})", f"give a {what} file (.toml)") from None
     return parse(text, str(path), MEND if path.suffix.lower() == ".toml" else f"give a {what} file (.toml)")
 
 
@@ -236,7 +222,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
                 state = "several are given" if count else "none is given"
                 raise input_error(f"{source}: {_join(name, ' or '.join(group))}", state, "give exactly one of them")
         numbers = value if isinstance(value, list) else [value]
-        if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+        if not all(map(_is_finite, numbers)):
             raise _wrong(source, name, value, node)
     try:
         read: Form = msgspec.convert(raw, form, dec_hook=_path)
@@ -372,7 +358,7 @@ def _hint(top: Schema, table: Schema, keys: Mapping[str, object], unknown: str) 
     hints = [f"it belongs {' or '.join(places)}"] if places else []
     everywhere = [_join(home, other) for home, node in tables(top) for other in node["properties"]]
     last = {other.rpartition(".")[2]: other for other in reversed(everywhere)}
-    synonyms = [key for word, keys in SYNONYMS.items() if unknown.lower().startswith(word) for key in keys]
+    synonyms = [key for key, words in SYNONYMS.items() if unknown.lower().startswith(words)]
     # A key of the same table comes first.
     likely = [key for key in synonyms if key in table["properties"]] + [last[key] for key in synonyms if key in last]
     if likely and not places:
@@ -399,20 +385,21 @@ def _short(value: object) -> str:
 
 
 def _wrong(source: str, name: str, value: object, node: Schema) -> InputError:
+    where = f"{source}: {name}"
     low, high = node.get("minItems", 0), node.get("maxItems", math.inf)
     if isinstance(value, list) and "x-shape" not in node and "prefixItems" not in node:  # tables
         if len(value) > high:
-            return input_error(f"{source}: {name}", f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {high}")
+            return input_error(where, f"{len(value)} {name.rpartition('.')[2]}s", f"give at most {high}")
         if len(value) < low:
             how = remedy(node, re.sub(r"\[\d+\]", "", name))
-            return input_error(f"{source}: {name}", "is empty", f"give at least {low}: {how}")
+            return input_error(where, "is empty", f"give at least {low}: {how}")
     short = _short(value)
     if isinstance(value, str) and node.get("type") == "string" and "enum" not in node:  # from `_path`
-        return input_error(f"{source}: {name}", f"{short} is no file's name", "give the name of a file")
+        return input_error(where, f"{short} is no file's name", "give the name of a file")
     words = [str(word) for choice in node.get("anyOf", [node]) for word in choice.get("enum", ())]
     meant = [word for word in words if len(short) > 1 and short.strip('"').lower() in word]
     guess = f'did you mean "{meant[0]}"? ' if len(meant) == 1 else ""
-    return input_error(f"{source}: {name}", f"{short} is not valid", guess + remedy(node, re.sub(r"\[\d+\]", "", name)))
+    return input_error(where, f"{short} is not valid", guess + remedy(node, re.sub(r"\[\d+\]", "", name)))
 
 
 def remedy(node: Schema, name: str) -> str:

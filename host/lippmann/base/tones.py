@@ -30,6 +30,8 @@ def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
     if not isinstance(transfer, str):
         return _check_curve(transfer)
     if not transfer.startswith("["):
+        if transfer not in ("srgb", "gamma2.2", "linear"):
+            raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
         return None
     try:
         return _check_curve(json.loads(transfer))
@@ -83,7 +85,7 @@ def encode(linear: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
     values: Numbers
     if (measured := curve_of(transfer)) is not None:
         values = np.interp(light, measured[:, 1], measured[:, 0])
-    elif _checked_name(transfer) == "srgb":
+    elif transfer == "srgb":
         values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
     else:
         values = light if transfer == "linear" else light ** (1.0 / 2.2)
@@ -95,18 +97,11 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
     v, light = np.asarray(values, np.float32), values
     if (measured := curve_of(transfer)) is not None:
         light = np.interp(v, measured[:, 0], measured[:, 1])
-    elif _checked_name(transfer) == "srgb":
+    elif transfer == "srgb":
         light = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
     else:
         light = v if transfer == "linear" else v**2.2
     return light.astype(np.float32, copy=False)
-
-
-def _checked_name(transfer: Transfer) -> Transfer:
-    """Refuse an unknown name of a curve."""
-    if transfer not in ("srgb", "gamma2.2", "linear"):
-        raise InputError(f"unknown transfer '{transfer}'; choose from srgb, gamma2.2, linear")
-    return transfer
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:

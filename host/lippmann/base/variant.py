@@ -81,10 +81,8 @@ def mitsuba() -> ModuleType:
     if variant is None:
         start_mitsuba()
     elif variant not in VARIANTS.values():
-        raise InputError(
-            f"Mitsuba's variant is {variant}; call mitsuba.set_variant with {' or '.join(VARIANTS.values())}, or "
-            "lippmann.render, which sets its own"
-        )
+        what = f"Mitsuba's variant is {variant}; call mitsuba.set_variant with {' or '.join(VARIANTS.values())}"
+        raise InputError(f"{what}, or lippmann.render, which sets its own")
     return mi
 
 

@@ -50,6 +50,7 @@ Shear = Annotated[float, key("shift of the rows along x, as a share of their hei
 _EXTENT = "width along the rows and height across them of the area with lenslets, about `offset_mm`"
 Extent = Annotated[LengthPair | None, key(_EXTENT, default="none: lenslets everywhere")]
 Side = Annotated[int, key("number of pixels", low=1, high=MAX_SIDE_PX)]
+_AXIS = "point of the panel that this eye is in front of, from the centre"
 _CONVERGES = "distance from the array to the eye that sees each pixel through the pixel's own lenslet"
 MeasuredCurve = Annotated[Curve, key("", shape="a list of [panel value, light]", lengths=(2, MAX_PAIRS))]
 Subpixels = Annotated[tuple[Subpixel, ...], key("", shape="a list of [colour, x, y, width, height]", lengths=(1, 1024))]
@@ -231,10 +232,7 @@ class Display(Checked):
     array: Array
     gap_mm: Annotated[Gap, key("from the panel's emitting plane to the array's near face; 0 in contact")]
     viewing_distance_mm: Annotated[Length | None, key(_CONVERGES, default="none: the eye is far away")] = None
-    viewing_axis_mm: Annotated[Pair, key("point of the panel that this eye is in front of, from the centre")] = (
-        0.0,
-        0.0,
-    )
+    viewing_axis_mm: Annotated[Pair, key(_AXIS)] = (0.0, 0.0)
 
     @property
     def convergence(self) -> float:
@@ -274,9 +272,8 @@ class Display(Checked):
         Raises InputError for an array without a glass, and for a wavelength out of range.
         """
         if self.array.glass is None:
-            raise InputError(
-                f"display '{self.name}' has an index without dispersion; give array.glass in place of array.index"
-            )
+            what = f"display '{self.name}' has an index without dispersion"
+            raise InputError(f"{what}; give array.glass in place of array.index")
         return replace(self, array=replace(self.array, index=index_of(self.array.glass, wavelength_nm)))
 
     def misaligned(

@@ -256,14 +256,11 @@ def _warnings(display: Display, half_field_deg: float, zone: Zone | None) -> lis
 def _eye_warnings(display: Display, zone: Zone | None) -> list[str]:
     """Return warnings of the eye's position and view; `zone` is that at its distance."""
     panel, distance, texts = display.panel, viewing_distance(display), []
-    off_panel = [
-        abs(at) > 0.5 * side
-        for at, side in zip(display.viewing_axis_mm, (panel.width_mm, panel.height_mm), strict=True)
-    ]
-    if any(off_panel):
+    x, y = display.viewing_axis_mm
+    if abs(x) > 0.5 * panel.width_mm or abs(y) > 0.5 * panel.height_mm:
         texts.append(
-            f"viewing_axis_mm, {display.viewing_axis_mm[0]:g}, {display.viewing_axis_mm[1]:g}, is beside the panel of "
-            f"{panel.width_mm:.4g} x {panel.height_mm:.4g} mm; give the point of the panel that the eye is in front of"
+            f"viewing_axis_mm, {x:g}, {y:g}, is beside the panel of {panel.width_mm:.4g} x {panel.height_mm:.4g} mm; "
+            "give the point of the panel that the eye is in front of"
         )
     elif zone is None:
         share = status_share(display, middle_eye(display, distance))["crosstalk"]

@@ -22,7 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.backend import Arr, Backend, State
 from lippmann.optics.lattice import Lattice
 
 
@@ -63,16 +63,14 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
     square = (1.0 - k) * (1.0 + k)
-    reflected = square <= 0.0
     cosine = b.sqrt(b.maximum(square, 0.0))
-    return (
-        ray._replace(
-            dx=b.where(reflected, ray.dx, kx),
-            dy=b.where(reflected, ray.dy, ky),
-            dz=b.where(reflected, ray.dz, b.where(ray.dz < 0.0, -cosine, cosine)),
-        ),
-        square,
-    )
+    return _turned(b, ray, (kx, ky, b.where(ray.dz < 0.0, -cosine, cosine)), square)
+
+
+def _turned(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
+    """Return rays with new directions, the old ones where `square` is not positive, and `square`."""
+    reflected = square <= 0.0
+    return Ray(*ray[:3], *(b.where(reflected, old, new) for old, new in zip(ray[3:], direction, strict=True))), square
 
 
 #: Maximum number of cells of a ray; beyond, it has missed.
@@ -183,7 +181,6 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     """
     c = dome.curvature
     square = 1.0 - (ratio * ratio) * (1.0 - cosine) * (1.0 + cosine)
-    reflected = square <= 0.0
     cosine_out = b.sqrt(b.maximum(square, 0.0))
     bend = cosine_out - ratio * cosine
     if not upward:
@@ -192,10 +189,7 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
     dy = ratio * ray.dy + bend * (c * ray.y)
     dz = ratio * ray.dz + bend * (1.0 + c * ray.z)
     # The ratio magnifies the rounding error of the normal.
-    dx, dy, dz = unit(b, dx, dy, dz)
-    return ray._replace(
-        dx=b.where(reflected, ray.dx, dx), dy=b.where(reflected, ray.dy, dy), dz=b.where(reflected, ray.dz, dz)
-    ), square
+    return _turned(b, ray, unit(b, dx, dy, dz), square)
 
 
 def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:

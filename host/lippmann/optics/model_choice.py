@@ -45,10 +45,8 @@ class Choice:
     def __str__(self) -> str:
         """Return model and reason in one line."""
         errors = ", ".join(f"{model} {error:.2g}" for model, error in self.error_px.items())
-        return (
-            f"model {self.model}: the cheapest within {self.tolerance:g} pixel of the reconstructed view "
-            f"(largest errors: {errors})"
-        )
+        limit = f"{self.tolerance:g} pixel of the reconstructed view"
+        return f"model {self.model}: the cheapest within {limit} (largest errors: {errors})"
 
 
 def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:

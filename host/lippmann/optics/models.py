@@ -4,8 +4,8 @@ The models `pinhole`, `thin` and `paraxial` are ideal: slopes are tangents of an
 are lens-local, mm.
 
 The model `exact` obeys Snell's law at both faces. Rays are mirrored where needed so that domes bulge to +z, which gives
-two kinds of passage: upward, out of the glass through a dome, and downward, into the glass through a dome. Plano-concave
-lenslets are the downward kind with glass and air exchanged.
+two kinds of passage: upward, out of the glass through a dome, and downward, into the glass through a dome.
+Plano-concave lenslets are the downward kind with glass and air exchanged.
 """
 
 from __future__ import annotations
@@ -13,19 +13,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lippmann.optics import faces
 from lippmann.optics.backend import Arr, Backend
-from lippmann.optics.faces import (
-    Crossing,
-    Ray,
-    blocked_above,
-    blocked_below,
-    meet,
-    mirrored,
-    refract_dome,
-    refract_flat,
-    transported,
-    unit,
-)
+from lippmann.optics.faces import Crossing, Ray, mirrored, refract_flat, transported, unit
 from lippmann.optics.rays import Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
@@ -54,11 +44,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
-        points = (aim[0], aim[1]) if aim else None
-        if model == "exact":
-            out = _leave_exact(b, system, x, y, points)
-        else:
-            out = _leave_ideal(b, system, x, y, points, model)
+        out = _leave(b, system, x, y, (aim[0], aim[1]) if aim else None, model)
         return *out.ray, *out[1:]
 
     aim = aperture or ()
@@ -68,16 +54,9 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     return Exit(Ray(*fine[:6]), *fine[6:])
 
 
-def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
-    """Trace rays from the world to the panel.
-
-    `ray` is local to the lenslet of its point's cell, array's axes. The point lies in the vertices' plane for `pinhole`
-    and `thin`, in `System.last_face_mm` for the others.
-    """
-    return _reach_exact(b, system, ray) if model == "exact" else _reach_ideal(b, system, ray, model)
-
-
-def _leave_ideal(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
+def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
+    if model == "exact":
+        return _leave_exact(b, system, x, y, aperture)
     zero = 0.0 * x
     di = dj = cx = cy = hx = hy = zero
     per_mm = 1.0 / system.aperture_distance_mm
@@ -105,7 +84,14 @@ def _leave_ideal(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr
     return Exit(Ray(hx, hy, zero + z, dx, dy, dz), di, dj, status, grazing)
 
 
-def _reach_ideal(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
+def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
+    """Trace rays from the world to the panel.
+
+    `ray` is local to the lenslet of its point's cell, array's axes. The point lies in the vertices' plane for `pinhole`
+    and `thin`, in `System.last_face_mm` for the others.
+    """
+    if model == "exact":
+        return _reach_exact(b, system, ray)
     zero = 0.0 * ray.x
     sx, sy = ray.dx / ray.dz, ray.dy / ray.dz
     if model == "paraxial":
@@ -175,10 +161,11 @@ def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upw
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))
-    crossing = meet(b, system.dome, ray, upward)
+    crossing = faces.meet(b, system.dome, ray, upward)
     out, square = _through_dome(b, system, crossing, system.index, upward)
     reflected = square <= 0.0
-    blocked = (blocked_above if upward else blocked_below)(b, system.dome, out, ~crossing.missed & ~reflected)
+    is_blocked = faces.blocked_above if upward else faces.blocked_below
+    blocked = is_blocked(b, system.dome, out, ~crossing.missed & ~reflected)
     return _exit(b, out, start, crossing, reflected, blocked, square)
 
 
@@ -187,9 +174,9 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
     start = (0.0, 0.0)
     if strays:
         ray, start = _relocated(b, system, ray)
-    crossing = meet(b, system.dome, ray, upward=False)
+    crossing = faces.meet(b, system.dome, ray, upward=False)
     inside, _ = _through_dome(b, system, crossing, 1.0 / system.index, upward=False)
-    blocked = blocked_below(b, system.dome, inside, ~crossing.missed)
+    blocked = faces.blocked_below(b, system.dome, inside, ~crossing.missed)
     passes = ~crossing.missed & ~blocked
     at_flat = transported(inside._replace(dz=b.where(passes, inside.dz, -1.0)), -system.thickness_mm)
     at_flat = at_flat._replace(dz=inside.dz)
@@ -203,7 +190,7 @@ def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
 def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, upward: bool) -> tuple[Ray, Arr]:
     """Refract rays where they meet a dome; a ray lost at a wall keeps its direction."""
     ray = crossing.ray
-    out, square = refract_dome(b, system.dome, ray, crossing.cosine, ratio, upward)
+    out, square = faces.refract_dome(b, system.dome, ray, crossing.cosine, ratio, upward)
     if system.lattice.stepped:
         out = Ray(*(b.where(crossing.missed, old, new) for old, new in zip(ray, out, strict=True)))
     return out, square

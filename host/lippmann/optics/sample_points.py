@@ -5,7 +5,7 @@ They depend on the numbers of pixel and sample and on the seed, but not on the c
 
 from __future__ import annotations
 
-from lippmann.base.variant import mitsuba
+from lippmann.base.variant import dr, mi
 from lippmann.optics.backend import Arr, Backend
 from lippmann.optics.lattice import Lattice
 
@@ -36,9 +36,6 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     part of their errors. `number` is the pass over a picture: after the first pass the golden steps continue, and each
     point moves by golden steps within its N-th part of the width.
     """
-    mi = mitsuba()
-    import drjit as dr
-
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
     # Opaque: another seed needs no compilation.
@@ -65,9 +62,6 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tup
     Sample s is the s-th point of the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0 is for the
     pixels of an eye's view, as in viewer/shaders/sampling.glsl; it is independent of stream 1.
     """
-    mi = mitsuba()
-    import drjit as dr
-
     # Rounding must not move a point onto the far edge, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24
 

@@ -166,10 +166,6 @@ class System:
         cx, cy = self.lattice.centre(i, j)
         return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
 
-    def owns(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Arr:
-        """Tell whether a panel point, measured from the lenslet at (cx, cy), belongs to it; array's axes, mm."""
-        return self.lattice.holds(*self.convergence.within_cell(x, y, cx, cy))
-
     def through_mount(
         self, b: Backend, status: Arr, passed: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None
     ) -> Arr:
