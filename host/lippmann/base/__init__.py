@@ -1,1 +1,1 @@
-"""Foundations that know nothing of displays: files, images, TOML, limits, memory, programs, Mitsuba's variant."""
+"""Foundations without displays: files, images, TOML, limits, memory, programs, Mitsuba's variant."""

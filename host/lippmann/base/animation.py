@@ -33,10 +33,7 @@ def png_bytes(radiance: Numbers) -> bytes:
 def write_animation(
     path: str | Path, views: Iterable[Radiance], there_and_back: bool = True, frame_ms: float = FRAME_MS
 ) -> None:
-    """Write views, (height, width, 3) linear radiance each, as an endless GIF or animated PNG.
-
-    Each view is stored in 8 bits before the next is taken. Raises InputError when the file cannot be written.
-    """
+    """Write views, (height, width, 3) linear radiance, as an endless GIF or PNG; InputError if that fails."""
     path = check_output(path, ANIMATION_SUFFIXES)
     kind = "GIF" if path.suffix.lower() == ".gif" else "PNG"
     write_file(path, animation_bytes(views, kind, there_and_back, frame_ms))
@@ -78,7 +75,7 @@ def _common_palette(frames: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 def write_contact_sheet(path: str | Path, views: Sequence[Radiance], captions: Sequence[str], columns: int = 3) -> None:
-    """Write views in rows, each above its caption, as a PNG; InputError when the file cannot be written."""
+    """Write views in rows, with captions, as a PNG; InputError if that fails."""
     from PIL import Image, ImageDraw
 
     path = check_output(path, (".png",))

@@ -1,7 +1,7 @@
-"""Files and folders that appear complete or not at all, also after a signal, on a full disk and after a power cut.
+"""Files and folders that appear complete or not at all, also after a signal, a full disk or a power cut.
 
-A file is written under a temporary name in the same folder, synced and renamed. The temporary name holds the process
-that owns it: the next command removes the partial files of a process that was killed.
+A file is written under a temporary name in the same folder, synced and renamed. The temporary name holds its process:
+the next command removes the partial files of a killed process.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.
 
 
 def owner() -> str:
-    """Return the part of a partial file's name that identifies this process."""
+    """Return this process as partial files name it."""
     return f"{_machine()}-{os.getpid()}-{_life(os.getpid())}"
 
 
@@ -63,7 +63,7 @@ def _machine() -> str:
 
 
 def _life(pid: int) -> str:
-    """Return a hash of a process's start, "" without such a process; a constant where the system has no /proc."""
+    """Return a hash of a process's start, "" without such a process, a constant without /proc."""
     if not Path("/proc/self/stat").exists():
         return "0" * 8
     try:
@@ -79,7 +79,7 @@ def _short(text: bytes) -> str:
 
 
 def partial_name(name: str) -> str:
-    """Return a new temporary name for a file or folder; it ends in the same suffix."""
+    """Return a new temporary name with the same suffix."""
     stem, suffix = os.path.splitext(name)
     stem = stem.encode(errors="surrogateescape")[:STEM_BYTES].decode(errors="ignore")
     return f".{stem}.{next(numbers)}.{owner()}.partial{suffix}"
@@ -129,7 +129,7 @@ def no_space(where: object, why: str | None = None) -> NoSpaceError:
 
 
 def on_full_disk(path: Path) -> str | None:
-    """Append `PROBE_BYTES` to a file; return the system's reason if its disk or quota is full."""
+    """Append `PROBE_BYTES` to a file; return the system's reason if the disk is full."""
     try:
         with path.open("ab") as stream:
             stream.write(bytes(PROBE_BYTES))
@@ -141,10 +141,7 @@ def on_full_disk(path: Path) -> str | None:
 
 
 def not_written(path: Path, why: OSError | str = "", partial: Path | None = None) -> LippmannError:
-    """Return the error of a file or folder that could not be written.
-
-    Without an errno, as from a library, some bytes are appended to `partial` to tell whether the disk is full.
-    """
+    """Return the error of an unwritten file or folder; without an errno, test `partial` for a full disk."""
     reason = why if isinstance(why, str) else why.strerror or str(why)
     if isinstance(why, OSError) and (why.errno is not None or partial is None):
         full = reason if is_full(why) else None
@@ -156,7 +153,7 @@ def not_written(path: Path, why: OSError | str = "", partial: Path | None = None
 
 
 def sync(path: Path) -> None:
-    """Wait until the content of a file, or the names in a folder, are on the disk."""
+    """Wait until a file's content, or a folder's names, are on the disk."""
     if os.name == "nt" and path.is_dir():  # Windows opens no folders
         return
     handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
@@ -174,8 +171,7 @@ def sync(path: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Provide a temporary file name; rename the file to `path` on success, remove it on failure.
 
-    A power cut leaves the old file or the new one. Raises NoSpaceError when the disk is full; InputError when the file
-    system refuses for another reason, such as no permission.
+    A power cut leaves the old file or the new one. Raises NoSpaceError for a full disk, InputError for another refusal.
     """
     remove_stale_once(path.parent.absolute())
     partial = path.with_name(partial_name(path.name))
@@ -198,18 +194,18 @@ def write_file(path: Path, content: str | bytes) -> None:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Replace what has this name by an empty file, and open it for writing. A link there is not followed."""
+    """Open a new empty file in place of what has its name; a link there is not followed."""
     _remove(path)
     return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FLAGS, 0o666), "wb")
 
 
 def user_id() -> int:
-    """Return the number of this process's user; 0 where the system has none."""
+    """Return the user's number; 0 where the system has none."""
     return os.getuid() if hasattr(os, "getuid") else 0
 
 
 def own_text(path: Path) -> str:
-    """Return the text of a plain file of this user; OSError for a link, a pipe, or a file of another user."""
+    """Return the text of a plain file of this user; OSError for a link, a pipe or another user's file."""
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | OWN_FLAGS)
     with os.fdopen(handle, encoding="utf-8", errors="replace") as stream:
         status = os.fstat(handle)
@@ -220,10 +216,7 @@ def own_text(path: Path) -> str:
 
 @contextlib.contextmanager
 def partial_folder(target: Path) -> Iterator[Path]:
-    """Provide an empty folder beside a target for its parts, to be renamed with `moved`; remove it at the end.
-
-    Raises OSError when it cannot be made.
-    """
+    """Provide an empty folder beside a target for its parts (see `moved`); remove it at the end. Raises OSError."""
     remove_stale_once(target.parent.absolute())
     folder = target.with_name(partial_name(target.name))
     _remove(folder)
@@ -245,10 +238,7 @@ def moved(source: Path, target: Path) -> None:
 
 
 def make_folder(folder: Path, remedy: str = "choose another folder") -> None:
-    """Make a folder and its parents, unless they exist; NoSpaceError or InputError when that fails.
-
-    `remove_empty` removes them if they are still empty.
-    """
+    """Make a folder and its parents, for `remove_empty` to undo; NoSpaceError or InputError when that fails."""
     new_folders.extend(place for place in (*reversed(folder.parents), folder) if not place.exists())
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -262,7 +252,7 @@ class FolderLock:
     """A lock on a folder, until it is closed or the process ends; file systems without locks have none."""
 
     def __init__(self, folder: Path, remedy: str) -> None:
-        """Make and lock the folder; errors of `make_folder`, and InputError when another command has the lock."""
+        """Make and lock the folder; InputError when another command has the lock, or as `make_folder`."""
         #: Releases the lock.
         self.close: Callable[[], object] = lambda: None
         make_folder(folder, remedy)
@@ -308,9 +298,9 @@ def private_path() -> Path:
 
 
 def private_folder() -> Path:
-    """Return this user's own folder for sockets and scratch files, made if missing; no other user may enter it.
+    """Return this user's own folder for sockets and scratch files, made if missing.
 
-    Raises InputError when the name belongs to another user, or others may enter the folder.
+    Raises InputError when it belongs to another user, or others may enter it.
     """
     folder = private_path()
     with contextlib.suppress(FileExistsError):
@@ -323,12 +313,12 @@ def private_folder() -> Path:
 
 
 def listening() -> set[str]:
-    """Return the paths of the Unix sockets on which a program listens; none except on Linux."""
+    """Return the paths of Unix sockets on which programs listen; none except on Linux."""
     table = Path("/proc/net/unix")
     rows = table.read_text(errors="replace").splitlines() if table.exists() else []
     return {row.split(maxsplit=7)[-1] for row in rows}  # a path may have spaces
 
 
 def scratch_folder() -> contextlib.AbstractContextManager[Path]:
-    """Provide an empty folder for this process alone, removed at the end; its name is short and has no spaces."""
+    """Provide an empty folder with a short name without spaces; remove it at the end."""
     return partial_folder(private_folder() / "s")

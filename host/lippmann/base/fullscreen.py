@@ -1,4 +1,4 @@
-"""Images on the host's screens (SDL): unscaled on a complete monitor, or in a window on the desktop."""
+"""Images on the host's screens (SDL): unscaled on a monitor, or in a window."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def monitors() -> list[tuple[int, int]]:
 
 
 def check_monitor(sizes: Sequence[tuple[int, int]], monitor: int, size: tuple[int, int]) -> None:
-    """Refuse a monitor that does not exist or has not the size of the picture."""
+    """Refuse a monitor that does not exist or has another size than the picture."""
     if not 0 <= monitor < len(sizes):
         listed = ", ".join(f"{k}: {width} x {height}" for k, (width, height) in enumerate(sizes))
         raise InputError(f"no monitor {monitor}; choose from {listed}")
@@ -58,9 +58,9 @@ def window_size(size: tuple[int, int], desktop: tuple[int, int]) -> tuple[int, i
 def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., Pixels]]:
     """Provide a function that shows an image (height, width, 3) uint8 on a complete monitor, counted from 0.
 
-    The function takes the image and a duration, s (None: until Escape or q); it returns the screen's pixels. Raises
-    InputError for a missing monitor or one of another size, whose scaled pixels would not match the lenslets;
-    DeviceError without a desktop, or when it refuses the full screen.
+    It takes the image and a duration, s (None: until Escape or q), and returns the screen's pixels. Raises InputError
+    for a missing monitor or one of another size, whose scaled pixels would not match the lenslets; DeviceError without
+    a desktop or full screen.
     """
     check_monitor(monitors(), monitor, size)
     width, height = size
@@ -79,7 +79,7 @@ def full_screen(size: tuple[int, int], monitor: int) -> Iterator[Callable[..., P
 
 
 def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float = LOOK_S) -> None:
-    """Repeat frames (height, width, 3) uint8 of one size, for some seconds or until Escape, q or the close button.
+    """Repeat frames (height, width, 3) uint8 in a window, for some seconds or until Escape, q or the close button.
 
     Frames larger than the desktop are scaled down. Raises DeviceError without a desktop.
     """
@@ -97,7 +97,7 @@ def show_frames(frames: Sequence[Pixels], seconds: float | None, frame_s: float 
 
 
 def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface, seconds: float | None) -> bool:
-    """Show a picture for some seconds or until Escape, q or the close button; tell whether the user ended it."""
+    """Show a picture as `show_frames` does; tell whether the user ended it."""
     screen.blit(picture, (0, 0))
     pygame.display.flip()
     until = math.inf if seconds is None else time.monotonic() + seconds
@@ -113,7 +113,7 @@ def _put_up(pygame: ModuleType, screen: pygame.Surface, picture: pygame.Surface,
 
 @contextmanager
 def desktop(request: str) -> Iterator[ModuleType]:
-    """Provide pygame with its display initialised; an error of SDL becomes "the desktop refuses `request`"."""
+    """Provide pygame with its display; an error of SDL becomes "the desktop refuses `request`"."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     # The window stays when another one gets the keyboard.
     os.environ.setdefault("SDL_VIDEO_MINIMIZE_ON_FOCUS_LOSS", "0")

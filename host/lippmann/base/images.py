@@ -1,4 +1,4 @@
-"""Image files, by OpenImageIO: linear radiance in EXR and TIFF, panel values in PNG, with metadata."""
+"""Image files: linear radiance in EXR and TIFF, panel values in PNG, with metadata."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Picture(NamedTuple):
 
 
 def check_output(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Check before a long computation that a file can be written; return its path.
+    """Check that a file can be written, and return its path.
 
     Raises InputError for an unknown extension, a missing or read-only folder, or a folder as path; NoSpaceError.
     """
@@ -112,8 +112,8 @@ def write_picture(
 ) -> None:
     """Write linear radiance (height, width, 3) and metadata (keys without prefix) as an image file.
 
-    .exr (half float) and .tif (float) are linear. .png has the panel's values (`encoded_values`) and the name of the
-    transfer curve. Raises InputError when the file cannot be written.
+    .exr (half float) and .tif (float) are linear; .png has panel values (`encoded_values`). Raises InputError when the
+    file cannot be written.
     """
     path = check_output(path)
     suffix = path.suffix.lower()
@@ -125,7 +125,7 @@ def write_picture(
             raise input_error(path, "the image has pixels that are not finite", "replace them (numpy.nan_to_num)")
 
     def file_values(first: int) -> Numbers:
-        """Return the file's values of the band that begins at a row."""
+        """Return the file's values of a band."""
         rows: Numbers = np.asarray(radiance[first : first + BAND_ROWS], np.float32)
         if suffix == ".png":
             rows = encoded_values(rows, transfer, bits)
@@ -174,7 +174,7 @@ def _file_spec(
 
 
 def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Callable[[int], Numbers]) -> bool:
-    """Write the bands, each while the next is encoded; tell whether that succeeded."""
+    """Write the bands, encoding one ahead; tell whether that succeeded."""
     with ThreadPoolExecutor(1) as encoder:
         ahead = encoder.submit(file_values, 0)
         for first in firsts:
@@ -186,7 +186,7 @@ def _write_bands(out: OpenImageIO.ImageOutput, firsts: range, file_values: Calla
 
 
 def read_picture(path: str | Path, limit: tuple[int, int] | None = None, accept: Accept | None = None) -> Picture:
-    """Read an image file as linear radiance; a PNG is decoded by the transfer curve in its metadata, or as sRGB.
+    """Read an image file as linear radiance; a PNG by the transfer curve in its metadata, or as sRGB.
 
     `limit` is the required (width, height); `accept` is called before the pixels are read. Raises InputError when the
     file is missing, broken, of another size, or not a flat image.
@@ -208,7 +208,7 @@ def _quiet(path: Path) -> Iterator[None]:
 def _opened(
     path: Path, limit: tuple[int, int] | None, accept: Accept | None
 ) -> tuple[OpenImageIO.ImageInput, dict[str, str]]:
-    """Open an existing image file; return OpenImageIO's input and our metadata (see `read_picture`)."""
+    """Open an image file; return OpenImageIO's input and our metadata."""
     _check_texts(path)
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
@@ -262,7 +262,7 @@ def _check_texts(path: Path) -> None:
 
 
 def _first_line(trouble: str, path: Path) -> str:
-    """Return the first line of a library's error message, without the file's name."""
+    """Return the first line of an error message, without the file's name."""
     return next(iter(trouble.replace(f" ({path})", "").strip().splitlines()), "no reason given")
 
 
@@ -291,7 +291,7 @@ def openimageio() -> ModuleType:
 
 
 class StoredRows:
-    """Linear radiance (height, width, 3) float32 in its file, indexed like an array; only the requested rows are read.
+    """Linear radiance (height, width, 3) float32 in a file, indexed like an array, of which it reads only these rows.
 
     The returned arrays are read-only. `numpy.asarray` reads all rows.
     """
@@ -323,7 +323,7 @@ class StoredRows:
         return self.shape[0]
 
     def __getitem__(self, index: Any, /) -> Radiance:
-        """Return a part; of the file, only the requested row or range of rows is read."""
+        """Return a part, reading only the requested row or range of rows."""
         rows, *columns = index if isinstance(index, tuple) else (index,)
         own: int | slice = slice(None)
         if isinstance(rows, int | np.integer):
@@ -380,10 +380,10 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 
 
 def read_numbers(path: Path, max_pixels: int, what: str, remedy: str) -> Numbers:
-    """Return an image, (height, width) or (height, width, channels BGR or BGRA), in the type of the file's numbers.
+    """Return an image, (height, width) or (height, width, BGR or BGRA), in the file's type of numbers.
 
-    Raises InputError with `what` and `remedy` for a broken file or one of another format than `FORMATS`, and InputError
-    for more than `max_pixels` pixels.
+    Raises InputError for more than `max_pixels` pixels, and, with `what` and `remedy`, for a broken file or one not of
+    `FORMATS`.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM are recorded, because some libraries drop the exception; long work calls `check` between steps."""
+"""Ctrl-C and SIGTERM, recorded because some libraries drop the exception: long work calls `check` between steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ received: list[int] = []
 
 
 def install() -> None:
-    """Have each signal of `ENDING` raise KeyboardInterrupt; SIGHUP stays ignored under nohup."""
+    """Let the signals of `ENDING` raise KeyboardInterrupt; SIGHUP stays ignored under nohup."""
     for number in ENDING:
         if number != HANGUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, receive)
@@ -45,12 +45,12 @@ def check() -> None:
 
 
 def exit_code() -> int:
-    """Return the exit code after a signal: 128 plus the number of the first signal, such as 130 after Ctrl-C."""
+    """Return 128 plus the number of the first signal, such as 130 after Ctrl-C."""
     return 128 + (received[0] if received else signal.SIGINT)
 
 
 def leave(code: int) -> None:
-    """End the process at once, without closing its libraries; return if the output cannot be flushed."""
+    """End the process without closing its libraries; return if the output cannot be flushed."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
             if stream is not None:  # closed by the parent process
@@ -85,10 +85,7 @@ def hold_signals() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def blocked_in_children() -> Iterator[None]:
-    """Block the signals of `ENDING` in processes that multiprocessing starts in this block; nothing on Windows.
-
-    A terminal sends its signals to all processes, but this process ends the others.
-    """
+    """Block the signals of `ENDING` in new processes of multiprocessing, which this process ends; not on Windows."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

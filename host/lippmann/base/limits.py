@@ -1,4 +1,4 @@
-"""Limits of files that are read: their size, and the memory for their content, checked before it is allocated."""
+"""Limits of the size of files and of the memory for their content, checked before it is allocated."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SHARE = 0.8
 
 
 def read_limited(path: Path, max_bytes: int, remedy: str) -> bytes:
-    """Return a file's bytes; InputError when there are more than `max_bytes`, also for endless devices and pipes."""
+    """Return a file's bytes; InputError for more than `max_bytes`, as from an endless device."""
     data = bytearray()
     with path.open("rb") as stream:
         while part := stream.read(min(PART_BYTES, max_bytes + 1 - len(data))):
@@ -58,11 +58,10 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return those arrays of an .npz file that `names` names, and all names in it.
+    """Return the arrays `names` of an .npz file, as far as it has them, and all its names; for None, of an .npy file.
 
-    Without `names`, the file is an .npy file; its array gets the name "". The caller needs `bytes_a_ray` of memory for
-    each row. Raises InputError when the file is broken, has arrays that are not of real numbers or more than `MAX_RAYS`
-    rows, or needs more memory than is free.
+    The array of an .npy file is called "". `bytes_a_ray` is the caller's memory for each row. Raises InputError for a
+    broken file, arrays not of real numbers, more than `MAX_RAYS` rows, or too little free memory.
     """
     try:
         if names is None:
@@ -125,7 +124,7 @@ def _check_arrays(path: Path, headers: dict[str, Header], remedy: str, bytes_a_r
 
 
 def png_chunks(path: Path) -> Iterator[tuple[bytes, int, bool]]:
-    """Yield for each chunk of a PNG its kind, its claimed bytes, and whether the file has them; nothing for others."""
+    """Yield kind, claimed bytes and completeness of each chunk of a PNG; nothing for other files."""
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return
@@ -150,7 +149,7 @@ def lines_of(text: str) -> Iterator[str]:
 
 
 def check_xml(path: Path, remedy: str) -> list[str]:
-    """Refuse an XML file that is too large or too deep for the stack of other parsers; return the files it includes."""
+    """Refuse an XML file that is too large, or too deep for other parsers; return the files that it includes."""
     data = read_limited(path, MAX_XML_BYTES, remedy)
     depth, included = 0, list[str]()
 

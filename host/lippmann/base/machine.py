@@ -1,4 +1,4 @@
-"""The machine: its processor, and the memory that this process may still use."""
+"""The machine's processor, and the memory that this process may still use."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DEFAULT_FREE_MB = 4000.0
 
 
 def free_memory_mb() -> float:
-    """Return the free memory with releasable caches, MB: the machine's or, if less, that of a control group."""
+    """Return the free memory with releasable caches, MB, of the machine or, if less, of a control group."""
     return min([proc_mb("meminfo", "MemAvailable") or DEFAULT_FREE_MB, *group_memory_mb()])
 
 
@@ -57,7 +57,7 @@ def _text(file: Path) -> str:
 
 
 def proc_mb(file: str, entry: str) -> float | None:
-    """Return an entry of a file below /proc, in MB; None without the file or the entry."""
+    """Return an entry of a file below /proc, MB, or None."""
     match = re.search(rf"^{entry}:\s*(\d+) kB", _text(Path("/proc", file)), re.M)
     # Linux writes kB for KiB.
     return None if match is None else int(match[1]) * 1024 / 1e6
@@ -86,7 +86,7 @@ def process_seconds() -> float:
 
 
 def processor_name() -> str:
-    """Return the processor's name and, on Linux, its vectors, such as "AMD EPYC with AVX2"."""
+    """Return the processor's name, on Linux with its vectors, such as "AMD EPYC with AVX2"."""
     match = re.search(r"^model name\s*:(.*)$", _information(), re.MULTILINE)
     name = match[1].strip() if match else platform.processor() or "unknown processor"
     vectors = " with AVX-512" if has_avx512() else " with AVX2" if "avx2" in features() else ""
@@ -94,7 +94,7 @@ def processor_name() -> str:
 
 
 def has_avx512() -> bool:
-    """Tell whether the processor has AVX-512VL, with which Dr.Jit computes 16 floats at once."""
+    """Tell whether Dr.Jit computes 16 floats at once (AVX-512VL)."""
     return "avx512vl" in features()
 
 
@@ -115,5 +115,5 @@ def machine_name() -> str:
 
 
 def processor_count() -> int:
-    """Return the number of processors that this process may use."""
+    """Return the number of processors for this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

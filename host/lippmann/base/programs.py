@@ -1,4 +1,4 @@
-"""Programs that a command runs and ends, and C libraries that print to stderr."""
+"""Programs that a command runs, and libraries that print to stderr."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GRACE_S = 5.0
 
 @contextlib.contextmanager
 def starting_python() -> Iterator[None]:
-    """Let processes of multiprocessing import nothing from the current folder, nor warn of leaked semaphores."""
+    """Let new processes of multiprocessing neither import from the current folder nor warn of semaphores."""
     quiet = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker:UserWarning"]))
     before = dict(os.environ)
     os.environ |= {"PYTHONSAFEPATH": "1", "PYTHONWARNINGS": quiet}
@@ -40,10 +40,10 @@ def run_program(
     environment: Mapping[str, str] | None = None,
     timeout_s: float | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program without input; return its exit code and its output, with undecodable bytes replaced.
+    """Run a program without input; return its exit code and output, with undecodable bytes replaced.
 
-    A signal to this command first ends the program's process group. Raises OSError when the program cannot be run,
-    subprocess.TimeoutExpired after `timeout_s`.
+    A signal ends the program's process group first. Raises OSError when it cannot be run, subprocess.TimeoutExpired
+    after `timeout_s`.
     """
     until = None if timeout_s is None else time.monotonic() + timeout_s
     with interrupts.hold_signals() as came:

@@ -1,7 +1,7 @@
 """TOML files from declarations: a dataclass declares a table, `key` describes each of its keys.
 
-The declaration gives the reader and its errors (`read`), the JSON Schema for editors (`schema`), the key tables of the
-reference pages (`tools.generate_tables`), and the checks of values from Python code (`check_fields`).
+It gives the reader (`read`), the JSON Schema for editors (`schema`), the key tables of the reference pages
+(`tools.generate_tables`), and the checks of values from Python code (`check_fields`).
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def documented(form: type[Form]) -> type[Form]:
 
 
 def variant(form: type, optional: tuple[str, ...], **changes: object) -> Value:
-    """Return the dataclass `form` as a file writes it, with keys of other types and with `optional` keys (or None)."""
+    """Return the dataclass `form` with the keys of a file: `changes`, and `optional` keys, None if missing."""
     hints = {**get_type_hints(form, include_extras=True), **changes}
     defaults = {field.name: field.default for field in dataclasses.fields(form)} | dict.fromkeys(optional)
     fields = []
@@ -117,10 +117,7 @@ def values(keys: Value) -> Table:
 
 @cache
 def schema(form: Value) -> Schema:
-    """Return the JSON Schema of a declared file, without references.
-
-    It refuses undeclared keys, except at the top of a class with `other_tables = True`.
-    """
+    """Return the JSON Schema of a file. With `other_tables = True` in the class, the top accepts other keys."""
     complete = msgspec.json.schema(form, schema_hook=lambda _: {"type": "string"})  # a path
 
     def plain(node: Value) -> Value:
@@ -153,7 +150,7 @@ def schema(form: Value) -> Schema:
 
 
 def rivals(table: Schema) -> list[tuple[list[str], bool]]:
-    """Return the groups of alternative keys of a table, and whether it must have one of them."""
+    """Return the groups of alternative keys of a table, and whether one is required."""
     groups: dict[str, list[str]] = {}
     for name, node in table["properties"].items():
         if "x-instead-of" in node:
@@ -162,7 +159,7 @@ def rivals(table: Schema) -> list[tuple[list[str], bool]]:
 
 
 def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
-    """Yield a table and the tables inside it, each with its name ("" for the top)."""
+    """Yield a table and its inner tables, each with its name ("" for the top)."""
     for option in node.get("anyOf", [node]):
         if "properties" in option:
             yield name, option
@@ -173,7 +170,7 @@ def tables(node: Schema, name: str = "") -> Iterator[tuple[str, Schema]]:
 
 
 def parse(text: str, source: str, remedy: str = MEND) -> Table:
-    """Return the tables of TOML text; `source` is its name in errors, `remedy` that for text that is not TOML."""
+    """Return the tables of TOML text; errors name `source`, and `remedy` for bad syntax."""
     if (deep := DEEP_KEY.search(text)) is not None:
         place = text.count("\n", 0, deep.start()) + 1
         raise input_error(source, f"a key of more than {MAX_KEY_PARTS} parts in line {place}", remedy)
@@ -190,7 +187,7 @@ def parse(text: str, source: str, remedy: str = MEND) -> Table:
 
 
 def load(path: Path, what: str) -> Table:
-    """Return the tables of a TOML file; `what` is its kind in errors."""
+    """Return the tables of a TOML file; errors name its kind `what`."""
     try:
         text = read_limited(path, MAX_TOML_BYTES, f"give a {what} file (.toml)").decode("utf-8-sig")
     except FileNotFoundError:
@@ -242,10 +239,7 @@ def read(form: Callable[..., Form], raw: Mapping[str, Value], source: str) -> Fo
 
 
 def check_fields(table: object) -> None:
-    """Check the fields of a declared dataclass as `read` does, and store them as it does (for `__post_init__`).
-
-    Raises InputError with class, key, fault and remedy.
-    """
+    """Check and store the fields of a declared dataclass as `read` does; InputError (class, key, fault, remedy)."""
     form: Value = type(table)
     source, (plain, parts) = form.__name__, _plain_form(form)
     for name, part in parts.items():
@@ -266,7 +260,7 @@ def check_fields(table: object) -> None:
 
 
 class Checked:
-    """Base of declared dataclasses whose fields are checked when Python code makes them (`check_fields`)."""
+    """Base of declared dataclasses that check their fields when Python code makes them."""
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -275,7 +269,7 @@ class Checked:
 
 @cache
 def _plain_form(form: Value) -> tuple[Value, Table]:
-    """Return a dataclass with the simple fields of a declared one, and the fields that are dataclasses."""
+    """Return a dataclass of the simple fields, and the fields that are dataclasses."""
     hints = get_type_hints(form, include_extras=True)
     parts = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     fields = [(name, kind) for name, kind in hints.items() if name not in parts]
@@ -283,7 +277,7 @@ def _plain_form(form: Value) -> tuple[Value, Table]:
 
 
 def _builtin(value: Value) -> Value:
-    """Return a value with numpy's numbers and arrays as Python's numbers and lists."""
+    """Return a value without numpy's types."""
     if isinstance(value, list | tuple):
         return tuple(map(_builtin, value))
     return value.tolist() if hasattr(value, "tolist") else value
@@ -296,7 +290,7 @@ def _is_finite(value: object) -> bool:
 
 
 def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
-    """Return keys and tables as the text of a TOML file, each list in one line or each entry in its own."""
+    """Return the text of a TOML file, with each list in one line, or each entry in its own."""
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
@@ -317,7 +311,7 @@ def _join(table: str, name: str) -> str:
 
 
 def _walk(value: Value, node: Schema, name: str) -> Iterator[tuple[str, Value, Schema]]:
-    """Yield name, value and schema of each declared key and entry, in the order of the file."""
+    """Yield name, value and schema of each declared key and entry."""
     if isinstance(value, dict):  # a key that takes text or a table
         node = next((option for option in node.get("anyOf", ()) if "properties" in option), node)
     yield name, value, node

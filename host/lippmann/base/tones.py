@@ -1,4 +1,4 @@
-"""The transfer curve between linear light and panel values, named or measured, and quantisation."""
+"""Transfer curves between linear light and panel values, and quantisation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MAX_PAIRS = 4096
 
 
 def curve_of(transfer: Transfer) -> npt.NDArray[np.float64] | None:
-    """Return a measured curve, or its text, as an array (pairs, 2); None for a name; InputError if it is invalid."""
+    """Return a measured curve or its text as an array (pairs, 2), None for a name; InputError if invalid."""
     if not isinstance(transfer, str):
         return _check_curve(transfer)
     if not transfer.startswith("["):
@@ -72,7 +72,7 @@ def transfer_text(transfer: Transfer) -> str:
 
 
 def transfer_name(transfer: Transfer) -> str:
-    """Return a transfer curve's name for messages, for a measured one with its length and checksum."""
+    """Return a transfer curve's name for messages; for a measured one, length and checksum."""
     text = transfer_text(transfer)
     if not text.startswith("["):
         return text
@@ -105,7 +105,7 @@ def decode(values: Numbers, transfer: Transfer) -> npt.NDArray[np.float32]:
 
 
 def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDArray[np.unsignedinteger[Any]]:
-    """Encode linear radiance and quantise it to 2^bits levels over the range of uint8, or of uint16 above 8 bits."""
+    """Encode and quantise linear radiance to 2^bits levels over the range of uint8, above 8 bits of uint16."""
     levels = (1 << bits) - 1
     kind = np.uint8 if bits <= 8 else np.uint16
     values = np.empty(radiance.shape, kind)
@@ -118,7 +118,7 @@ def encoded_values(radiance: Numbers, transfer: Transfer, bits: int) -> npt.NDAr
 
 
 def psnr_db(a: Numbers, b: Numbers, mask: npt.NDArray[np.bool_] | None = None) -> float:
-    """Return the peak signal-to-noise ratio of two linear images, compared as sRGB values, dB."""
+    """Return the peak signal-to-noise ratio of two linear images as sRGB values, dB."""
     difference = (encode(a, "srgb").astype(np.float64) - encode(b, "srgb").astype(np.float64)) ** 2
     mean = difference.mean() if mask is None else difference[mask].mean()
     return float("inf") if mean == 0.0 else float(-10.0 * np.log10(mean))

@@ -45,8 +45,8 @@ def available_device(device: str = "auto") -> str:
 def start_mitsuba(device: str = "auto") -> str:
     """Set Mitsuba's variant for a device, and return "llvm" or "cuda".
 
-    A scene can be used only with the variant that it was made with. Raises as `available_device`, and
-    MissingLibraryError when Mitsuba cannot be loaded.
+    A scene works only with the variant that it was made with. Raises as `available_device`, and MissingLibraryError
+    without Mitsuba.
     """
     check_device(device)
     mi = _loaded()
@@ -58,7 +58,7 @@ def start_mitsuba(device: str = "auto") -> str:
 
 @contextlib.contextmanager
 def own_variant(device: str = "auto") -> Iterator[str]:
-    """Run a block with our variant, then restore the previous variant and log level; errors as `start_mitsuba`."""
+    """Run a block with our variant, then restore variant and log level; errors as `start_mitsuba`."""
     mi = _loaded()
     variant = mi.variant()
     level = mi.log_level() if variant else None
@@ -72,9 +72,9 @@ def own_variant(device: str = "auto") -> Iterator[str]:
 
 
 def mitsuba() -> ModuleType:
-    """Return the module `mitsuba`; with no variant yet, set that for "auto".
+    """Return the module `mitsuba`, with the variant for "auto" if none is set.
 
-    Raises InputError when a variant that is not ours is set; MissingLibraryError as `start_mitsuba`.
+    Raises InputError when the variant is not ours; MissingLibraryError as `start_mitsuba`.
     """
     mi = _loaded()
     variant = mi.variant()
