@@ -102,8 +102,8 @@ def render(
     Parameters
     ----------
     scene, display, placement
-        A scene's path (see `load_scene`), what `load_scene` returned, a `mitsuba.Scene`, or a dictionary of
-        `mitsuba.load_dict`. A display file, or what `load_display` returned.
+        A scene's path and its placement (see `load_scene`), what `load_scene` returned, a `mitsuba.Scene`, or a
+        dictionary of `mitsuba.load_dict`. A display file, or what `load_display` returned.
     samples, aperture, integrator, max_depth, seed, memory_mb, shading
         See `lippmann.rendering.options.Settings`.
     model, tolerance, engine, fraction_bits
@@ -151,21 +151,18 @@ def draw(
 ) -> IntegralImage:
     """Draw layers for a display, as an FPGA does without a frame memory.
 
-    The light of twin and rtl is rounded to the panel's values; that of golden is not. Raises InputError for bad files
-    and values, and for layers at or behind the eyes.
+    The light of twin and rtl is rounded to the panel's values, that of golden only in a PNG. Raises InputError for bad
+    files and values, and for layers at or behind the eyes.
 
     Parameters
     ----------
     layers, display
         A folder of layers, or what `load_layers` returned. A display file, or what `load_display` returned.
-    filter
-        "nearest" texel, or "bilinear" between four.
-    samples
-        For each pixel: 1, 2 or 4.
-    model, engine
-        Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated.
-    fraction_bits
-        Word length of the optics, for twin and rtl; None: the longest.
+    filter, samples
+        "nearest" texel, or "bilinear" between four; 1, 2 or 4 samples for each pixel.
+    model, engine, fraction_bits
+        Lens model. "golden": float64; "twin": the RTL's integers; "rtl": the RTL, simulated. Word length of the optics,
+        for twin and rtl; None: the longest.
     kept, workers, scheduler
         See `render`.
     """

@@ -40,19 +40,16 @@ def trace(
 
     Parameters
     ----------
-    display
-        A display file, or what `load_display` returned.
-    pixels
-        (N, 2) pixel coordinates; (c + 0.5, r + 0.5) is the centre of pixel (c, r). They may lie beyond the panel.
+    display, pixels
+        A display file, or what `load_display` returned. (N, 2) pixel coordinates, also beyond the panel;
+        (c + 0.5, r + 0.5) is the centre of pixel (c, r).
     aperture
         (N, 2) aperture points that the rays aim at, lens-local, mm, array's axes; None: chief rays.
     model, engine
         "pinhole", "thin", "paraxial" or "exact". "golden", "fast", "twin" (the RTL's fixed point in integers) or "rtl"
         (the RTL itself, simulated).
-    device
-        For the fast engine: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one.
-    fraction_bits
-        For twin and rtl: F, 14 to 23; None: the widest.
+    device, fraction_bits
+        For fast: "llvm" (CPU), "cuda" (GPU) or "auto", the GPU if there is one. For twin and rtl: F, 14 to 23.
     """
     if engine in ("twin", "rtl"):
         from lippmann.simulation.harness import rtl_pipeline  # not at the top: a render without it starts sooner
@@ -74,9 +71,9 @@ def trace_fixed(
     pipeline: Pipeline = ray_pipeline,
     max_cell_steps: int | None = None,
 ) -> Rays:
-    """Trace rays through a fixed-point pipeline, by default the twin (parameters as in `trace`).
+    """Trace rays through a fixed-point pipeline; `pixel` of the result is rounded to 1/16 pixel.
 
-    The result's `pixel` is rounded to 1/16 pixel. Raises InputError for values that the formats cannot hold.
+    Parameters as in `trace`. Raises InputError for values that the formats cannot hold.
     """
     build = Build.of(display, model, fraction_bits, aperture is not None, max_cell_steps)
     words, registers = words_of_rays(display, build, model, pixels, aperture)

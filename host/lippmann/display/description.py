@@ -111,7 +111,7 @@ class Panel(Checked):
         return self.height_px * self.pitches_mm[1]
 
     def with_columns(self, width_px: int) -> Panel:
-        """Return a panel of the same size in mm with another number of columns and corresponding rows."""
+        """Return a panel of the same size in mm with other columns and corresponding rows."""
         height_px = max(1, round(width_px * self.height_px / self.width_px))
         x, y = (self.width_px * side / width_px for side in self.pitches_mm)
         pitch = (x, y) if isinstance(self.pixel_pitch_mm, tuple) else x
@@ -192,10 +192,10 @@ class Array(Checked):
 
     @property
     def half_steps(self) -> tuple[int, int] | None:
-        """The maximum steps of lenslets within the extent, in halves of a pitch and of a row; None without an extent.
+        """The maximum half steps of lenslets within the extent, or None.
 
-        The steps of lenslet (i, j) are 2 i, hexagonal 2 i + j, and 2 j. An extent that ends on a centre includes that
-        lenslet, within rounding error.
+        Those of lenslet (i, j) are 2 i, hexagonal 2 i + j, along and 2 j across the rows. An extent that ends on a centre,
+        within rounding error, includes that lenslet.
         """
         if self.extent_mm is None:
             return None
@@ -254,7 +254,7 @@ class Display(Checked):
 
     @cached_property
     def identity(self) -> str:
-        """Hash of the optical part, 16 hexadecimal digits, which an image carries for the display that it fits."""
+        """Hash of the optical part, 16 hexadecimal digits; an image carries that of its display."""
         array = self.array.keys
         panel = {key: value for key, value in self.panel.keys.items() if key not in TONES}
         if self.array.glass is not None:
@@ -267,10 +267,7 @@ class Display(Checked):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def at_wavelength(self, wavelength_nm: float) -> Display:
-        """Return this display with its glass's index at a wavelength (nm).
-
-        Raises InputError for an array without a glass, and for a wavelength out of range.
-        """
+        """Return this display at a wavelength (nm); InputError without a glass or for a wavelength out of range."""
         if self.array.glass is None:
             what = f"display '{self.name}' has an index without dispersion"
             raise InputError(f"{what}; give array.glass in place of array.index")
@@ -283,10 +280,7 @@ class Display(Checked):
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
-        """Return the display as built: the array rotated, moved, lifted and scaled by these errors.
-
-        Raises InputError for a wrong value, or when the result cannot be built, such as with a negative gap.
-        """
+        """Return the display as built: the array rotated, moved, lifted and scaled; InputError if that fails."""
         errors = Misalignment(rotation_deg, offset_mm, gap_mm, pitch_scale)
         array, extent, where = self.array, self.array.extent_mm, f"display '{self.name}', misaligned: "
         (x, y), (dx, dy), scale = array.offset_mm, errors.offset_mm, errors.pitch_scale
@@ -320,10 +314,7 @@ class Misalignment(Checked):
 
 
 def load_display(path: str | Path) -> Display:
-    """Read a display file.
-
-    Raises InputError (file, key, remedy) for a missing or unknown key, or a value that cannot be built.
-    """
+    """Read a display file; InputError (file, key, remedy) for a wrong key or value."""
     return _read(toml.load(path_of(path, "a display file"), "display"), str(path))
 
 

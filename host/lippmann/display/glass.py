@@ -30,9 +30,9 @@ SELLMEIER: dict[str, tuple[tuple[float, float], ...]] = {
 
 
 def index_of(glass: str, wavelength_nm: float = DESIGN_WAVELENGTH_NM) -> float:
-    """Return the refractive index of a glass of `SELLMEIER` (upper or lower case) at a vacuum wavelength.
+    """Return the refractive index of a glass (upper or lower case) at a vacuum wavelength.
 
-    Raises InputError for an unknown glass, and for a wavelength outside `WAVELENGTH_RANGE_NM`.
+    Raises InputError for a glass not in `SELLMEIER`, or a wavelength outside `WAVELENGTH_RANGE_NM`.
     """
     terms = {name.casefold(): terms for name, terms in SELLMEIER.items()}.get(glass.casefold())
     if terms is None:

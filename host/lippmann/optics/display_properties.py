@@ -107,7 +107,7 @@ def axis_text(display: Display) -> str:
 
 
 def percent(share: float, sampled: bool = False) -> str:
-    """Return a fraction in per cent; a small one, if not 0 or if `sampled`, as "< 0.1 %"."""
+    """Return a fraction in per cent; a small one, not 0 or `sampled`, as "< 0.1 %"."""
     return "< 0.1 %" if (sampled or share > 0.0) and share < 5e-4 else f"{100.0 * share:.1f} %"
 
 

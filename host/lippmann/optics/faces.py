@@ -10,10 +10,9 @@ curvature c = 1/R, sphere c (x^2 + y^2 + z^2) + 2 z = 0.
 Q . d = 0. With F = c |Q|^2 + 2 Q_z the ray meets the sphere where c t^2 + 2 d_z t + F = 0. The cosine between ray and
 normal is sqrt(d_z^2 - c F). No term grows with the ray's distance or with R; a flat face is c = 0.
 
-**The height field.** The array's face consists of a cap for each cell. A ray meets the cap of its cell, or steps to the
-next cell. Neighbouring caps have equal heights at their common side, so a ray that meets its cap before that side has
-not missed another cap. On a sheared lattice, and on a hexagonal one of two pitches, the heights differ. There is a wall
-between them, and a ray that meets it is lost.
+**The height field.** The array's face has a cap over each cell. A ray meets the cap of its cell, or steps to the next
+cell. Neighbouring caps have equal heights at their common side, so no ray passes between them. On a sheared lattice,
+and on a hexagonal one of two pitches, there is a wall between them; a ray that meets it is lost.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def unit(b: Backend, x: Arr, y: Arr, z: Arr) -> tuple[Arr, Arr, Arr]:
 
 
 def transported(ray: Ray, z: float) -> Ray:
-    """Return the ray with its point moved to the plane at height z, mm; the ray must not be parallel to it."""
+    """Return the ray with its point at the height z, mm; the ray must not be parallel to that plane."""
     t = (z - ray.z) / ray.dz
     return ray._replace(x=ray.x + t * ray.dx, y=ray.y + t * ray.dy, z=z + 0.0 * ray.z)
 
@@ -57,8 +56,8 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through their points; `ratio` is n1 / n2.
 
-    Return the rays and the squared cosine behind the face. Where it is not positive, total internal reflection, the
-    direction stays.
+    Return the rays and the squared cosine behind the face. Where that is not positive, by total internal reflection,
+    the direction stays.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -96,10 +95,7 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """Where a ray meets the height field: the ray, local to the lenslet met, and its cosine |d . N| to the dome.
-
-    (di, dj), whole numbers in the real format, are the steps from the lenslet of the incoming ray.
-    """
+    """A ray on the height field, local to the lenslet met, (di, dj) steps on, and its cosine |d . N| to the dome."""
 
     ray: Ray
     di: Arr
@@ -109,10 +105,7 @@ class Crossing(NamedTuple):
 
 
 def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, Arr]:
-    """Intersect rays with the sphere of their lenslet, where upward rays leave it and the others enter it.
-
-    Return (hit, t from the ray's point, ray with its point on the sphere, cosine).
-    """
+    """Intersect rays with their lenslet's sphere; return (hit, t from the ray's point, ray on the sphere, cosine)."""
     c = dome.curvature
     s = ray.x * ray.dx + ray.y * ray.dy + ray.z * ray.dz
     qx, qy, qz = ray.x - s * ray.dx, ray.y - s * ray.dy, ray.z - s * ray.dz
@@ -133,8 +126,7 @@ def cap(b: Backend, dome: Dome, ray: Ray, upward: bool) -> tuple[Arr, Arr, Ray, 
 def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
     """Find where rays first meet the height field, from below through the glass (`upward`) or from above through air.
 
-    A ray is local to the lenslet of its point's cell; in glass it starts at the rims' plane or lower, in air at the
-    vertices' plane or higher.
+    A ray is local to the lenslet of its point's cell, and starts below the rims' plane or above the vertices' plane.
     """
     hit, _, at, cosine = cap(b, dome, ray, upward)
     zero = 0.0 * ray.x
@@ -221,7 +213,7 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
 def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Callable[..., Arr]) -> Arr:
     """Follow rays to the plane at height `plane`, above (`up` = 1) or below (-1); tell which are blocked on the way.
 
-    A ray that reaches the plane over its own cell is clear; one that goes away from it is blocked. The others step from
+    A ray that reaches the plane in its own cell is clear, one that goes away from it is blocked. The others step from
     cell to cell until `meets(steps, ray, t of the cell's near side, t of its far side, t of the plane)`.
     """
     away = up * ray.dz <= 0.0

@@ -29,10 +29,7 @@ STEPS: dict[Grid, tuple[tuple[int, int], ...]] = {
 
 @dataclass(frozen=True)
 class Lattice:
-    """A square or hexagonal lattice with the pitches px and py (mm) and a shear, in the array's frame.
-
-    `half_sqrt3` is sqrt(3)/2 in the coordinates' precision; `half_steps` as in `Array`.
-    """
+    """A lattice with the pitches px and py (mm); `half_sqrt3` is sqrt(3)/2, `half_steps` as in `Array`."""
 
     grid: Grid
     pitch_mm: float | tuple[float, ...]
@@ -57,7 +54,7 @@ class Lattice:
 
     @property
     def stepped(self) -> bool:
-        """Whether cells' sides are not midway between centres, so that there are steps between domes."""
+        """Whether there are steps between domes, because cells' sides are not midway between centres."""
         px, py = self.pitches_mm
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
@@ -112,15 +109,15 @@ class Lattice:
         return self.sheared(np.clip(x - self.shear * y, -along, along), y)
 
     def locate(self, b: Backend, x: Arr, y: Arr) -> tuple[Arr, Arr, Arr, Arr]:
-        """Return the lenslet (i, j) of a point, whole numbers in x's format, and the point from its centre, mm."""
+        """Return the lenslet (i, j) of a point, in x's format, and the point from its centre, mm."""
         px, py = self.pitches_mm
         along = x - self.shear * y if self.shear else x
         if self.grid == "square":
             i = b.floor(along * (1.0 / px) + 0.5)
             j = b.floor(y * (1.0 / py) + 0.5)
         else:
-            # First the corner (i, j) of the point's lattice parallelogram, then the nearest of its four corners: the
-            # bisectors between them are q = 1/2 and q = 1 along the cell's axes.
+            # First a corner of the point's lattice parallelogram, then the nearest of the four corners, whose bisectors
+            # are q = 1/2 and q = 1 along the cell's axes.
             t = y * (1.0 / (self.half_sqrt3 * py))
             u = along * (1.0 / px)
             s = u - 0.5 * t
@@ -159,8 +156,8 @@ class Lattice:
     def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
-        Return t at the cell's side (infinite when dx = dy = 0), the step (di, dj) to the neighbour behind it, whole
-        numbers in x's format, and that neighbour's centre from this one's, mm.
+        Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the neighbour there, in x's format, and
+        the neighbour's centre from this one's, mm.
         """
         nearest: tuple[Arr, ...] = ()
         for (ax, ay), (si, sj) in zip(self.axes, STEPS[self.grid], strict=True):
@@ -178,7 +175,7 @@ class Lattice:
 
 
 def number_lenslets(index: Indices) -> tuple[Indices, Indices]:
-    """Return the distinct lenslets (i, j) of pixels (N, 2), ascending (M, 2), and the index of each pixel's (N,)."""
+    """Return the distinct lenslets of pixels' lenslets (N, 2), ascending (M, 2), and the index of each (N,)."""
     low = index.min(axis=0)
     span = int(np.ptp(index[:, 1])) + 1
     flat = (index - low) @ [span, 1]

@@ -29,8 +29,8 @@ PROBE_CELLS = 5
 PROBE_POINTS = 9
 #: Scale of a cell's corners, where errors are largest; a point on the corner itself may belong to a neighbour.
 INSIDE = 1.0 - 1e-6
-#: Scale of the cell's rim that rays aim at, and number of aims along each side. Beyond RIM, some rays leave through a
-#: neighbour's dome that faces the panel, however weak the lens is: at most about 1 - RIM of all.
+#: Scale of the cell's rim that rays aim at, and number of aims along each side. Beyond RIM, up to 1 - RIM of the rays
+#: leave through a neighbour's dome that faces the panel, even with a weak lens.
 RIM, RIM_POINTS = 0.995, 4
 
 
@@ -79,8 +79,7 @@ def choose_model(
 def probe(display: Display, aperture: str, inside: float = INSIDE) -> tuple[Floats, Floats | None]:
     """Return pixel coordinates (N, 2) and aperture points (N, 2) in mm, or None for chief rays.
 
-    The points are spread over some cells of the panel; `inside` scales the cells' corners. The models treat all cells
-    alike, but the panel's border may cut some.
+    The points are spread over a few cells, as the models treat all cells alike; `inside` scales the cells' corners.
     """
     array, size = display.array, panel_size(display)
     steps = np.linspace(0.05, 0.95, PROBE_CELLS)

@@ -1,11 +1,9 @@
 """A ray through a lenslet by one of the four models.
 
-The models `pinhole`, `thin` and `paraxial` are ideal: slopes are tangents of angles in the x and y sections, heights
-are lens-local, mm.
-
-The model `exact` obeys Snell's law at both faces. Rays are mirrored where needed so that domes bulge to +z, which gives
-two kinds of passage: upward, out of the glass through a dome, and downward, into the glass through a dome.
-Plano-concave lenslets are the downward kind with glass and air exchanged.
+The models `pinhole`, `thin` and `paraxial` have slopes (tangents of angles in the x and y sections) and lens-local
+heights, mm. The model `exact` obeys Snell's law at both faces. Rays are mirrored where needed so that domes bulge to
++z: they pass upward out of the glass through a dome, or downward into it. In plano-concave lenslets they pass downward
+with glass and air exchanged.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from lippmann.optics.faces import Crossing, Ray, mirrored, refract_flat, transpo
 from lippmann.optics.rays import Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
-#: Squared cosine below which the fast engine traces a ray again in double precision. float32 rotates a ray by about 0.2
+#: Squared cosine below which the fast engine traces a ray in double precision: float32 rotates it by about 0.2
 #: microradian over its cosine to the normal, so by less than 1 microradian above this limit.
 GRAZING_SQUARE = 0.15
 
@@ -39,8 +37,8 @@ def ray_matrix(system: System) -> npt.NDArray[np.float64]:
 def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
     """Trace rays from the panel to the world; rays that graze a face, in double precision.
 
-    The panel points (x, y) and the aperture points (None: chief rays) are local to the pixel's lenslet, array's axes,
-    mm; (x, y) are double.
+    The panel points (x, y; double) and the aperture points (None: chief rays) are local to the pixel's lenslet, array's
+    axes, mm.
     """
 
     def traced(b: Backend, x: Arr, y: Arr, *aim: Arr) -> tuple[Arr, ...]:
@@ -154,10 +152,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays in the glass at the flat face through a dome into the air.
-
-    At the height `plane` a ray becomes local to the lenslet below it; None: it is still in its own cell.
-    """
+    """Trace rays from the flat face through a dome; at the height `plane`, if any, they change the lenslet."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))
@@ -170,7 +165,7 @@ def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upw
 
 
 def _downward(b: Backend, system: System, ray: Ray, strays: bool) -> Exit:
-    """Trace rays in the air at the vertices' plane through a dome and the flat face into the air below."""
+    """Trace rays from the vertices' plane through a dome and the flat face."""
     start = (0.0, 0.0)
     if strays:
         ray, start = _relocated(b, system, ray)

@@ -19,10 +19,10 @@ HASH_ROUNDS = 6
 
 
 def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return (first, step) of a pixel's samples along each of its sides, in units of 2^-32, modulo 1.
+    """Return (first, step) of a pixel's samples along each side, in units of 2^-32, modulo 1.
 
-    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2: Hammersley's points about the centre,
-    with golden steps instead of van der Corput's sequence. Each N-th part of the width has one sample.
+    Sample k of N is at 1/2 + c (1/N, (sqrt(5) - 1) / 2) with c = k - (N - 1) / 2: Hammersley's points with golden steps
+    instead of van der Corput's sequence.
     """
     across = (1 << 32) // samples & 0xFFFFFFFF
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
@@ -31,10 +31,9 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
 def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> tuple[Arr, Arr]:
     """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
 
-    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors. A
-    random shift would make the error at a straight edge 1.1 to 1.4 times as large. Pictures of different seeds share a
-    part of their errors. `number` is the pass over a picture: after the first pass the golden steps continue, and each
-    point moves by golden steps within its N-th part of the width.
+    A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors. With
+    a random shift the error at a straight edge would be 1.1 to 1.4 times as large. In further passes over a picture
+    (`number`) the golden steps continue, and each point moves by golden steps within its N-th part of the width.
     """
     if samples == 1:
         return mi.Float(0.5), mi.Float(0.5)
@@ -59,8 +58,8 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
 def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tuple[Arr, Arr]:
     """Return points (s, t) in the unit square for a cell or a pupil, from numbers of pixel and sample (UInt32).
 
-    Sample s is the s-th point of the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0 is for the
-    pixels of an eye's view, as in viewer/shaders/sampling.glsl; it is independent of stream 1.
+    They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0, independent of stream 1, is for an
+    eye's view, as in viewer/shaders/sampling.glsl.
     """
     # Rounding must not move a point onto the far edge, which belongs to the next cell.
     below_one = 1.0 - 2.0**-24

@@ -1,12 +1,10 @@
-"""The optical system of a display as plain numbers, and the rays at its two ends.
-
-Step 1 of a ray: from pixel coordinates to panel millimetres, to the array's frame, and back.
+"""The optical system of a display. Step 1 of a ray: from pixel coordinates to the array's frame, and back.
 
 A pixel belongs to the lenslet through which the eye sees it. The eye is in front of the axis point a, at the distance E
 from the aperture plane, which is at the distance D from the panel. The line from the eye to the pixel's point x crosses
 this plane at q = x - (x - a) s with s = D / (D + E), and the pixel belongs to the lenslet whose cell contains q. The
-elemental image of the lenslet at c is its cell, scaled by 1 + D/E around the point c + (c - a) D/E. Without a viewing
-distance, s is 0 and q is x.
+elemental image of the lenslet at c is its cell, scaled by 1 + D/E around c + (c - a) D/E. Without a viewing distance,
+s is 0.
 """
 
 from __future__ import annotations
@@ -32,7 +30,7 @@ def exact_rotation(degrees: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class PanelFrame:
-    """The maps between pixel coordinates, the panel's frame and the array's frame (`offset_mm` is its origin)."""
+    """The maps between pixel coordinates, the panel's frame and the array's frame."""
 
     pitch_mm: tuple[float, float]
     width_px: int
@@ -93,7 +91,7 @@ class Convergence:
     axis_y: float = 0.0
 
     def towards_eye(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
-        """Return where the line from a panel point to the eye crosses the aperture plane, array's frame, mm."""
+        """Return where the line from a panel point to the eye crosses the aperture plane, mm."""
         if self.share == 0.0:
             return x, y
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
@@ -106,7 +104,7 @@ class Convergence:
         return x * shrink - (cx - self.axis_x) * self.share, y * shrink - (cy - self.axis_y) * self.share
 
     def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
-        """Return the panel point that the eye sees through a point of the cell: the inverse of `within_cell`."""
+        """Return the panel point that the eye sees at a point of the cell, the inverse of `within_cell`."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
@@ -115,10 +113,9 @@ class Convergence:
 
 @dataclass(frozen=True)
 class System:
-    """The optical system of a display: frames, lattice, domes, and distances in mm.
+    """The optical system of a display.
 
-    `concave`: plano-concave lenslets of capturing optics, with the flat face to the panel, `thickness_mm` thick at the
-    vertex. Only `exact` rays from the panel pass them.
+    `concave`: plano-concave lenslets of a capture, flat face to the panel; only for `exact` rays from the panel.
     """
 
     frame: PanelFrame
@@ -169,7 +166,7 @@ class System:
     def through_mount(
         self, b: Backend, status: Arr, passed: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None
     ) -> Arr:
-        """Return statuses, blocked where the lenslet of a ray or pixel is missing: there the mount is opaque."""
+        """Return statuses, blocked where the lenslet of a ray or pixel is missing."""
         if self.lattice.half_steps is None:
             return status
         there = self.lattice.present(b, *passed) | (status == int(Status.MISSED))
@@ -185,8 +182,8 @@ class System:
 class Exit(NamedTuple):
     """A ray after the lenslet, in the array's axes, local to the lenslet (di, dj) steps from the pixel's own.
 
-    `grazing` is the minimum squared cosine to a face's normal, in air, from launch to exit: rounding rotates the ray by
-    about epsilon over its root.
+    `grazing` is the minimum squared cosine to a face's normal, in air: rounding rotates the ray by about epsilon over
+    its root.
     """
 
     ray: Ray

@@ -28,7 +28,7 @@ FLATTEST = 1e-30
 
 
 class LocalRays(NamedTuple):
-    """Rays in a backend's arrays, panel's axes: lens-local point and direction (real), lenslet's centre (double)."""
+    """Rays in panel's axes: lens-local point and direction (real), lenslet's centre (double)."""
 
     ray: Ray
     centre_x: Arr
@@ -52,7 +52,7 @@ def rays_from_pixels(
 
 
 class PixelHits(NamedTuple):
-    """Hits of rays on the panel: pixel coordinates (double), the lenslet that each ray passed, status."""
+    """Hits on the panel: pixel coordinates (double), lenslet passed, status."""
 
     u: Arr
     v: Arr
@@ -64,7 +64,7 @@ class PixelHits(NamedTuple):
 def pixels_from_rays(
     b: Backend, system: System, origin: tuple[Arr, ...], direction: tuple[Arr, ...], model: Model
 ) -> PixelHits:
-    """Trace rays from the world, origins (mm) and unit directions in the panel's frame (double), to the panel."""
+    """Trace rays from the world, origins (mm) and unit directions (double), to the panel."""
     frame = system.frame
     ox, oy, oz = origin
     dx, dy, dz = direction
@@ -101,7 +101,7 @@ UNIT_ERROR = 1e-3
 
 
 def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
-    """Return the backend of an engine; `device` is for "fast". Without rays it is numpy: Dr.Jit has no empty arrays.
+    """Return the backend of an engine, with no rays numpy's: Dr.Jit has no empty arrays.
 
     Raises InputError for another engine or an unknown device; MissingLibraryError as `available_device`.
     """
@@ -179,8 +179,8 @@ def trace_to_panel(
 ) -> Hits:
     """Trace rays from the world, (N, 3) origins in mm and (N, 3) unit directions, to the panel.
 
-    A ray flatter than `FLATTEST`, or that meets the array's plane beyond `FARTHEST_LENSLETS`, has missed. Errors as for
-    `trace`, and InputError for directions that are not of length 1.
+    A ray flatter than `FLATTEST`, or beyond `FARTHEST_LENSLETS` at the array, has missed. Errors as for `trace`, and
+    InputError for directions that are not of length 1.
     """
     check_model(model)
     origins = columns("origin_mm", origin_mm, 3, MAX_LENGTH_MM)
@@ -195,7 +195,7 @@ def trace_to_panel(
 
 
 def rays_of(pixel: Floats, out: LocalRays, number: npt.DTypeLike = np.float64) -> Rays:
-    """Return traced rays of pixel coordinates (N, 2) as numpy arrays, with real numbers of the type `number`."""
+    """Return traced rays as numpy arrays, with real numbers of the type `number`."""
     n, ray = len(pixel), out.ray
     return Rays(
         pixel=pixel,

@@ -1,8 +1,7 @@
-"""The crosstalk that eyes see of a display, and the zone of eyes without it, from rays through exact lenslets.
+"""The crosstalk that eyes see, and the zone of eyes without it, from rays through exact lenslets.
 
 At the distance z the paraxial zone is as wide as a cell's image, (1 + k) p z / D with k = D/E, less the panel's width
-times |1 - z/E|. The real zone is narrower, because thick lenslets refract steep rays and rays at corners differently. A
-bisection finds it.
+times |1 - z/E|. The real zone, found by bisection, is narrower: thick lenslets refract steep rays differently.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ VIEWING_DISTANCE_MM = 600.0
 FARTHEST_EYE_MM = 1e9
 #: Number of rays from an eye that measure its crosstalk.
 SHARE_RAYS = 1 << 13
-#: Lenslets across and down whose rays are tested for crosstalk, and the rays' points in each lenslet: fractions of the
-#: way to the cell's corners and sides, and of the rims' height, where the neighbour's dome is near.
+#: Lenslets across and down whose rays are tested for crosstalk, and the rays' points in each: fractions of the way to
+#: the cell's corners and sides, and of the rims' height.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
 #: The search for an end of a zone: its range in paraxial half widths, and its number of bisections.
@@ -41,7 +40,7 @@ WORTH = 0.25
 
 
 class Zone(NamedTuple):
-    """Ends, mm, of two lines of eyes that see no crosstalk: a horizontal and a vertical one through the middle eye."""
+    """Ends of a horizontal and a vertical line of eyes without crosstalk, through the middle eye, mm."""
 
     left_mm: float
     right_mm: float
@@ -61,10 +60,7 @@ def middle_eye(display: Display, distance_mm: float) -> tuple[float, float, floa
 
 
 def status_share(display: Display, eye_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Return the fraction of an eye's rays by status, as `observe` does for the whole panel.
-
-    Raises InputError when the eye is not in front of the display, or beyond `FARTHEST_EYE_MM`.
-    """
+    """Return the fraction of an eye's rays by status; InputError for an eye behind the display or too far away."""
     (shares,) = status_shares(display, np.array([eye_mm]), SHARE_RAYS)
     return {one.name.lower(): float(shares[one]) for one in Status}
 
@@ -88,8 +84,8 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # The lenslets through which each eye sees the points of this grid. The traced panel extends beyond the real edge: a
-    # lenslet there may see a neighbour's image beyond the edge, which the next lenslet sees inside the panel.
+    # The lenslets through which each eye sees the points of this grid. The traced panel is larger than the real one:
+    # crosstalk beyond the edge appears inside the panel in the next lenslet.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
@@ -130,7 +126,7 @@ def half_width(display: Display) -> float:
 
 
 def remedy(display: Display) -> str:
-    """Return the smallest change that gives the display a zone without crosstalk at the eyes' distance."""
+    """Return the smallest change that gives a zone without crosstalk at the eyes' distance."""
     old = _Change(
         display.gap_mm, display.viewing_distance_mm, display.array.focal_length_mm, display.array.pitches_mm[0]
     )
