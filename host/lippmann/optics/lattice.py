@@ -156,8 +156,8 @@ class Lattice:
     def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
-        Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the neighbour there, in x's format, and
-        the neighbour's centre from this one's, mm.
+        Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the neighbour there, in x's format,
+        and the neighbour's centre from this one's, mm.
         """
         nearest: tuple[Arr, ...] = ()
         for (ax, ay), (si, sj) in zip(self.axes, STEPS[self.grid], strict=True):
