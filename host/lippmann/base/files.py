@@ -32,7 +32,7 @@ HAS_LOCKS = importlib.util.find_spec("fcntl") is not None
 #: Folders that `make_folder` made.
 new_folders: list[Path] = []
 
-#: Errors of a full disk, of an exhausted quota, and of a file that is larger than the user's limit.
+#: Errors of a full disk, an exhausted quota, and a file larger than the user's limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 #: A disk that refuses so many bytes more is full.
 PROBE_BYTES = 1 << 20
@@ -40,16 +40,16 @@ PROBE_BYTES = 1 << 20
 FOREIGN_S = 86_400.0
 #: Maximum bytes of a file's stem in the name of its partial file.
 STEM_BYTES = 180
-#: Flags of `os.open` for files that others must not redirect or inherit, where the system has them.
+#: Flags of `os.open` for files that others must not redirect or inherit.
 OWN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
-#: Numbers of this process's partial files: two threads that write the same file do not share one.
+#: Numbers of partial files: two threads that write the same file use different ones.
 numbers = itertools.count()
 #: Name of a partial file: stem, number, machine, process, hash of the process's start, suffix.
 PARTIAL = re.compile(r"\..*\.([0-9a-f]{8})-([0-9]+)-([0-9a-f]{8})\.partial(\.[^.]*)?", re.DOTALL)
 
 
 def owner() -> str:
-    """Return this process as partial files name it."""
+    """Return the name of this process in partial files."""
     return f"{_machine()}-{os.getpid()}-{_life(os.getpid())}"
 
 
@@ -71,7 +71,7 @@ def _life(pid: int) -> str:
         boot = Path("/proc/sys/kernel/random/boot_id").read_bytes()
     except OSError:
         return ""
-    return _short(boot + fields[19])  # the start of the process, in ticks since the boot
+    return _short(boot + fields[19])  # its start, in ticks since the boot
 
 
 def _short(text: bytes) -> str:
@@ -101,7 +101,7 @@ def remove_stale(folder: Path) -> None:
                 _remove(Path(entry.path))
 
 
-#: The same, but for each folder only at the first call; takes an absolute path.
+#: The same, once for each absolute path.
 remove_stale_once = functools.cache(remove_stale)
 
 

@@ -37,11 +37,11 @@ MAX_NAME_BYTES = 220
 HALF_MAX = 65504.0
 #: Maximum of channels: colours and alpha.
 MAX_CHANNELS = 4
-#: Maximum bytes of compressed texts in a PNG; all are expanded at once, by up to a thousand times.
+#: Maximum bytes of compressed texts in a PNG, which may expand a thousandfold.
 MAX_TEXT_BYTES = 1 << 18
 #: OpenImageIO's names of the transfer curves; it writes a gamma chunk for each of them.
 COLOUR_SPACES = {"srgb": "sRGB", "gamma2.2": "Gamma2.2", "linear": "Linear"}
-#: Without row filters, PNG files of integral images are as small and are written in a third of the time.
+#: Without row filters, integral images are as small and are written in a third of the time.
 PNG_SETTINGS = {"png:filter": 0x08, "png:compressionLevel": 2}
 #: Prefix of our metadata keys in a file.
 PREFIX = "lippmann:"
@@ -162,7 +162,7 @@ def _file_spec(
     elif suffix == ".exr":
         kind = oiio.HALF
     if suffix in (".tif", ".tiff"):
-        # TIFF has no keys of our own: each entry is a line of the description; a tab continues a value.
+        # In TIFF each entry is a line of the description; a tab continues a value.
         lines = [f"{PREFIX}{key}={value}".replace("\n", "\n\t") for key, value in entries.items()]
         settings["ImageDescription"] = "\n".join(lines)
     else:
@@ -291,7 +291,7 @@ def openimageio() -> ModuleType:
 
 
 class StoredRows:
-    """Linear radiance (height, width, 3) float32 in a file, indexed like an array, of which it reads only these rows.
+    """Linear radiance (height, width, 3) float32 in a file; an index reads only the rows that it selects.
 
     The returned arrays are read-only. `numpy.asarray` reads all rows.
     """

@@ -58,7 +58,7 @@ def check_expanded(where: str, what: str, needed_bytes: int, remedy: str) -> Non
 def load_arrays(
     path: Path, names: Collection[str] | None, remedy: str, bytes_a_ray: int = 0
 ) -> tuple[dict[str, Numbers], set[str]]:
-    """Return the arrays `names` of an .npz file, as far as it has them, and all its names; for None, of an .npy file.
+    """Return the arrays of an .npz file that are in `names`, and all its names; for None, of an .npy file.
 
     The array of an .npy file is called "". `bytes_a_ray` is the caller's memory for each row. Raises InputError for a
     broken file, arrays not of real numbers, more than `MAX_RAYS` rows, or too little free memory.

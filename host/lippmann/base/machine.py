@@ -10,8 +10,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-#: For each version of control groups: their folders below the root; a group's files for its limit and its use, bytes;
-#: the entries of memory.stat for pages of files, which the kernel can drop.
+#: For each version of control groups: folders below the root; files of the limit and the use, bytes; entries of
+#: memory.stat for pages of files, which the kernel can drop.
 VERSIONS = {
     1: (("memory",), "memory.limit_in_bytes", "memory.usage_in_bytes", r"total_(?:in)?active_file"),
     2: (("", "unified"), "memory.max", "memory.current", r"(?:in)?active_file"),

@@ -25,7 +25,7 @@ import tomli_w
 from lippmann.base.limits import MAX_TOML_BYTES, read_limited
 from lippmann.errors import InputError, input_error, likely_file, reason
 
-#: Maximum parts of a dotted key: the time of Python's parser grows with the square of their number.
+#: Maximum parts of a dotted key: Python's parser takes the square of their number in time.
 MAX_KEY_PARTS = 32
 #: Maximum bytes of a part of a path, and characters of a path.
 MAX_NAME_BYTES, MAX_PATH = 255, 4000
@@ -294,7 +294,7 @@ def toml_text(table: Mapping[str, object], *, one_line: bool = True) -> str:
     text = tomli_w.dumps(table, indent=2)
     if not one_line:
         return text
-    # Only a list has lines that end with a bracket or a comma: texts have escaped line breaks.
+    # Only lists have lines that end with a bracket or a comma.
     return re.sub(r",\n *", ", ", re.sub(r"(?<=\[)\n *|,\n *(?=\])", "", text))
 
 

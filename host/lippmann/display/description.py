@@ -1,7 +1,4 @@
-"""The display: a panel behind a microlens array, described once in a TOML file.
-
-The keys are documented in docs/reference/display-file.md, the optics in docs/reference/optics.md.
-"""
+"""The display: a panel behind a microlens array (docs/reference/display-file.md, docs/reference/optics.md)."""
 
 from __future__ import annotations
 
@@ -28,9 +25,11 @@ SubpixelsName = Literal["none", "rgb", "bgr", "rgbw", "pentile"]
 TransferName = Literal["srgb", "linear", "gamma2.2"]
 
 Pair = tuple[float, float]
+#: A single pitch, or the pitches in x and y.
+Pitch = float | tuple[float, ...]
 
 MM_PER_INCH = 25.4
-#: Minimum viewing distance, in focal lengths or in distances D to the panel, whichever is longer.
+#: Minimum viewing distance, in focal lengths or distances D to the panel.
 NEAREST_EYE = 4.0
 #: Maximum ratio of an array's pitches; beyond it cells are slits, not lenslets.
 MAX_PITCH_RATIO = 4.0
@@ -144,7 +143,7 @@ class Array(Checked):
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys and their values, without `shear` and `extent_mm` where they have their defaults."""
+        """The keys and their values, without a default `shear` or `extent_mm`."""
         defaults = {"shear": 0.0, "extent_mm": None}
         return {key: value for key, value in dataclasses.asdict(self).items() if defaults.get(key, ...) != value}
 
@@ -163,8 +162,8 @@ class Array(Checked):
         """The larger of the pitches, mm."""
         return max(self.pitches_mm)
 
-    def pitch_of(self, along_mm: float) -> float | tuple[float, ...]:
-        """Return the key `pitch_mm` of the array, scaled to a pitch of `along_mm` along a row."""
+    def pitch_of(self, along_mm: float) -> Pitch:
+        """Return the key `pitch_mm`, scaled to a pitch of `along_mm` along a row."""
         pitch = self.pitch_mm
         return (along_mm, pitch[1] * (along_mm / pitch[0])) if isinstance(pitch, tuple) else along_mm
 
@@ -276,7 +275,7 @@ class Display(Checked):
     def misaligned(
         self,
         rotation_deg: float = 0.0,
-        offset_mm: tuple[float, float] = (0.0, 0.0),
+        offset_mm: Pair = (0.0, 0.0),
         gap_mm: float = 0.0,
         pitch_scale: float = 1.0,
     ) -> Display:
@@ -383,12 +382,12 @@ def display_of(keys: Any, name: str, where: str) -> Display:
     return display
 
 
-def both_pitches(pitch_mm: float | tuple[float, ...]) -> Pair:
+def both_pitches(pitch_mm: Pitch) -> Pair:
     """Return the pitches in x and y of a pitch key."""
     return (pitch_mm[0], pitch_mm[1]) if isinstance(pitch_mm, tuple) else (pitch_mm, pitch_mm)
 
 
-def plain_pitch(pitch_mm: float | tuple[float, ...]) -> float | tuple[float, ...]:
+def plain_pitch(pitch_mm: Pitch) -> Pitch:
     """Return two equal pitches as one number, so that both have the same identity."""
     return pitch_mm[0] if isinstance(pitch_mm, tuple) and len(set(pitch_mm)) == 1 else pitch_mm
 

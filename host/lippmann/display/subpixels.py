@@ -37,7 +37,7 @@ LAYOUTS: dict[str, tuple[Subpixel, ...]] = {
 
 
 class Box(NamedTuple):
-    """A rectangle, in pixels: its centre relative to a pixel's centre (u right, v down), its width and height."""
+    """A rectangle, in pixels: centre relative to a pixel's centre (u right, v down), width and height."""
 
     u: float
     v: float
@@ -54,7 +54,7 @@ class Layout:
     rows: int
 
     def gain(self, colour: Colour) -> float:
-        """Return the brightness of a sub-pixel over its pixel's: the panel's area over that of the colour."""
+        """Return the panel's area over that of a colour: the brightness of its sub-pixels over the pixel's."""
         return self.columns * self.rows / sum(w * h for name, _, _, w, h in self.subpixels if name == colour)
 
     def emitters(self, b: Numbers, u: Numbers, v: Numbers) -> Iterator[tuple[int, float, Numbers]]:
@@ -66,7 +66,7 @@ class Layout:
             yield COLOURS.index(colour), self.gain(colour), inside
 
     def edges(self) -> Iterator[tuple[Colour, float, float, float, float]]:
-        """Yield colour, left, top, right and bottom of each sub-pixel, pixels from the top left of the first pixel."""
+        """Yield colour, left, top, right and bottom of each sub-pixel, pixels from the first pixel's top left."""
         for colour, x, y, w, h in self.subpixels:
             # Rounded, so that neighbours share an edge.
             u_min, u_max = (round(0.5 + x + side * w, 12) for side in (-0.5, 0.5))

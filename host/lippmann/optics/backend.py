@@ -15,6 +15,8 @@ import numpy as np
 #: An array of the backend. All arrays of a call have one length.
 Arr = Any
 State = tuple[Arr, ...]
+#: The two coordinates of points or vectors.
+Point = tuple[Arr, Arr]
 Operation = Callable[..., Arr]
 #: A function of a backend and a state that returns a state.
 Trace = Callable[..., State]
@@ -23,7 +25,7 @@ Trace = Callable[..., State]
 class Backend:
     """The operations of an array library, on arrays of one length."""
 
-    #: Cast to the engine's floating-point format, to float64, and from whole numbers to signed integers.
+    #: Cast to the engine's floating-point format, to float64, and to signed integers.
     real: Operation
     double: Operation
     integer: Operation
@@ -36,7 +38,7 @@ class Backend:
     #: Choose by element: where(condition, yes, no).
     where: Operation
 
-    def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
+    def loop(self, active: Operation, body: Trace, state: State) -> State:
         """Repeat `state = body(*state)` for the elements where `active(*state)` is true, until none is."""
         raise NotImplementedError
 
@@ -54,8 +56,8 @@ class NumpyBackend(Backend):
         self.floor, self.sqrt, self.absolute = np.floor, np.sqrt, np.abs
         self.maximum, self.minimum, self.where = np.maximum, np.minimum, np.where
 
-    def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
-        # Only the active elements are computed: they are few, and the others must not change.
+    def loop(self, active: Operation, body: Trace, state: State) -> State:
+        # Only the active elements, which are few, may change.
         index = np.flatnonzero(active(*state))
         if index.size:
             state = tuple(np.array(x) for x in state)
@@ -80,7 +82,7 @@ class DrJitBackend(Backend):
         self.floor, self.sqrt, self.absolute = dr.floor, dr.sqrt, dr.abs
         self.maximum, self.minimum, self.where = dr.maximum, dr.minimum, dr.select
 
-    def loop(self, active: Callable[..., Arr], body: Callable[..., State], state: State) -> State:
+    def loop(self, active: Operation, body: Trace, state: State) -> State:
         result: State = self._dr.while_loop(state, active, body, mode="symbolic")
         return result
 

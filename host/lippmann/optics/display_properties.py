@@ -160,14 +160,14 @@ def depth_reach_mm(display: Display) -> Pair:
 def _lenslets(display: Display) -> Lenslets:
     """Return the number of lenslets in front of the panel, within the extent: across, down and in all."""
     panel, array = display.panel, display.array
-    # 1e-9 allows for the rounding error of a panel that is a whole number of lenslets wide.
+    # 1e-9 allows for rounding on a panel of a whole number of lenslets.
     across = math.ceil(panel.width_mm / array.pitches_mm[0] - 1e-9)
     down = math.ceil(panel.height_mm / array.row_pitch_mm - 1e-9)
     if array.half_steps is None:
         return across, down, across * down
     along, rows = array.half_steps
     down = min(down, 2 * (rows // 2) + 1)
-    # The middle row has a lenslet in the middle; the next rows of a hexagonal lattice have one on each side of it.
+    # The middle row has a lenslet in the middle, the next rows of a hexagonal lattice one on each side of it.
     own, other = (min(across, count) for count in (2 * (along // 2) + 1, 2 * ((along + 1) // 2)))
     others = (down + 1) // 4 * 2 if array.grid == "hex" else 0
     return max(own, other) if others else own, down, own * (down - others) + other * others

@@ -17,11 +17,10 @@ and on a hexagonal one of two pitches, there is a wall between them; a ray that 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lippmann.optics.backend import Arr, Backend, State
+from lippmann.optics.backend import Arr, Backend, Operation, State
 from lippmann.optics.lattice import Lattice
 
 
@@ -56,8 +55,7 @@ def mirrored(ray: Ray) -> Ray:
 def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
     """Refract rays at the planes z = constant through their points; `ratio` is n1 / n2.
 
-    Return the rays and the squared cosine behind the face. Where that is not positive, by total internal reflection,
-    the direction stays.
+    Return the rays and the squared cosine behind the face, not positive for total internal reflection.
     """
     kx, ky = ray.dx * ratio, ray.dy * ratio
     k = b.sqrt(kx * kx + ky * ky)
@@ -67,7 +65,7 @@ def refract_flat(b: Backend, ray: Ray, ratio: float) -> tuple[Ray, Arr]:
 
 
 def _turned(b: Backend, ray: Ray, direction: State, square: Arr) -> tuple[Ray, Arr]:
-    """Return rays with new directions, the old ones where `square` is not positive, and `square`."""
+    """Return rays with new directions, but the old ones where `square` is not positive; and `square`."""
     reflected = square <= 0.0
     return Ray(*ray[:3], *(b.where(reflected, old, new) for old, new in zip(ray[3:], direction, strict=True))), square
 
@@ -95,7 +93,7 @@ class Dome:
 
 
 class Crossing(NamedTuple):
-    """A ray on the height field, local to the lenslet met, (di, dj) steps on, and its cosine |d . N| to the dome."""
+    """A ray on the height field, local to the lenslet met; the steps (di, dj) to that lenslet; the cosine |d . N|."""
 
     ray: Ray
     di: Arr
@@ -136,7 +134,7 @@ def meet(b: Backend, dome: Dome, ray: Ray, upward: bool) -> Crossing:
         return ~state[0] & (state[1] < MAX_CELLS)
 
     def step(settled: Arr, steps: Arr, di: Arr, dj: Arr, *tail: Arr) -> tuple[Arr, ...]:
-        # `tail`: the ray (x, y, z, dx, dy, dz) in its present cell, then the point on the dome and the cosine there.
+        # `tail`: the ray in its present cell, then the point on the dome and the cosine there.
         local = Ray(*tail[:6])
         hit, t, at, cosine = cap(b, dome, local, upward)
         t_flat, (step_i, step_j), (to_x, to_y) = dome.lattice.leave(b, local.x, local.y, local.dx, local.dy)
@@ -185,7 +183,7 @@ def refract_dome(b: Backend, dome: Dome, ray: Ray, cosine: Arr, ratio: float, up
 
 
 def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Tell which of the `suspect` rays, which leave their dome upward into the air, meet a neighbour's dome."""
+    """Tell which `suspect` rays, leaving their dome upward into the air, meet a neighbour's dome."""
 
     def meets_cap(steps: Arr, local: Ray, t: Arr, t_flat: Arr, t_top: Arr) -> Arr:
         # A cap met from the side: both roots are behind the vertex's foot, without cancellation.
@@ -200,7 +198,7 @@ def blocked_above(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
 
 
 def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
-    """Tell which of the `suspect` rays, which enter the glass downward, leave it again in the valley between domes."""
+    """Tell which `suspect` rays, entering the glass downward, leave it again in the valley between domes."""
 
     def leaves_glass(_steps: Arr, local: Ray, _t: Arr, t_flat: Arr, t_rim: Arr) -> Arr:
         x, y, z = local.x + t_flat * local.dx, local.y + t_flat * local.dy, local.z + t_flat * local.dz
@@ -210,7 +208,7 @@ def blocked_below(b: Backend, dome: Dome, ray: Ray, suspect: Arr) -> Arr:
     return _blocked(b, dome, ray, suspect, -dome.sag_mm, -1.0, leaves_glass)
 
 
-def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Callable[..., Arr]) -> Arr:
+def _blocked(b: Backend, dome: Dome, ray: Ray, suspect: Arr, plane: float, up: float, meets: Operation) -> Arr:
     """Follow rays to the plane at height `plane`, above (`up` = 1) or below (-1); tell which are blocked on the way.
 
     A ray that reaches the plane in its own cell is clear, one that goes away from it is blocked. The others step from

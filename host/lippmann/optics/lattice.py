@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lippmann.display.description import Array, Grid, Pair, both_pitches
-from lippmann.optics.backend import Arr, Backend
+from lippmann.display.description import Array, Grid, Pair, Pitch, both_pitches
+from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.rays import Indices
 
 HALF_SQRT3 = 0.5 * math.sqrt(3.0)
@@ -32,7 +32,7 @@ class Lattice:
     """A lattice with the pitches px and py (mm); `half_sqrt3` is sqrt(3)/2, `half_steps` as in `Array`."""
 
     grid: Grid
-    pitch_mm: float | tuple[float, ...]
+    pitch_mm: Pitch
     half_sqrt3: float = HALF_SQRT3
     shear: float = 0.0
     half_steps: tuple[int, int] | None = None
@@ -59,19 +59,19 @@ class Lattice:
         return bool(self.shear != 0.0 or (self.grid == "hex" and px != py))
 
     @property
-    def axes(self) -> tuple[tuple[float, float], ...]:
+    def axes(self) -> tuple[Pair, ...]:
         """Vectors a perpendicular to the sides of a cell, of length 1 for a regular lattice.
 
         A point q from the centre is in the cell when each product a . q is in [-px/2, px/2).
         """
-        regular: tuple[tuple[float, float], ...] = (1.0, 0.0), (0.0, 1.0)
+        regular: tuple[Pair, ...] = (1.0, 0.0), (0.0, 1.0)
         if self.grid == "hex":
             regular = (1.0, 0.0), (0.5, self.half_sqrt3), (-0.5, self.half_sqrt3)
         px, py = self.pitches_mm
         return tuple((ax, ay * (px / py) - ax * self.shear) for ax, ay in regular)
 
     @property
-    def corners(self) -> tuple[tuple[float, float], ...]:
+    def corners(self) -> tuple[Pair, ...]:
         """Corners of a cell, counter-clockwise, from its centre, mm."""
         px, py = self.pitches_mm
         sides = len(self.axes)
@@ -79,11 +79,11 @@ class Lattice:
         angles = (first + math.pi * k / sides for k in range(2 * sides))
         return tuple(self.sheared(radius * math.cos(angle), radius * math.sin(angle) * (py / px)) for angle in angles)
 
-    def sheared(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def sheared(self, x: Arr, y: Arr) -> Point:
         """Return the sheared position of a point of the lattice without shear, mm."""
         return (x + self.shear * y, y) if self.shear else (x, y)
 
-    def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
+    def centre(self, i: Arr, j: Arr) -> Point:
         """Return the centre of lenslet (i, j), mm, in the format of `i` and `j`."""
         px, py = self.pitches_mm
         if self.grid == "square":
@@ -97,7 +97,7 @@ class Lattice:
         along = 2.0 * i + j if self.grid == "hex" else 2.0 * i
         return (b.absolute(along) <= self.half_steps[0]) & (b.absolute(2.0 * j) <= self.half_steps[1])
 
-    def nearest_within(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def nearest_within(self, x: Arr, y: Arr) -> Point:
         """Return the nearest points within the extent, along and across the rows; numpy arrays, mm."""
         if self.half_steps is None:
             return x, y
@@ -153,7 +153,7 @@ class Lattice:
             inside = inside & (q >= -self.half_mm) & (q < self.half_mm)
         return inside
 
-    def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, tuple[Arr, Arr], tuple[Arr, Arr]]:
+    def leave(self, b: Backend, x: Arr, y: Arr, dx: Arr, dy: Arr) -> tuple[Arr, Point, Point]:
         """Follow the line (x, y) + t (dx, dy) out of the cell around the origin.
 
         Return t at the cell's side (infinite if dx = dy = 0), the step (di, dj) to the neighbour there, in x's format,

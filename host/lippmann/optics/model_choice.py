@@ -14,7 +14,7 @@ from numbers import Real
 import numpy as np
 import numpy.typing as npt
 
-from lippmann.display.description import Array, Display
+from lippmann.display.description import Array, Display, Pair
 from lippmann.errors import InputError
 from lippmann.optics.backend import Arr, NumpyBackend
 from lippmann.optics.lattice import Lattice
@@ -55,7 +55,7 @@ def reconstructed_pixel_mm(display: Display, z_mm: float) -> float:
 
 
 def choose_model(
-    display: Display, depth_range_mm: tuple[float, float], aperture: str = "chief", tolerance: float = TOLERANCE
+    display: Display, depth_range_mm: Pair, aperture: str = "chief", tolerance: float = TOLERANCE
 ) -> Choice:
     """Choose the cheapest model within a tolerance, in pixels of the reconstructed view.
 
@@ -144,7 +144,7 @@ def corners_mm(array: Array) -> Floats:
     return np.stack(Lattice.of(array).sheared(x * np.cos(angles), y * np.sin(angles)), axis=1)
 
 
-def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: tuple[float, float]) -> float:
+def model_error_px(display: Display, truth: Rays, rays: Rays, depth_range_mm: Pair) -> float:
     """Return the maximum distance between two sets of rays over a depth range, in reconstructed pixels.
 
     It is infinite when the sets have different statuses or lenslets.

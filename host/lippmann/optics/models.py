@@ -9,12 +9,11 @@ with glass and air exchanged.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lippmann.optics import faces
-from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.faces import Crossing, Ray, mirrored, refract_flat, transported, unit
-from lippmann.optics.rays import Model, Status, gets_through
+from lippmann.optics.rays import Floats, Model, Status, gets_through
 from lippmann.optics.system import Exit, Landing, System
 
 #: Squared cosine below which the fast engine traces a ray in double precision: float32 rotates it by about 0.2
@@ -22,7 +21,7 @@ from lippmann.optics.system import Exit, Landing, System
 GRAZING_SQUARE = 0.15
 
 
-def ray_matrix(system: System) -> npt.NDArray[np.float64]:
+def ray_matrix(system: System) -> Floats:
     """Return the ABCD matrix (2, 2) from the panel to the last face's vertex plane, for (height mm, slope in air).
 
     Translations by gap and thickness / n, refraction with power 1/f at the dome (Hecht, Optics, section 6.2).
@@ -30,11 +29,11 @@ def ray_matrix(system: System) -> npt.NDArray[np.float64]:
     gap = np.array([[1.0, system.gap_mm], [0.0, 1.0]])
     glass = np.array([[1.0, system.thickness_mm / system.index], [0.0, 1.0]])
     dome = np.array([[1.0, 0.0], [-1.0 / system.focal_length_mm, 1.0]])
-    matrix: npt.NDArray[np.float64] = dome @ glass @ gap if system.plano_to_panel else glass @ dome @ gap
+    matrix: Floats = dome @ glass @ gap if system.plano_to_panel else glass @ dome @ gap
     return matrix
 
 
-def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
+def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, model: Model) -> Exit:
     """Trace rays from the panel to the world; rays that graze a face, in double precision.
 
     The panel points (x, y; double) and the aperture points (None: chief rays) are local to the pixel's lenslet, array's
@@ -52,7 +51,7 @@ def leave_panel(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr,
     return Exit(Ray(*fine[:6]), *fine[6:])
 
 
-def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None, model: Model) -> Exit:
+def _leave(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None, model: Model) -> Exit:
     if model == "exact":
         return _leave_exact(b, system, x, y, aperture)
     zero = 0.0 * x
@@ -103,15 +102,15 @@ def reach_panel(b: Backend, system: System, ray: Ray, model: Model) -> Landing:
     return Landing(x, y, zero, zero, b.integer(zero + int(Status.OK)))
 
 
-def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: tuple[Arr, Arr] | None) -> Exit:
+def _leave_exact(b: Backend, system: System, x: Arr, y: Arr, aperture: Point | None) -> Exit:
     """Trace rays from the panel to the world by Snell's law."""
     zero = 0.0 * x
     aim_x, aim_y = (zero, zero) if aperture is None else aperture
     towards_x, towards_y = aim_x - x, aim_y - y
     depth = system.aperture_distance_mm
     dx, dy, dz = unit(b, towards_x, towards_y, depth)
-    # Point on the array's near plane, the flat face or the domes' vertices. With a near eye, a pixel may be far aside;
-    # then the nearer end gives the smaller rounding error. Other displays keep their published words.
+    # Point on the array's near plane, the flat face or the domes' vertices. With a near eye, a pixel may be far aside:
+    # the nearer end gives the smaller rounding error. Other displays keep their published words.
     share, other = system.gap_mm / depth, (depth - system.gap_mm) / depth
     if system.convergence.share == 0.0 or share < 0.5:
         near_x, near_y = x + share * towards_x, y + share * towards_y
@@ -152,7 +151,7 @@ def _reach_exact(b: Backend, system: System, ray: Ray) -> Landing:
 
 
 def _out_of_glass(b: Backend, system: System, ray: Ray, plane: float | None, upward: bool = True) -> Exit:
-    """Trace rays from the flat face through a dome; at the height `plane`, if any, they change the lenslet."""
+    """Trace rays from the flat face through a dome; they find their lenslet at the height `plane`, if given."""
     start = (0.0, 0.0)
     if plane is not None:
         ray, start = _relocated(b, system, transported(ray, plane))
@@ -191,15 +190,13 @@ def _through_dome(b: Backend, system: System, crossing: Crossing, ratio: float, 
     return out, square
 
 
-def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, tuple[Arr, Arr]]:
+def _relocated(b: Backend, system: System, ray: Ray) -> tuple[Ray, Point]:
     """Make rays local to the lenslet of their points' cell; return the step to it, too."""
     i, j, x, y = system.lattice.locate(b, ray.x, ray.y)
     return ray._replace(x=x, y=y), (i, j)
 
 
-def _exit(
-    b: Backend, ray: Ray, start: tuple[Arr, Arr], crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr
-) -> Exit:
+def _exit(b: Backend, ray: Ray, start: Point, crossing: Crossing, reflected: Arr, blocked: Arr, grazing: Arr) -> Exit:
     """Return the result of a passage; `start` is the step of the relocation before it."""
     di, dj = start[0] + crossing.di, start[1] + crossing.dj
     other = (di != 0.0) | (dj != 0.0)

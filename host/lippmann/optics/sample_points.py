@@ -6,7 +6,7 @@ They depend on the numbers of pixel and sample and on the seed, but not on the c
 from __future__ import annotations
 
 from lippmann.base.variant import dr, mi
-from lippmann.optics.backend import Arr, Backend
+from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.lattice import Lattice
 
 #: Steps 1/g and 1/g^2 of the R2 sequence, g the real root of g^3 = g + 1 (M. Roberts, "The unreasonable effectiveness
@@ -28,7 +28,7 @@ def pixel_steps(samples: int) -> tuple[tuple[int, int], tuple[int, int]]:
     return (across >> 1, across), ((1 << 31) - (samples - 1) * GOLDEN_STEP // 2 & 0xFFFFFFFF, GOLDEN_STEP)
 
 
-def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> tuple[Arr, Arr]:
+def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Arr = 0) -> Point:
     """Return points in the unit square for numbers of pixels and samples (UInt32), see `pixel_steps`.
 
     A hash of pixel and seed mirrors a pixel's points or exchanges their axes, so that pixels have different errors. A
@@ -55,7 +55,7 @@ def points_in_pixel(pixel: Arr, sample: Arr, samples: int, seed: Arr, number: Ar
     return dr.select(exchanged, y, x), dr.select(exchanged, x, y)
 
 
-def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tuple[Arr, Arr]:
+def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> Point:
     """Return points (s, t) in the unit square for a cell or a pupil, from numbers of pixel and sample (UInt32).
 
     They are the R2 sequence, shifted modulo 1 by a hash of pixel and seed. Stream 0, independent of stream 1, is for an
@@ -74,7 +74,7 @@ def points_in_square(pixel: Arr, sample: Arr, seed: Arr, stream: int = 1) -> tup
     return coordinate(0), coordinate(1)
 
 
-def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> tuple[Arr, Arr]:
+def square_to_cell(b: Backend, s: Arr, t: Arr, lattice: Lattice) -> Point:
     """Map points (s, t) of the unit square to a lenslet's cell, lens-local mm; equal areas stay equal."""
     px, py = lattice.pitches_mm
     if lattice.grid == "square":

@@ -13,14 +13,14 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lippmann.display.description import Display
-from lippmann.optics.backend import Arr, Backend
+from lippmann.display.description import Display, Pair
+from lippmann.optics.backend import Arr, Backend, Point
 from lippmann.optics.faces import Dome, Ray
 from lippmann.optics.lattice import Lattice
 from lippmann.optics.rays import Status
 
 
-def exact_rotation(degrees: float) -> tuple[float, float]:
+def exact_rotation(degrees: float) -> Pair:
     """Return (cos, sin) of an angle in degrees, exact at whole quarter turns."""
     quarter = round(degrees / 90.0)
     angle = math.radians(degrees - 90.0 * quarter)
@@ -32,10 +32,10 @@ def exact_rotation(degrees: float) -> tuple[float, float]:
 class PanelFrame:
     """The maps between pixel coordinates, the panel's frame and the array's frame."""
 
-    pitch_mm: tuple[float, float]
+    pitch_mm: Pair
     width_px: int
     height_px: int
-    offset_mm: tuple[float, float]
+    offset_mm: Pair
     cos: float
     sin: float
 
@@ -47,35 +47,35 @@ class PanelFrame:
         return cls(panel.pitches_mm, panel.width_px, panel.height_px, array.offset_mm, *turn)
 
     @property
-    def corners(self) -> tuple[tuple[float, float], ...]:
+    def corners(self) -> tuple[Pair, ...]:
         """Corners of the panel in the array's frame, mm."""
         x, y = 0.5 * (self.width_px * self.pitch_mm[0]), 0.5 * (self.height_px * self.pitch_mm[1])
         return tuple(self.array_from_panel(*corner) for corner in ((-x, -y), (-x, y), (x, -y), (x, y)))
 
-    def panel_from_pixel(self, u: Arr, v: Arr) -> tuple[Arr, Arr]:
+    def panel_from_pixel(self, u: Arr, v: Arr) -> Point:
         """Map pixel coordinates (column, row; continuous) to the panel's frame, mm."""
         return (u - 0.5 * self.width_px) * self.pitch_mm[0], (0.5 * self.height_px - v) * self.pitch_mm[1]
 
-    def pixel_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def pixel_from_panel(self, x: Arr, y: Arr) -> Point:
         """Map the panel's frame, mm, to pixel coordinates."""
         return x / self.pitch_mm[0] + 0.5 * self.width_px, 0.5 * self.height_px - y / self.pitch_mm[1]
 
-    def array_from_panel(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def array_from_panel(self, x: Arr, y: Arr) -> Point:
         """Map a point from the panel's frame to the array's frame, mm."""
         return self.turn_back(x - self.offset_mm[0], y - self.offset_mm[1])
 
-    def panel_from_array(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def panel_from_array(self, x: Arr, y: Arr) -> Point:
         """Map a point from the array's frame to the panel's frame, mm."""
         x, y = self.turn(x, y)
         return x + self.offset_mm[0], y + self.offset_mm[1]
 
-    def turn(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def turn(self, x: Arr, y: Arr) -> Point:
         """Rotate a vector from the array's axes to the panel's axes."""
         if self.sin == 0.0 and self.cos == 1.0:
             return x, y
         return self.cos * x - self.sin * y, self.sin * x + self.cos * y
 
-    def turn_back(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def turn_back(self, x: Arr, y: Arr) -> Point:
         """Rotate a vector from the panel's axes to the array's axes."""
         if self.sin == 0.0 and self.cos == 1.0:
             return x, y
@@ -90,20 +90,20 @@ class Convergence:
     axis_x: float = 0.0
     axis_y: float = 0.0
 
-    def towards_eye(self, x: Arr, y: Arr) -> tuple[Arr, Arr]:
+    def towards_eye(self, x: Arr, y: Arr) -> Point:
         """Return where the line from a panel point to the eye crosses the aperture plane, mm."""
         if self.share == 0.0:
             return x, y
         return x - (x - self.axis_x) * self.share, y - (y - self.axis_y) * self.share
 
-    def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
+    def within_cell(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
         """Return the same as `towards_eye`, both points measured from the lenslet's centre (cx, cy)."""
         if self.share == 0.0:
             return x, y
         shrink = 1.0 - self.share
         return x * shrink - (cx - self.axis_x) * self.share, y * shrink - (cy - self.axis_y) * self.share
 
-    def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> tuple[Arr, Arr]:
+    def on_panel(self, x: Arr, y: Arr, cx: Arr, cy: Arr) -> Point:
         """Return the panel point that the eye sees at a point of the cell, the inverse of `within_cell`."""
         if self.share == 0.0:
             return x, y
@@ -163,9 +163,7 @@ class System:
         cx, cy = self.lattice.centre(i, j)
         return i, j, x - cx, y - cy  # not from q, whose rounding error would grow by 1 / (1 - s)
 
-    def through_mount(
-        self, b: Backend, status: Arr, passed: tuple[Arr, Arr], own: tuple[Arr, Arr] | None = None
-    ) -> Arr:
+    def through_mount(self, b: Backend, status: Arr, passed: Point, own: Point | None = None) -> Arr:
         """Return statuses, blocked where the lenslet of a ray or pixel is missing."""
         if self.lattice.half_steps is None:
             return status
@@ -174,7 +172,7 @@ class System:
             there = there & self.lattice.present(b, *own)
         return b.where(there, status, int(Status.BLOCKED))
 
-    def centre(self, i: Arr, j: Arr) -> tuple[Arr, Arr]:
+    def centre(self, i: Arr, j: Arr) -> Point:
         """Return the centre of lenslet (i, j), panel frame, mm."""
         return self.frame.panel_from_array(*self.lattice.centre(i, j))
 

@@ -1,7 +1,4 @@
-"""Golden and fast: from pixel coordinates to rays in the panel's frame, and from such rays to pixel coordinates.
-
-`rays_from_pixels` and `pixels_from_rays` are for a backend's arrays; the other functions are for numpy arrays.
-"""
+"""Golden and fast: from pixel coordinates to rays in the panel's frame, and back."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ import numpy.typing as npt
 from lippmann.base.variant import available_device, check_device
 from lippmann.display.description import MAX_LENGTH_MM, Display, display_at
 from lippmann.errors import InputError
-from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend
+from lippmann.optics.backend import Arr, Backend, DrJitBackend, NumpyBackend, Point
 from lippmann.optics.faces import Ray
 from lippmann.optics.models import leave_panel, reach_panel
 from lippmann.optics.rays import ENGINES, MODELS, Engine, Floats, Hits, Model, Rays, Status, gets_through
@@ -38,9 +35,7 @@ class LocalRays(NamedTuple):
     status: Arr
 
 
-def rays_from_pixels(
-    b: Backend, system: System, u: Arr, v: Arr, aperture: tuple[Arr, Arr] | None, model: Model
-) -> LocalRays:
+def rays_from_pixels(b: Backend, system: System, u: Arr, v: Arr, aperture: Point | None, model: Model) -> LocalRays:
     """Trace pixel coordinates (u, v; double) to the rays that leave the array; `aperture` as in `leave_panel`."""
     own_i, own_j, x, y = system.locate(b, u, v)
     out = leave_panel(b, system, x, y, aperture, model)
@@ -73,7 +68,7 @@ def pixels_from_rays(
     safe_z = b.where(heads_there, dz, -1.0)
     t = b.where(heads_there, (z - oz) / safe_z, 0.0)
     x, y = frame.array_from_panel(ox + t * dx, oy + t * dy)
-    # A ray that meets the array's plane too far out has missed; its numbers are replaced, lest they overflow.
+    # A ray too far out at the array's plane has missed; its numbers are replaced, lest they overflow.
     farthest = FARTHEST_LENSLETS * min(system.lattice.pitches_mm)
     heads_there = heads_there & (b.maximum(b.absolute(x), b.absolute(y)) < farthest)
     x, y = b.where(heads_there, x, 0.0), b.where(heads_there, y, 0.0)
@@ -101,7 +96,7 @@ UNIT_ERROR = 1e-3
 
 
 def backend_of(engine: Engine, device: str = "auto", rays: int = 1) -> Backend:
-    """Return the backend of an engine, with no rays numpy's: Dr.Jit has no empty arrays.
+    """Return an engine's backend; numpy's when there are no rays, because Dr.Jit has no empty arrays.
 
     Raises InputError for another engine or an unknown device; MissingLibraryError as `available_device`.
     """

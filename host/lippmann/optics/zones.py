@@ -31,9 +31,9 @@ SHARE_RAYS = 1 << 13
 #: the cell's corners and sides, and of the rims' height.
 LENSLETS = (5, 3)
 POINTS = ((0.6, 0.0), (0.95, 0.0), (0.95, 1.0), (0.99, 0.0), (0.99, 1.0))
-#: The search for an end of a zone: its range in paraxial half widths, and its number of bisections.
+#: The search for an end of a zone: range in paraxial half widths, and number of bisections.
 FARTHEST, BISECTIONS = 2.0, 11
-#: The search for a better display: the factor on viewing distance, focal length or pitch, and the number of steps.
+#: The search for a better display: factor on viewing distance, focal length or pitch, and number of steps.
 FACTOR, STEPS = 1.1, 24
 #: A better display has no crosstalk up to this fraction of a lenslet's own zone, to both sides.
 WORTH = 0.25
@@ -84,8 +84,8 @@ def sees_all(display: Display, eyes_mm: Floats) -> npt.NDArray[np.bool_]:
     system, panel = System.of(display), display.panel
     across, down = (np.linspace(-0.5, 0.5, count) for count in LENSLETS)
     grid = np.stack(np.meshgrid(across * panel.width_mm, down * panel.height_mm), axis=-1).reshape(-1, 2)
-    # The lenslets through which each eye sees the points of this grid. The traced panel is larger than the real one:
-    # crosstalk beyond the edge appears inside the panel in the next lenslet.
+    # The lenslets through which each eye sees the points of this grid, on a panel without edges: crosstalk beyond an
+    # edge appears inside the panel in the next lenslet.
     lift = display.aperture_distance_mm / eyes_mm[:, None, 2:]
     x, y = np.moveaxis((grid + lift * eyes_mm[:, None, :2]) / (1.0 + lift), -1, 0)
     place = system.lattice.nearest_within(*system.frame.array_from_panel(x, y))
