@@ -131,7 +131,7 @@ def _keys(path: Path) -> dict[str, Any]:
 
 
 def fpga_boards() -> dict[str, FpgaBoard]:
-    """Return the boards by name; raise InputError for a file that is wrong."""
+    """Return the boards by name; raise InputError for a wrong file."""
     return {name: fpga_board(name) for name in _names()}
 
 

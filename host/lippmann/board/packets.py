@@ -82,7 +82,7 @@ def packed(kind: int, seq: int, body: bytes) -> bytes:
 
 
 class PacketReader:
-    """Finds the valid packets in a stream of bytes, and counts both."""
+    """Finds the valid packets in a stream of bytes; counts the bytes and these packets."""
 
     def __init__(self) -> None:
         self.bytes = self.accepted = 0

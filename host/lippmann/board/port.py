@@ -169,7 +169,7 @@ def _permission(path: str) -> str:
 
 
 def ports() -> list[str]:
-    """Return this machine's serial ports, known USB adapters first (see `adapter_ports`)."""
+    """Return this machine's serial ports, known USB adapters first."""
     by_vendor = sorted(
         list_ports.comports(), key=lambda port: (port.vid not in ADAPTER_VENDORS, port.vid is None, port.device)
     )
