@@ -72,13 +72,11 @@ class Encoder:
         return np.asarray(values).reshape(self._shape)
 
 
-#: Maximum seconds of a picture of a moving scene; if it takes longer, blocks of pixels get one ray.
+#: Maximum seconds of a picture of a moving scene; if it takes longer, blocks of pixels of up to this side get one ray.
 QUICK_S = 0.06
 #: Pictures that are timed; another program may disturb one.
 TRIALS = 3
-#: Maximum side of a block, pixels.
 MAX_BLOCK = 8
-#: Samples of a pass while the scene rests.
 PASS_SAMPLES = 4
 #: Pixels rendered between two checks of the mouse, by device.
 PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}

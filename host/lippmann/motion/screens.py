@@ -21,7 +21,6 @@ DRAG_DEG, KEY_DEG = 0.4, 5.0
 KEY_PX = 10.0
 #: Factor of a step of the wheel, and of the keys + and -.
 ZOOM = 1.05
-#: Steepest view from above or below, degrees.
 STEEP_DEG = 89.0
 
 

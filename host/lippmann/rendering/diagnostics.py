@@ -31,7 +31,6 @@ MIN_SHARP, MAX_NOISE = 0.1, 0.1
 
 def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
     """Warn of what the integrator ignores, and of a scene without light. Raises InputError as `make_integrator`."""
-    # First, so that an unknown integrator is refused without a warning.
     make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []

@@ -35,10 +35,9 @@ class Showable:
         return png_bytes(self.radiance)
 
     def show(self, seconds: float | None = None) -> None:
-        """Show the image: in a notebook below its cell, else in a window.
+        """Show the image below a notebook's cell, or in a window, for some seconds or until Escape or q.
 
-        The window closes with Escape, q or its close button, or after `seconds`. Without a desktop (a server, a batch
-        job) a line on stderr says so and the program goes on.
+        Without a desktop (a server, a batch job) a line on stderr says so, and the program continues.
         """
         if in_notebook():
             import_module("IPython.display").display(self)

@@ -1,9 +1,8 @@
-"""Integrator `lights`: sums all lights at each hit, so that point lights cause no noise.
+"""Integrator `lights`, the founding paper's: sums all lights at each hit, so that point lights cause no noise.
 
-Like the founding paper's ray tracer, it sends a shadow ray to *every* emitter at each hit, and reflects the light by
-the smooth part of the surface's BSDF; then it follows mirror reflection and refraction up to `max_depth`. Point, spot
-and directional lights are summed exactly; area lights and environments get one random sample each. Light between
-diffuse surfaces is left out; Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
+At each hit it sends a shadow ray to *every* emitter, reflects the light by the smooth part of the surface's BSDF, and
+follows mirror reflection and refraction up to `max_depth`. Area lights and environments get one random sample each.
+Light between diffuse surfaces is left out; Mitsuba's `path` includes it. Splats (3D Gaussians) have their own colours.
 """
 
 from __future__ import annotations
@@ -92,7 +91,6 @@ def _sample_lights(
     ) -> tuple[Jit, ...]:
         si = scene.ray_intersect(ray, mi.RayFlags.All, coherent=coherence_hint(depth), active=active)
         if visible_emitters:
-            # The radiance of an emitter that is seen directly or in a mirror.
             radiance += dr.select(active, throughput * si.emitter(scene, active).eval(si, active), 0.0)
         active &= si.is_valid()
         met |= active

@@ -43,8 +43,8 @@ CACHE_CHUNK_DIVISOR = 2
 CACHE_DB, RAYS_A_POINT = 45.0, 4
 #: One lamp's shadow rays take little more time than the trial (stages.csv and shading.csv in docs/generated).
 MIN_LAMPS = 2
-#: The trial: parts of the image each way, rays of a colour in all parts, and maximum samples of a pixel, so that many
-#: places are tried. Not 2^18 rays: for a texture with as many values Dr.Jit would make another recording.
+#: The trial: parts of the image each way, rays of a colour in all parts, and maximum samples of a pixel. Not 2^18 rays:
+#: with a texture of as many values they would be another recording.
 TRIAL_PARTS, TRIAL_RAYS, TRIAL_SAMPLES = 4, 28 * 28 * 256, 4
 #: Seed of the trial's places, which are the same for each seed of a render.
 TRIAL_SEED = 1
@@ -280,7 +280,7 @@ class Renderer:
         """Render tiles of some rows into `sums`, or else into the planes; return the numbers of lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
-        # Opaque, as all values that change from chunk to chunk: a literal would be compiled into the program.
+        # Opaque, as all values that change from chunk to chunk: literals would be compiled into the program.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)

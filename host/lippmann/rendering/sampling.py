@@ -105,7 +105,6 @@ def display_source(
         aperture_points = square_to_cell(b, *square, Lattice.of(display.array)) if aperture == "full" else None
         if engine == "fast":
             return lines_from_pixels(b, display, u, v, aperture_points, model)
-        # The other engines work on numpy arrays.
         pixels = np.stack([np.asarray(u), np.asarray(v)], axis=1)
         if samples > 1:
             steps = 1 << PIXEL_FRACTION
@@ -120,7 +119,7 @@ def display_source(
         return owner_number(*System.of(display).locate(b, u, v)[:2])
 
     layout, finest = layout_of(panel.subpixels), display.array.finest_mm
-    # The other engines serve comparison: their pixels are plain means.
+    # Pixels of the other engines are plain means, for comparisons.
     fast = engine == "fast"
     return RaySource(panel.width_px, panel.height_px, lines, layout, fast, finest, owner if fast else None)
 

@@ -20,8 +20,8 @@ ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
 #: The number of a shape without a lattice.
 NONE = 0xFFFFFFFF
-#: Minimum steps of a lattice; on a sphere they keep the light linear between points to 1 in 1,000. Maximum steps: a
-#: place in float32 is exact to a thousandth of a step.
+#: Steps of a lattice: a sphere's minimum keeps the light linear between points to 1 in 1,000; with the maximum, a place
+#: in float32 is exact to a thousandth of a step.
 MIN_STEPS, MIN_SPHERE_STEPS, MAX_STEPS = 1, 32, 1 << 14
 #: Maximum points of all lattices; each side of a surface has its own irradiance.
 MAX_POINTS = 1 << 22
@@ -40,7 +40,6 @@ class Lattices:
     shape: Jit
     triangle: Jit
     kind: Jit
-    #: Centre and radius of a sphere.
     centre: Jit
     radius: Jit
 

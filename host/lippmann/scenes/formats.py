@@ -12,7 +12,6 @@ from lippmann.errors import input_error
 from lippmann.optics.rays import Floats
 from lippmann.scenes import depth_picture, meshes, splats, window_views
 
-#: Kinds of scenes; all but Mitsuba's own are converted.
 Kind = Literal["mitsuba", "mesh", "splats", "quilt", "views", "depth picture"]
 #: Maximum header of a PLY file, bytes.
 PLY_HEAD = 1 << 16

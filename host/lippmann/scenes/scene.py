@@ -36,7 +36,6 @@ Box = tuple[Matrix, Matrix]
 SURROUNDS = 3.0
 #: Percentiles of the splats, the margin around them in parts of their distance, and a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
-#: Maximum ids that an error message lists.
 LISTED_IDS = 8
 #: Maximum numbers of a lamp's property; larger ones are pictures.
 LAMP_NUMBERS = 16

@@ -34,8 +34,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".webp", *LINEAR_SUFFIXES)
 GRID_TOLERANCE = 0.1
 MAX_VIEWS, MAX_PIXELS = 10_000, 200_000_000
 MAX_BYTES = 1 << 24
-#: Largest half float.
-MAX_HALF = 65504.0
+MAX_HALF = float(np.finfo(np.float16).max)
 FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-30, 0, 600]}, ...]}'
 
 
