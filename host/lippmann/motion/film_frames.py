@@ -41,19 +41,19 @@ class FramePlan(ScenePlan):
 
     @property
     def name(self) -> str:
-        """Name for messages."""
+        """See `Plan`."""
         return f"frame {self.frame}"
 
     @cached_property
     def identity(self) -> str:
-        """Hash of all that the pixels depend on, 16 hexadecimal digits; it is in the frame's metadata."""
+        """See `Plan`; the frame's file carries it."""
         moves = [(move.shapes, move.matrix.tolist()) for move in self.moves]
         reach = (self.film.near_mm is None, self.film.far_mm is None)
         return pixels_identity(self.digest, self.placement, self.display, self.options, moves=moves, reach=reach)
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The metadata of the frame's file."""
+        """See `Plan`."""
         return {**super().metadata, "film": self.film.name, "frame": str(self.frame), "shot": self.identity}
 
     def load(self) -> Scene:

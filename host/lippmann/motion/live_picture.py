@@ -77,6 +77,7 @@ QUICK_S = 0.06
 #: Pictures that are timed; another program may disturb one.
 TRIALS = 3
 MAX_BLOCK = 8
+#: Samples of a pass at rest; the first pass equals a render of so many samples.
 PASS_SAMPLES = 4
 #: Pixels rendered between two checks of the mouse, by device.
 PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}

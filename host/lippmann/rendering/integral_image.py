@@ -104,7 +104,7 @@ class IntegralImage(Showable):
         object.__setattr__(self, "metadata", {**texts, **metadata_of(self.display)})
 
     def save(self, path: str | Path) -> None:
-        """Write linear radiance to .exr or .tif, or panel values to .png. Raises InputError if that fails."""
+        """Write radiance (.exr, .tif) or panel values (.png). Raises InputError if that fails or one is not finite."""
         panel = self.display.panel
         write_picture(path, self.radiance, {**self.metadata, **self._made_for}, panel.transfer, panel.bits)
 

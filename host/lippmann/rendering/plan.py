@@ -105,27 +105,27 @@ class ScenePlan(Plan):
 
     @property
     def name(self) -> str:
-        """Name for messages."""
+        """See `Plan`."""
         return self.scene.name
 
     @functools.cached_property
     def identity(self) -> str:
-        """Hash of all that the pixels depend on, 16 hexadecimal digits."""
+        """See `Plan`."""
         return pixels_identity(self.digest, self.placement, self.display, self.options)
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The metadata of the picture's file."""
+        """See `Plan`."""
         return {**image_metadata(self.options, self.scene), **metadata_of(self.display)}
 
     @property
     def rays(self) -> int:
-        """Rays for each pixel."""
+        """See `Plan`."""
         return self.options.settings.samples * colours_of(self.display.panel)
 
     @property
     def prepare_seconds(self) -> float:
-        """Seconds of compilation that planning took; 0 after `start`."""
+        """See `Plan`."""
         return sum(renderer.prepare_seconds for renderer in self.planned_by)
 
     def load(self) -> Scene:

@@ -176,14 +176,6 @@ class IrradianceCache:
         return light
 
 
-def has_point_lamps(scene: Jit) -> bool:
-    """Tell whether the lamps of a `mitsuba.Scene` are points, spots and directions without pictures, and few."""
-    lamps = scene.emitters()
-    return 0 < len(lamps) <= MAX_LAMPS and all(
-        lamp.class_name() in LAMPS and not SPOT_PICTURE.search(str(lamp)) for lamp in lamps
-    )
-
-
 def _light_at(
     scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
 ) -> tuple[Jit, Jit]:
@@ -376,6 +368,8 @@ def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | No
         return f"the integrator {integrator} uses random numbers"
     if has_splats(scene.mitsuba):
         return "splats are lit by themselves"
-    if not has_point_lamps(scene.mitsuba):
+    lamps = scene.mitsuba.emitters()
+    are_plain = all(lamp.class_name() in LAMPS and not SPOT_PICTURE.search(str(lamp)) for lamp in lamps)
+    if not (are_plain and 0 < len(lamps) <= MAX_LAMPS):
         return f"the scene has other lamps than 1 to {MAX_LAMPS} points, spots and directions without pictures"
     return "there are no lenslets" if source.detail_mm is None else None
