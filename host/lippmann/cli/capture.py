@@ -83,7 +83,7 @@ def command(
 
 def _text(result: dict[str, Any]) -> str:
     low, high = result["shown_depth_mm"]
-    light = "shared light, " if result["shading"] == "shared" else ""
+    light = "irradiance cache, " if result["shading"] == "shared" else ""
     form = (
         "{output}: {width_px} x {height_px}, {light}{image} {relief} image from {low:.1f} to {high:.1f} mm on "
         "'{display}', vignetting {vignetting_percent:.2f} %, lost in the array {array_loss_percent:.2f} %, "
