@@ -22,7 +22,7 @@ Motion = Literal["smooth", "linear"]
 
 
 def interpolated(frames: Floats, numbers: Floats, motion: Motion | None, frame: float) -> Floats:
-    """Return the numbers (N,) at a frame, from those (K, N) at the frames (K,) of keys; constant beyond the keys."""
+    """Return numbers (N,) at a frame, from those (K, N) at the keys' frames (K,)."""
     from scipy.interpolate import PchipInterpolator
 
     place = np.clip(frame, frames[0], frames[-1])
@@ -56,7 +56,7 @@ class MotionPath:
     motion: Annotated[Motion | None, key("interpolation between keys", default="the film's")] = None
 
     def at(self, frame: int) -> Placement:
-        """Return the motion at a frame, relative to the position at rest, in the display's coordinates."""
+        """Return the motion at a frame, from the position at rest, in the display's frame."""
         frames = np.array([key.frame for key in self.keys], np.float64)
         numbers = np.array([(*key.offset_mm, *key.rotation_deg, key.scale) for key in self.keys])
         x, y, z, about_x, about_y, about_z, scale = interpolated(frames, numbers, self.motion, frame).tolist()
@@ -82,7 +82,7 @@ class Moving(MotionPath):
 
 @dataclass(frozen=True, kw_only=True)
 class FilmFile:
-    """The keys of a film file. Objects move in their order, then the world, which is the complete scene."""
+    """The keys of a film file. Objects move in order, then the world."""
 
     scene: Annotated[Path, key("a Mitsuba scene; its path is relative to the film file")]
     frames: Annotated[int, key("number of frames, numbered from 0", low=1, high=MAX_FRAMES)]
@@ -103,17 +103,17 @@ class Film(FilmFile):
 
     @property
     def key_frames(self) -> list[int]:
-        """The first frame, the last, and those of all keys: motions between keys do not go beyond them."""
+        """The first frame, the last, and those of all keys, beyond which no motion goes."""
         paths = [*self.object, self.world] if self.world is not None else self.object
         return sorted({0, self.frames - 1, *(one.frame for path in paths for one in path.keys)})
 
     def moves(self, frame: int, placement: Placement) -> tuple[Move, ...]:
-        """Return the motions of the objects at a frame, in the frame of a scene with this placement."""
+        """Return the objects' motions at a frame, in the frame of a scene with this placement."""
         forward, back = placement.display_from_scene, placement.scene_from_display
         return tuple(Move(one.shapes, back @ one.at(frame).display_from_scene @ forward) for one in self.object)
 
     def placement(self, frame: int, placement: Placement, film_placement: Placement | None = None) -> Placement:
-        """Return the scene's placement at a frame, from that at rest and that of the complete film."""
+        """Return the scene's placement at a frame, from that at rest and the film's."""
         if self.world is not None:
             placement = placement.then(self.world.at(frame))
         if film_placement is not None:

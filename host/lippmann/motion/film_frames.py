@@ -33,7 +33,7 @@ logger = logging.getLogger("lippmann")
 
 @dataclass(frozen=True, eq=False)
 class FramePlan(ScenePlan):
-    """One frame of a film. All frames have the same seed, so that pixels at rest do not change."""
+    """A frame of a film. All have the same seed, so that pixels at rest do not change."""
 
     film: Film
     frame: int
@@ -62,7 +62,7 @@ class FramePlan(ScenePlan):
         return self._with_moved_shapes(scene) if self.film.object else scene
 
     def _with_moved_shapes(self, scene: Scene) -> Scene:
-        """Return the scene with depths that include the moved shapes, except depths that the film gives."""
+        """Return the scene with depths that include moved shapes; depths in the film file hold."""
         rest_low, rest_high = placed_box(_bounds_at_rest(self.scene, self.digest), scene.placement)
         low, high = scene.box(scene.placement)
         far, near = scene.depth_range_mm
@@ -75,12 +75,12 @@ class FramePlan(ScenePlan):
 
 @functools.lru_cache(maxsize=1)
 def _bounds_at_rest(path: Path, digest: str) -> Box:
-    """Return the bounds of the scene at rest. It is freed at once: programs contain the code of all scenes."""
+    """Return the scene's bounds at rest; the scene itself is freed."""
     return load_scene(path, Placement(near_mm=1.0, far_mm=0.0)).bounds
 
 
 def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
-    """Return the plans of a film's frames. Raises InputError if the scene cannot be read, or not be fitted."""
+    """Return the plans of a film's frames. Raises InputError if the scene cannot be read or fitted."""
     # The film is scaled about the display's centre; `scale` of None fits it into the depth range.
     digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
@@ -98,7 +98,7 @@ def plan_film(film: Film, display: Display, options: RenderOptions, scale: float
 
 
 def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
-    """Return the placement that fits a film into a display by the box around the scene at all key frames."""
+    """Return the placement that fits all key frames into a display."""
     anywhere = Placement(near_mm=1.0, far_mm=0.0)
     boxes = [
         load_scene(film.scene, anywhere, film.moves(frame, at_rest)).box(film.placement(frame, at_rest))
@@ -111,7 +111,7 @@ def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
 
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
-    """Return a film's plans without "auto": with the irradiance cache if trials at all key frames allow it."""
+    """Return plans without "auto": with the cache if trials at all key frames allow it."""
     # Shaded in one way, pixels at rest do not change from frame to frame. The trial's result goes to the log.
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
@@ -148,7 +148,7 @@ def frame_path(folder: Path, frame: int) -> Path:
 
 
 def check_folder(folder: Path, frames: int) -> None:
-    """Raise InputError if a film's folder cannot be made, or contains frames of a longer film."""
+    """Raise InputError for a folder that cannot be made, or has frames of a longer film."""
     exists = folder.exists()
     make_folder(folder, REMEDY)
     if not exists:  # until there is a frame
@@ -169,7 +169,7 @@ def is_rendered(folder: Path, plan: FramePlan) -> bool:
 
 
 class FrameFolder:
-    """A sink for the bands of a film's frames. Each frame becomes a file after its last band."""
+    """A sink for a film's frames. Each becomes a file after its last band."""
 
     def __init__(self, folder: Path, plans: Sequence[FramePlan]) -> None:
         """Make the folder; raise InputError if that fails."""
@@ -210,7 +210,7 @@ class FrameFolder:
 
 @dataclass
 class Reel:
-    """The frames of a film, played in a loop. No frame is skipped: slow drawing slows the film down."""
+    """A film, played in a loop without skipping frames, so more slowly if need be."""
 
     plans: Sequence[FramePlan]
     frames_per_second: float
@@ -234,7 +234,7 @@ class Reel:
         self._move(frames)
 
     def stage(self, frame: int) -> tuple[Scene | None, Placement]:
-        """Return the scene at a frame, or None if all frames have the same shapes; and its placement."""
+        """Return a frame's scene (None: the same for all frames) and placement."""
         plan = self.plans[frame]
         scene = plan.load() if plan.moves else None
         return scene, plan.placement if scene is None else scene.placement

@@ -75,7 +75,7 @@ class LayerFilm:
     moving: tuple[MovingLayer, ...] = ()
 
     def at(self, frame: int) -> tuple[LayerStack, tuple[int, ...]]:
-        """Return the stack at a frame, and for each of its layers the number at rest, from front to back."""
+        """Return the stack at a frame, front to back, and its layers' numbers at rest."""
         layers = list(self.stack.layers)
         order = [float(number) for number in range(len(layers))]
         for one in self.moving:
@@ -97,7 +97,7 @@ class LayerFilm:
 
 
 def load_layer_film(path: str | Path) -> LayerFilm:
-    """Read a film of layers, or a folder of layers as one frame; InputError names file, key and remedy."""
+    """Read a film or a folder of layers; InputError names file, key and remedy."""
     path = Path(path)
     if is_layers(path) or path.is_dir():
         return LayerFilm(*load_named_layers(path))
@@ -160,7 +160,7 @@ def _moved(layer: Layer, moving: MovingLayer, frame: int, motion: Motion) -> Lay
 
 
 def check_keys(film: LayerFilm, display: Display, path: str | Path) -> None:
-    """Raise InputError for an impossible layer at some frame, such as behind the display's eyes."""
+    """Raise InputError for an impossible layer, such as behind the eyes."""
     for frame in range(film.frames):
         try:
             stack, numbers = film.at(frame)

@@ -35,7 +35,7 @@ ZERO, ONE = 0, 0x3F800000
 
 
 def least_radiance(panel: Panel, bits: int) -> npt.NDArray[np.float32]:
-    """Return the least radiance of each of a panel's levels but the darkest, (2^bits - 1,), by bisection."""
+    """Return the least radiance of each level but the darkest (2^bits - 1,), by bisection."""
     levels = values_of(bits)[1:]
     low, high = np.full(len(levels), ZERO), np.full(len(levels), ONE)
     while (high - low > 1).any():
@@ -61,7 +61,7 @@ class Encoder:
         dr.make_opaque(self._least, self._values)
 
     def __call__(self, planes: list[Jit]) -> Pixels:
-        """Return the values (height, width, 3) of planes of red, green and blue; they may be Dr.Jit's memory."""
+        """Return values (height, width, 3) of planes of colours, perhaps Dr.Jit's memory."""
         place = 3 * dr.arange(mi.UInt32, dr.width(planes[0]))
         values = dr.empty(self._byte, 3 * dr.width(place))
         for k, plane in enumerate(planes):
@@ -84,12 +84,12 @@ PIXELS_AT_ONCE = {"llvm": 1 << 18, "cuda": 1 << 25}
 
 
 class LivePicture:
-    """The integral image of a moving scene; it stays on the device until `values` or `radiance` is read."""
+    """The integral image of a moving scene, on the device until it is read."""
 
     def __init__(
         self, scene: Scene, display: Display, model: Model, settings: Settings, block: int | None = None
     ) -> None:
-        """Compile the programs; None chooses a block that is quick enough. Raises InputError as `Renderer`."""
+        """Compile the programs; a block of None is chosen by speed. Raises InputError as `Renderer`."""
         self._scene, self._panel, self._encoder = scene, display.panel, Encoder(display.panel)
         # A quick picture has fewer rays than the irradiance cache would have points.
         self._settings, self._source = replace(settings, shading="each"), display_source(display, model)
@@ -137,7 +137,7 @@ class LivePicture:
         return radiance_of(self._mean(), self._panel.width_px)
 
     def quick(self, placement: Placement) -> None:
-        """Draw the scene at another placement, with one ray for each block of pixels."""
+        """Draw the scene at another placement, one ray for each block of pixels."""
         self._placement, self._passes = self._scene.placed(placement).placement, 0
         planes = self._drawn(1, lambda: False) or []
         if self.block > 1:
@@ -145,7 +145,7 @@ class LivePicture:
         self._planes = planes
 
     def finer(self, interrupted: Callable[[], bool]) -> bool:
-        """Add a pass of `PASS_SAMPLES` samples to the mean; return False if it was interrupted and is not added."""
+        """Add a pass to the mean; return False if it was interrupted."""
         planes = self._drawn(PASS_SAMPLES, interrupted)
         if planes is None:
             return False

@@ -26,7 +26,7 @@ STEEP_DEG = 89.0
 
 @dataclass
 class Hand:
-    """The motion of a scene by hand about `pivot_mm`, in the display's frame, from the placement `base`."""
+    """The motion of a scene by hand about `pivot_mm`, from the placement `base`."""
 
     base: Placement
     pivot_mm: Matrix
@@ -63,7 +63,7 @@ class Hand:
         return (self.yaw_deg, self.pitch_deg, self.scale, *self.shift_mm.tolist())
 
     def placement(self) -> Placement:
-        """Return the placement of the moved scene; it has no depths once the scene has moved."""
+        """Return the moved scene's placement, without depths once it has moved."""
         if (self.yaw_deg, self.pitch_deg, self.scale) == (0.0, 0.0, 1.0) and not self.shift_mm.any():
             return self.base
         turns = (self.pitch_deg, 0.0, 0.0), (0.0, self.yaw_deg, 0.0)
@@ -75,14 +75,14 @@ class Hand:
 
 
 class Screens:
-    """The windows of a live picture; there are none without `pygame`, for a board alone."""
+    """The windows of a live picture; without `pygame`, none."""
 
     def __init__(self, pygame: Any = None) -> None:
         self._pygame = pygame
         self._windows: dict[str, Any] = {}
 
     def open(self, name: str, size: tuple[int, int], monitor: int | None = None) -> None:
-        """Open a window for pictures, or fill a monitor. Raises InputError for a monitor of another size."""
+        """Open a window, or fill a monitor. Raises InputError for a monitor of another size."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -95,7 +95,7 @@ class Screens:
         self._windows[name] = pygame.Window(name, size, (place, place), fullscreen=True)
 
     def show(self, name: str, pixels: Pixels, title: str) -> None:
-        """Show a picture (height, width, 3) in a window; raise DeviceError if the window is gone."""
+        """Show a picture (height, width, 3); raise DeviceError if the window is gone."""
         pygame = self._pygame
         if pygame is None:
             return
@@ -122,7 +122,7 @@ class Screens:
         return any(pygame.mouse.get_pressed()) and bool(pygame.event.peek(pygame.MOUSEMOTION))
 
     def obey(self, hand: Hand, reel: Reel | None = None) -> bool:
-        """Let mouse and keys move a scene and control a film; return whether to continue."""
+        """Let mouse and keys move a scene and control a film; return False at the end."""
         pygame = self._pygame
         for event in [] if pygame is None else pygame.event.get():
             if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -174,6 +174,6 @@ class Screens:
 
 @contextmanager
 def screens() -> Iterator[Screens]:
-    """Yield the desktop's screens, and close all windows after the block. Raises DeviceError without a desktop."""
+    """Yield the desktop's screens; close them after the block. Raises DeviceError without any."""
     with desktop("a window") as pygame, closing(Screens(pygame)) as windows:
         yield windows

@@ -70,7 +70,7 @@ def write_video(
 def write_views(
     path: str | Path, views: Iterable[Radiance], window: Window, frames_per_second: float, there_and_back: bool = False
 ) -> None:
-    """Write an eye's views, (height, width, 3) linear, as a video or an animation, by the file's suffix."""
+    """Write views (height, width, 3), linear, as a video or an animation, by the suffix."""
     if Path(path).suffix.lower() not in VIEW_SUFFIXES:
         write_animation(path, views, there_and_back, 1000.0 / frames_per_second)
         return

@@ -31,7 +31,7 @@ RAY_BYTES = 80.0
 
 
 def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None) -> list[range]:
-    """Return the rows of each band of an image with `rays` a pixel; bands start at multiples of `BAND_ROWS`."""
+    """Return the rows of an image's bands, which start at multiples of `BAND_ROWS`."""
     device = device or current_device()
     pixels = min(BAND_PIXELS[device], BAND_RAYS[device] / rays)
     rows = BAND_ROWS * max(1, round(pixels / (width_px * BAND_ROWS)))
@@ -39,7 +39,7 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
-    """Return the memory, MB, of an image or a band with so many samples for each colour of a pixel."""
+    """Return the memory, MB, of an image or a band; `samples` is for each colour of a pixel."""
     # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
@@ -53,7 +53,7 @@ def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, col
 
 
 def check_display_memory(display: Display, settings: Settings, where: str) -> None:
-    """Check the memory of an image for a display, which `where` names in the error; see `check_memory`."""
+    """Check the memory of an image for a display, which errors call `where`."""
     panel = display.panel
     try:
         check_memory(panel.width_px, panel.height_px, settings, colours_of(panel))
@@ -62,21 +62,21 @@ def check_display_memory(display: Display, settings: Settings, where: str) -> No
 
 
 def check_memory(width_px: int, height_px: int, settings: Settings, colours: int) -> None:
-    """Raise InputError, with need and limit, for an image that exceeds the memory limit."""
+    """Raise InputError for an image that exceeds the memory limit."""
     needed = memory_mb(width_px, height_px, settings.shading, settings.samples, colours)
     what = f"an image of {width_px} x {height_px} pixels"
     check_memory_mb(needed, settings.memory_mb, what, "raise memory_mb (--memory-mb) or take a smaller panel")
 
 
 def check_memory_mb(needed: float, limit: float | None, what: str, remedy: str) -> None:
-    """Raise InputError if the memory needed exceeds the limit, MB; None means 80 % of the free memory."""
+    """Raise InputError if the memory exceeds a limit, MB; None means 80 % of the free memory."""
     limit = 0.8 * free_memory_mb() if limit is None else limit
     if not needed <= limit:
         raise InputError(f"{what}: needs {math.ceil(needed)} MB, the limit is {limit:.0f} MB; {remedy}")
 
 
 def check_band_memory(display: Display, bands: Sequence[range], settings: Settings, workers: int = 1) -> None:
-    """Raise InputError if the largest band, for each of the workers, exceeds the memory limit."""
+    """Raise InputError if the largest band, for each worker, exceeds the memory limit."""
     rows, panel = max(len(rows) for rows in bands), display.panel
     needed = memory_mb(panel.width_px, rows, settings.shading, settings.samples, colours_of(panel))
     what, remedy = f"a band of {rows} rows of {panel.width_px} pixels", "raise memory_mb (--memory-mb)"
@@ -87,6 +87,6 @@ def check_band_memory(display: Display, bands: Sequence[range], settings: Settin
 
 
 def is_long_render(settings: Settings, display: Display) -> bool:
-    """Tell whether the command keeps the bands of a picture, for it is large or has many rays."""
+    """Tell whether the command keeps the bands of a picture."""
     pixels = display.panel.width_px * display.panel.height_px
     return pixels > KEPT_PIXELS or pixels * settings.samples * colours_of(display.panel) > KEPT_RAYS

@@ -20,7 +20,7 @@ PIXEL_LIBRARIES = ("mitsuba", "drjit")
 def pixels_identity(
     digest: str, placement: Placement, display: Display, options: RenderOptions, **others: object
 ) -> str:
-    """Return the hash, 16 hexadecimal digits, of all arguments: the scene's digest and what else matters."""
+    """Return the hash of all arguments, 16 hexadecimal digits; `digest` is the scene's."""
     arguments = asdict(options)
     del arguments["settings"]["memory_mb"]
     parts = {
@@ -35,14 +35,14 @@ def pixels_identity(
 
 
 def pixel_versions() -> dict[str, str]:
-    """Return the versions of the packages that the pixels depend on; Lippmann's ends with `code_digest`."""
+    """Return the versions of the packages that pixels depend on, with `code_digest`."""
     others = {name: importlib.metadata.version(name) for name in PIXEL_LIBRARIES}
     return {"lippmann": __version__ + code_digest(Path(__file__).parents[1]), **others}
 
 
 @functools.cache
 def code_digest(folder: Path) -> str:
-    """Return "+" and the hash, 8 hexadecimal digits, of a folder's Python files; "" without any."""
+    """Return "+" and 8 hexadecimal digits for a folder's Python files; "" without any."""
     # Between two releases the code changes, and the version does not.
     digest = hashlib.sha256()
     paths = [path for path in sorted(folder.rglob("*.py")) if path.is_file() and not path.name.startswith(".")]

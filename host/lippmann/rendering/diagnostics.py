@@ -30,7 +30,7 @@ MIN_SHARP, MAX_NOISE = 0.1, 0.1
 
 
 def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
-    """Warn of what the integrator ignores, and of a scene without light. Raises InputError as `make_integrator`."""
+    """Warn of what the integrator ignores, and of missing light. Errors as `make_integrator`."""
     make_integrator(scene, settings)
     if settings.integrator != "scene":
         unused = []
@@ -48,7 +48,7 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
 
 
 def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Engine = "fast") -> None:
-    """Warn, after a trial view, if the scene's size, place, depths or noise do not suit the display."""
+    """Warn, after a trial view, of a size, place, depth or noise that does not suit the display."""
     panel, width = display.panel, scene.width_mm
     if width > 0.0 and not SIZE_RANGE[0] <= width / panel.width_mm <= SIZE_RANGE[1]:
         warn_user(
@@ -83,7 +83,7 @@ def warn_of_view(scene: Scene, display: Display, settings: Settings, engine: Eng
 def _warn_of_depths(
     scene: Scene, display: Display, trial: Settings, eye: tuple[float, float, float], window: Window
 ) -> None:
-    """Warn of a scene that the eye does not see, or that is mostly outside the depth range."""
+    """Warn of a scene that is invisible, or mostly outside the depth range."""
     # Distances along the rays from the plane near_mm to the first surface, scene units; 0 without a surface.
     length = render_view(scene, eye, window, replace(trial, integrator="depth")).radiance[:, :, 0].astype(np.float64)
     y, x = np.mgrid[: window.height_px, : window.width_px] + 0.5

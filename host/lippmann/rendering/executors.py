@@ -60,7 +60,7 @@ class Band:
 
 
 class RenderedBand(NamedTuple):
-    """A band, its radiance (rows, width, 3), the renderer's choices, and the seconds of compilation before it."""
+    """A band, its radiance (rows, width, 3), its renderer's choices, and seconds of compilation."""
 
     band: Band
     radiance: Radiance
@@ -73,7 +73,7 @@ Executor = Callable[[Sequence[Band], Callable[[int], None]], Iterator[RenderedBa
 
 
 def render_here(bands: Sequence[Band], report_rows: Callable[[int], None]) -> Iterator[RenderedBand]:
-    """Render bands in this process. Raises what the plans' renderers raise."""
+    """Render bands in this process. Raises the renderers' errors."""
     for _, bands_of_one in itertools.groupby(bands, lambda band: id(band.plan)):
         renderer: BandRenderer | None = None
         for band in bands_of_one:
@@ -99,7 +99,7 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None, de
 
 
 def render_by_workers(count: int, device: str, bands: Sequence[Band]) -> Iterator[RenderedBand]:
-    """Render on new workers on this machine. Raises InputError if their bands exceed the memory limit."""
+    """Render on new workers here. Raises InputError if their bands exceed the memory limit."""
     count = min(count, len(bands))
     if not count:  # only the file is to be written
         return
@@ -172,7 +172,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 
 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
-    """Remove the workers without a heartbeat for `STOPPED_WORKER_S`: their bands go to others."""
+    """Remove workers without a heartbeat for `STOPPED_WORKER_S`."""
     # Of each worker: its last heartbeat by the scheduler's clock, and the heartbeat's arrival by this machine's.
     now = time.monotonic()
     for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
@@ -194,7 +194,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
-    """Start workers on this machine; yield their scheduler's address and its `Security`."""
+    """Start workers on this machine; yield their scheduler's address and `Security`."""
     # Dask runs any program that it is sent, so they listen on loopback, by TLS with a key of these processes.
     try:
         import dask
@@ -263,7 +263,7 @@ def _rendered(band: Band, device: str, expected: dict[str, str]) -> tuple[Radian
 
 
 def render_band(band: Band, worker: str = "this process") -> tuple[Radiance, dict[str, str]]:
-    """Return a band's radiance and its renderer's choices. Raises InputError as `Plan.start`."""
+    """Return a band's radiance and its renderer's choices. Errors as `Plan.start`."""
     identity = band.plan.identity
     if identity not in _kept_renderers:
         _kept_renderers.clear()  # the last plan's scene is freed before the next one is compiled

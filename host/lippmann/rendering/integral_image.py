@@ -148,7 +148,7 @@ class IntegralImage(Showable):
 
 
 def metadata_of(display: Display) -> dict[str, str]:
-    """Return the metadata of a display: name, identity, transfer curve and bits."""
+    """Return a display's metadata: name, identity, transfer curve and bits."""
     tones = {"transfer": transfer_text(display.panel.transfer), "bits": str(display.panel.bits)}
     return {"display": display.name, "identity": display.identity, **tones}
 
@@ -161,7 +161,7 @@ def check_image(image: object) -> None:
 
 
 def _check(metadata: Mapping[str, str], display: Display, source: str, encoded: bool) -> None:
-    """Refuse a file (`source`) for another display, or of panel values (`encoded`) for another panel."""
+    """Refuse a file (`source`) for another display, or panel values (`encoded`) for other tones."""
     identity = metadata.get("identity")
     if identity != display.identity:
         other = f"was made for display '{metadata.get('display', '?')}' ({identity})"

@@ -26,7 +26,7 @@ def has_splats(scene: Jit) -> bool:
 
 
 def needs_chance(scene: Jit) -> bool:
-    """Tell whether `lights` may need random numbers for a `mitsuba.Scene`, and so have noise."""
+    """Tell whether `lights` may use random numbers for a scene, and so have noise."""
     # Not under points, spots and directions, if each surface either scatters light or mirrors all of it.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True

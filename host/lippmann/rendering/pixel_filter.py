@@ -31,18 +31,18 @@ def softness(samples: int) -> float:
 
 
 def is_filter_allowed(samples: int, colours: int) -> bool:
-    """Tell whether pixels of so many samples can be filtered. Sub-pixels (several colours) are too far apart."""
+    """Tell whether pixels can be filtered; sub-pixels are too far apart."""
     return colours == 1 < samples <= MAX_SAMPLES
 
 
 def noise_fraction(samples: int, colours: int) -> float:
-    """Return the fraction of the noise of independent samples that is left by the filter, about."""
+    """Return the fraction of independent samples' noise that the filter leaves, about."""
     # The root of the weights' mean square, 1 - 2 s / 3 along each axis; more is left at a lenslet's border.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
 
 def weight(distance: Jit, soft: float) -> Jit:
-    """Return the weight, from 0 to 1, of a sample at a distance along one axis, px, from a pixel's centre."""
+    """Return the weight, 0 to 1, of a sample at a distance along an axis, px."""
     return dr.clip((0.5 + soft - dr.abs(distance)) / (2.0 * soft), 0.0, 1.0)
 
 
@@ -52,7 +52,7 @@ def is_filtered(source: RaySource, samples: int) -> bool:
 
 
 class PixelFilter:
-    """The sums over samples of a band's pixels: for each pixel itself, and for each of `SIDES`."""
+    """Sums over the samples of a band's pixels, and of their neighbours (`SIDES`)."""
 
     def __init__(self, source: RaySource, samples: int, rows: range) -> None:
         assert source.owner is not None
@@ -86,7 +86,7 @@ class PixelFilter:
         dr.eval(self._sums, self._owners)
 
     def colours(self) -> list[Jit]:
-        """Return the band's red, green and blue, row by row, which do not depend on the band's height."""
+        """Return the band's red, green and blue, row by row."""
         pixel = dr.arange(mi.UInt32, self._width * len(self._rows))
         # Opaque, so that bands of other heights need no compilation.
         height, width = (dr.opaque(mi.Int32, value) for value in (len(self._rows), self._width))

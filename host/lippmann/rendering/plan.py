@@ -50,7 +50,7 @@ class BandRenderer(Protocol):
         """Compile the program; return the seconds that it took."""
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance (rows, width, 3), and its numbers of lost samples by reason."""
+        """Return a band's radiance (rows, width, 3), and its lost samples by reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +89,12 @@ class Plan(ABC):
 
     @abstractmethod
     def start(self, worker: str | None = None) -> BandRenderer:
-        """Return the renderer of the bands. Raises InputError if a file is missing or different at a named worker."""
+        """Return the renderer. Raises InputError if a file differs on the named worker."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScenePlan(Plan):
-    """The picture of a scene. The lens model may be "auto" only in a film's frame, by the frame's depths."""
+    """The picture of a scene. Only in a film's frame may the lens model be "auto"."""
 
     scene: Path
     #: `digest_of` the scene; "" if no other process renders it and no band is kept.
@@ -133,7 +133,7 @@ class ScenePlan(Plan):
         return load_scene(self.scene, self.placement)
 
     def start(self, worker: str | None = None) -> Renderer:
-        """Return the renderer of the planning, or a new one, which loads the scene."""
+        """Return the planning's renderer, or a new one, which loads the scene."""
         if worker is not None:
             check_same_scene(worker, self.scene, self.digest)
         if self.planned_by:
@@ -147,7 +147,7 @@ class ScenePlan(Plan):
 
 @functools.lru_cache(maxsize=8)
 def check_same_scene(worker: str, path: Path, digest: str) -> None:
-    """Raise InputError if the scene is missing or different on a worker's machine."""
+    """Raise InputError if the scene is missing or different on a worker."""
     try:
         own = digest_of(path)
     except InputError as error:
@@ -163,7 +163,7 @@ def make_renderer(
     bands: tuple[range, ...] | None = None,
     in_memory: bool = False,
 ) -> Renderer:
-    """Return the renderer of a scene's integral image. Parameters and errors as `Renderer`, `resolve_model`."""
+    """Return a scene's renderer. Parameters and errors as `Renderer` and `resolve_model`."""
     settings, model = options.settings, resolve_model(scene, display, options)
     source = display_source(display, model, settings.samples, settings.aperture, options.engine, options.fraction_bits)
     renderer = Renderer(scene, source, settings, bands, in_memory=in_memory)
@@ -174,7 +174,7 @@ def make_renderer(
 def resolve_model(
     scene: Scene, display: Display, options: RenderOptions, logger: logging.Logger | None = None
 ) -> Model:
-    """Return the lens model; for "auto" choose and log it. Raises InputError as `model_choice.choose_model`."""
+    """Return the lens model; for "auto", choose and log it. Errors as `model_choice.choose_model`."""
     if options.model != "auto":
         return options.model
     choice = model_choice.choose_model(display, scene.depth_range_mm, options.settings.aperture, options.tolerance)
@@ -200,7 +200,7 @@ def image_metadata(options: RenderOptions, scene_path: Path) -> dict[str, str]:
 
 @contextlib.contextmanager
 def open_scene(source: SceneSource, placement: Placement | None = None, device: str = "auto") -> Iterator[Scene]:
-    """Set Mitsuba's variant for a block, and yield a loaded scene. Errors as `load_scene` and `start_mitsuba`."""
+    """Set Mitsuba's variant for a block, and yield a loaded scene. Errors as `load_scene`."""
     if not isinstance(placement, Placement | None):
         raise InputError(f"placement must be a lippmann.Placement or None, not {str(placement)[:80]!r}")
     if isinstance(source, str | Path):
@@ -230,7 +230,7 @@ def _device_of(variant: str) -> str:
 
 
 def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) -> Scene:
-    """Return the scene as arranged for a display; None means its usual arrangement. Errors as `arranged`."""
+    """Return the scene as `arranged` for a display; None means its usual arrangement."""
     arrange = scene.usual if arrange is None else arrange
     if arrange is None:
         return scene
@@ -240,7 +240,7 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 
 def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
-    """Warn of what a placed scene's picture will lack; choose the lens model, log and return it."""
+    """Warn of what a scene's picture will lack; choose and log the lens model."""
     # The trial view takes time, so it is made only for a log that takes INFO. Errors as `resolve_model`.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
@@ -258,7 +258,7 @@ class Job:
     arrange: Arrange | None = None
 
     def plan(self, portable: bool = False) -> ScenePlan:
-        """Decide all "auto". Raises InputError if it cannot place the scene, or if `portable` lacks a file."""
+        """Decide all "auto". A `portable` plan needs a scene with a file. Raises InputError as `arranged`."""
         # A portable plan, for other processes or for bands that are kept, identifies the scene by its files.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # workers have other current folders; links stay: their neighbours are read

@@ -82,7 +82,7 @@ class Rendered:
 
 
 def make_integrator(scene: Scene, settings: Settings) -> Jit:
-    """Return the integrator; raise InputError if it is unknown, or does not sample single rays."""
+    """Return the integrator. Raises InputError if it is unknown, or no ray sampler."""
     if settings.integrator == "scene":
         integrator = scene.mitsuba.integrator()
     else:
@@ -118,7 +118,7 @@ class Renderer:
         bands: Sequence[range] | None = None,
         in_memory: bool = True,
     ) -> None:
-        """Choose the program. `bands` defaults to `bands_of`; `in_memory` says that all bands stay in memory."""
+        """Choose the program. `bands` defaults to `bands_of`; `in_memory`: all of them at once."""
         self._samples, self._seed, self._pass = settings.samples, settings.seed, 0
         self._width, self._height = source.width_px, source.height_px
         self._across = -(-self._width // TILE_PX)
@@ -179,7 +179,7 @@ class Renderer:
         return f"no irradiance cache: {why}" if is_reported else None
 
     def _judge_trial(self) -> tuple[bool, str]:
-        """Tell whether the cache keeps each part of the image within `CACHE_DB`; and a line for the log."""
+        """Tell whether the cache keeps all parts within `CACHE_DB`; and a line for the log."""
         decibels = self._trial()
         if decibels is None:
             why = "most rays meet surfaces that are not plain diffuse, or too large"
@@ -192,7 +192,7 @@ class Renderer:
         return is_used, f"{trial}: {likeness}; {verdict}"
 
     def move(self, placement: Placement, number: int = 0) -> None:
-        """Move the scene: later bands, those of pass `number`, use the new placement and the same program."""
+        """Move the scene, for later bands, those of pass `number`; the program is reused."""
         self._pose, self._pass = Pose.of(placement), number
 
     def prepare(self) -> float:
@@ -204,7 +204,7 @@ class Renderer:
         return seconds
 
     def _trial_tiles(self) -> npt.NDArray[np.int64]:
-        """Return the tiles of the trial: a random one in each of equal parts of the image."""
+        """Return the tiles of the trial: a random one in each of equal parts."""
         # A regular grid would miss columns.
         rays = TILE_PX * TILE_PX * min(self._samples, TRIAL_SAMPLES)
         side = max(1, math.isqrt(TRIAL_RAYS // rays) // TRIAL_PARTS) * TRIAL_PARTS
@@ -216,7 +216,7 @@ class Renderer:
         return tiles
 
     def _trial(self) -> float | None:
-        """Return the PSNR, dB, of tiles by the cache against each sample's own light; None if most are uncached."""
+        """Return the PSNR, dB, of tiles by the cache; None if most samples are uncached."""
         # The least of the `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
         tiles = self._trial_tiles()
         side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
@@ -245,14 +245,14 @@ class Renderer:
         return min(psnr_db(a[i, :, k], b[i, :, k]) for i in range(TRIAL_PARTS) for k in range(TRIAL_PARTS))
 
     def render(self, number: int, report_rows: Callable[[int], None] | None = None) -> tuple[Radiance, list[int]]:
-        """Return a band's radiance (rows, width, 3) and its lost samples; see `BandRenderer.render`."""
+        """Return a band's radiance and lost samples; see `BandRenderer`."""
         planes, lost = self.draw(self.bands[number], report_rows)
         return radiance_of(planes, self._width), lost
 
     def draw(
         self, rows: range, report_rows: Callable[[int], None] | None = None, tiles: int | None = None
     ) -> tuple[list[Jit], list[int]]:
-        """Return rows, or their first tiles, as planes of red, green and blue, and the lost samples by reason."""
+        """Return rows, or their first tiles, as planes of colours, and the lost samples."""
         planes = [dr.zeros(mi.Float, self._width * len(rows)) for _ in range(3)]
         if tiles is None:
             tiles = self._across * -(-len(rows) // TILE_PX)
@@ -277,7 +277,7 @@ class Renderer:
         return planes, [sum(int(count[0]) for count in counts) for counts in zip(*lost, strict=True)]
 
     def _run(self, rows: range, first_tile: int, count: int, planes: list[Jit], sums: PixelFilter | None) -> list[Jit]:
-        """Render tiles of some rows into `sums`, or else into the planes; return the numbers of lost samples."""
+        """Render tiles into `sums`, or else into the planes; return the lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
         # Opaque, as all values that change from chunk to chunk: literals would be compiled into the program.
@@ -297,13 +297,13 @@ class Renderer:
 
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
-    """Return planes of red, green and blue as an image (rows, width, 3), which may be Dr.Jit's memory."""
+    """Return planes of colours as an image (rows, width, 3), perhaps Dr.Jit's memory."""
     # Copy it for other threads: one that frees it waits for Dr.Jit, which may wait for Python in another thread.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 
 def render_rays(scene: Scene, source: RaySource, settings: Settings, progress: Progress | None = None) -> Rendered:
-    """Render an image. Raises InputError as `make_integrator`, and if it exceeds the memory limit."""
+    """Render an image. Raises InputError as `make_integrator` and `check_memory`."""
     check_memory(source.width_px, source.height_px, settings, source.colours)
     renderer = Renderer(scene, source, settings)
     renderer.prepare()
@@ -337,7 +337,7 @@ def render_integral(
     engine: Engine = "fast",
     fraction_bits: int | None = None,
 ) -> Rendered:
-    """Render a scene's integral image for a display. Errors as `render_rays` and `lippmann.engines.trace`."""
+    """Render a scene for a display. Errors as `render_rays` and `lippmann.engines.trace`."""
     source = display_source(display, model, settings.samples, settings.aperture, engine, fraction_bits)
     return render_rays(scene, source, settings, progress)
 
@@ -350,7 +350,7 @@ def render_view(
     pupil_mm: float = 0.0,
     focus_z_mm: float = 0.0,
 ) -> Rendered:
-    """Render what an eye sees through a window, without a display; see `render_rays` and `eye_source`."""
+    """Render what an eye sees through a window; see `eye_source`."""
     near = scene.placement.near_mm
     if near is not None and near > eye_mm[2]:
         # The eye does not see what is behind it.

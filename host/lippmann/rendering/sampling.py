@@ -76,7 +76,7 @@ def owner_number(i: Jit, j: Jit) -> Jit:
 def lines_from_pixels(
     b: DrJitBackend, display: Display, u: Jit, v: Jit, aperture: tuple[Jit, Jit] | None, model: Model
 ) -> Lines:
-    """Trace pixel coordinates (double) through a display's lenslets; see `rays_from_pixels`."""
+    """Trace pixel coordinates (double) through the lenslets; see `rays_from_pixels`."""
     out = rays_from_pixels(b, System.of(display), u, v, aperture, model)
     point = (
         mi.Float(out.centre_x + b.double(out.ray.x)),
@@ -141,7 +141,7 @@ class Window:
 def eye_source(
     eye_mm: tuple[float, float, float], window: Window, pupil_mm: float = 0.0, focus_z_mm: float = 0.0
 ) -> RaySource:
-    """Return the rays from an eye, or random points of its pupil, through a window (mm), without a display."""
+    """Return the rays from an eye's pupil through a window (mm), without a display."""
 
     def lines(b: DrJitBackend, u: Jit, v: Jit, square: tuple[Jit, Jit]) -> Lines:
         # Opaque: another eye or window needs no compilation.
@@ -166,7 +166,7 @@ def colours_of(panel: Panel) -> int:
 
 
 def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit, Jit]:
-    """Return the index of a pixel by its place in the order of tiles, and whether the image has it."""
+    """Return a pixel's index by its place in the order of tiles, and whether it is inside."""
     tiles_across = -(-width // TILE_PX)
     tile = first_tile + place // (TILE_PX * TILE_PX)
     bits = place & (TILE_PX * TILE_PX - 1)
@@ -181,7 +181,7 @@ def pixel_of(first_tile: Jit, place: Jit, width: int, height: int) -> tuple[Jit,
 
 @dataclass
 class Parts:
-    """The sampled parts of pixels (`Box`), as Dr.Jit values: for each colour one for each pixel of the layout."""
+    """The sampled parts of pixels (`Box`), for each colour and pixel of the layout."""
 
     box: tuple[Jit, Jit, Jit, Jit]
     #: Whether all parts are as high as their pixels.
@@ -189,7 +189,7 @@ class Parts:
 
     @classmethod
     def of(cls, layout: Layout | None) -> Parts:
-        """Return the parts of a layout, as opaque values: other boxes need no compilation."""
+        """Return the parts of a layout; opaque, so that others need no compilation."""
         boxes = [Box(0.0, 0.0, 1.0, 1.0)]
         if layout is not None:
             boxes = [box for colour in COLOURS[:3] for box in layout.boxes(colour)]
@@ -200,7 +200,7 @@ class Parts:
 
 @dataclass
 class Seeds:
-    """Seeds of random numbers: Dr.Jit values (UInt32). Dr.Jit would not record the values of a named tuple."""
+    """Seeds (UInt32). No named tuple: Dr.Jit would not record its values."""
 
     image: Jit
     #: Number of the picture's pass, from 0.
@@ -210,7 +210,7 @@ class Seeds:
 def lines_of(
     source: RaySource, samples: int, seeds: Seeds, pixel: Jit, sample: Jit, parts: Parts, colour: Jit = 0
 ) -> Lines:
-    """Return the lines of sight of samples, by the indices (UInt32) of pixel, sample and colour."""
+    """Return lines of sight, by the indices (UInt32) of pixel, sample and colour."""
     b = DrJitBackend(current_device())
     x, y = points_in_pixel(pixel, sample, samples, seeds.image, seeds.number)
     row = pixel // source.width_px
@@ -228,7 +228,7 @@ def lines_of(
 
 @dataclass
 class Pose:
-    """A placement as Dr.Jit values, which are arguments: a moved scene needs no new program."""
+    """A placement as Dr.Jit values: a moved scene needs no new program."""
 
     near_mm: Jit
     #: The first three rows of `Placement.scene_from_display`; None for the identity.
@@ -243,7 +243,7 @@ class Pose:
         return cls(dr.opaque(mi.Float, placement.near_mm), rows)
 
     def ray(self, lines: Lines) -> Jit:
-        """Return rays in the scene's frame, from in front of the scene towards the display."""
+        """Return the scene's rays, from in front of it towards the display."""
         point, direction, near = lines.point, lines.direction, self.near_mm
         t = (near - point[2]) / direction[2]
         start = mi.Point3f(point[0] + t * direction[0], point[1] + t * direction[1], near)
@@ -258,7 +258,7 @@ class Pose:
 
 
 def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Jit]:
-    """Return the rays from a plane backwards, which of them hit a surface, and the hits' depths, mm."""
+    """Return the rays backwards from a plane, which of them hit, and the hits' depths, mm."""
     ray = Pose.of(replace(scene.placement, near_mm=front_mm, far_mm=None)).ray(lines)
     si = scene.mitsuba.ray_intersect(ray)
     front, scale = (dr.opaque(mi.Float, value) for value in (front_mm, scene.placement.scale))
@@ -266,7 +266,7 @@ def first_hit(scene: Scene, lines: Lines, front_mm: float) -> tuple[Jit, Jit, Ji
 
 
 def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Window) -> npt.NDArray[np.float32]:
-    """Return the depths z, mm, that an eye sees, (height, width); -infinity without a surface."""
+    """Return depths z that an eye sees, mm, (height, width); -infinity without a surface."""
     near = scene.placement.near_mm
     front = eye_mm[2] if near is None else min(near, eye_mm[2])
     number = dr.arange(mi.UInt32, window.width_px * window.height_px)
@@ -276,7 +276,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
-    """Return a sampler for integrators, by the indices (UInt32) of pixels and of samples in them."""
+    """Return a sampler for integrators, by the indices (UInt32) of pixels and samples."""
     # Its numbers do not depend on chunks, bands and workers, and are the same for a pixel's colours.
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)

@@ -72,7 +72,7 @@ class Recorded:
 
 
 class _References:
-    """Function and scene of a frozen function, which refers to them only through this object."""
+    """The function and the scene of a frozen function, which must not refer to them."""
 
     # Dr.Jit's object waits for the garbage collector. But a scene must be freed at once, or programs contain it.
 
@@ -87,7 +87,7 @@ class _References:
 
 @contextlib.contextmanager
 def garbage_kept() -> Iterator[None]:
-    """Stop Python's garbage collection in a block: Dr.Jit crashes if a scene is freed while it records."""
+    """Stop garbage collection: Dr.Jit crashes if a scene is freed while it records."""
     # With several threads it deadlocks if one frees a value of Dr.Jit's while another runs in Dr.Jit.
     enabled = gc.isenabled()
     gc.disable()
@@ -108,7 +108,7 @@ LAMPS = ("PointLight", "SpotLight", "DirectionalEmitter")
 
 
 class IrradianceCache:
-    """The irradiance at the points of a scene's lattices, computed at the first look-up."""
+    """The irradiance at a scene's lattice points, computed at first use."""
 
     def __init__(self, scene: Scene, spacing: float, max_points: int = MAX_POINTS) -> None:
         """Lay the lattices, with points at most `spacing` apart, in units of the scene; see `lay_lattices`."""
@@ -129,7 +129,7 @@ class IrradianceCache:
         self._light_at_points, self._light_at = Recorded(light_at_points, scene), Recorded(light_at, scene)
 
     def at(self, place: Place) -> Jit:
-        """Return the irradiance at places, divided by pi, without the cache."""
+        """Return the irradiance / pi at places, without the cache."""
         # Two variables, as in `between`: a shared one would be another recording.
         tested, visible = (dr.opaque(mi.UInt32, 0, dr.width(place.lattice)) for _ in range(2))
         light, _ = self._light_at(place, tested, visible, self.lattices)
@@ -157,7 +157,7 @@ class IrradianceCache:
         dr.eval(self._light, self._lamps, self._marks)
 
     def between(self, place: Place, active: Jit) -> Jit:
-        """Return the irradiance at places, divided by pi: interpolated, but computed at the edges of shadows."""
+        """Return the irradiance / pi at places, interpolated, or computed at shadows' edges."""
         points, weights = corners(self.lattices, place)
         self.compute(points, active)
         cached = [dr.gather(mi.Vector4f, self._light, point, active) for point in points]
@@ -179,7 +179,7 @@ class IrradianceCache:
 def _light_at(
     scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
 ) -> tuple[Jit, Jit]:
-    """Return the irradiance at places, divided by pi, and their lamp masks."""
+    """Return the irradiance / pi at places, and their lamp masks."""
     # The mask `visible` is known for the lamps in the mask `tested`; the others get a shadow ray each.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
@@ -218,13 +218,13 @@ class Program:
         self._parts, self._traced = Parts.of(source.layout), _colour_of_each(scene, source, samples, integrator)
 
     def __call__(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose) -> tuple[Jit, list[Jit]]:
-        """Return the colours of samples, by their indices from the tile `first` on, and the lost numbers."""
+        """Return the samples' colours, by indices from the tile `first` on, and lost numbers."""
         colour, *lost = self._traced(index, first, seeds, pose, self._parts)
         return colour, lost
 
 
 class CachedProgram(Program):
-    """The program that takes diffuse light from the cache, and asks the integrator for all other samples."""
+    """The program that takes diffuse light from the cache, the rest from the integrator."""
 
     def __init__(
         self, scene: Scene, source: RaySource, samples: int, integrator: Jit, max_depth: int, cache: IrradianceCache
@@ -245,11 +245,11 @@ class CachedProgram(Program):
         return colour, lost
 
     def light_of(self, place: Place, cached: Jit) -> Jit:
-        """Return the irradiance, divided by pi, at each sample of a chunk that is `cached`."""
+        """Return the irradiance / pi at each sample that is `cached`."""
         return self.cache.between(place, cached)
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
-        """Return the radiance (pixels, 3) by the cache and by each sample's light, and the uncached fraction."""
+        """Return the radiance (pixels, 3) with and without the cache, and the uncached fraction."""
         # Uncached samples are black in both. There are so many `samples` for each colour of a pixel.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
@@ -261,7 +261,7 @@ class CachedProgram(Program):
 
 
 def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -> Callable[..., Jit]:
-    """Return the program that applies `follow` to the samples' rays and counts the lost ones."""
+    """Return the program that applies `follow` to samples' rays and counts the lost."""
     rays = samples * source.colours
 
     def trace(index: Jit, first: Jit, seeds: Seeds, pose: Pose, parts: Parts, *others: Jit) -> tuple[Jit, ...]:
@@ -291,7 +291,7 @@ def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: J
 
 
 def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
-    """Return a `Follow`: the factor on the irradiance / pi, place and fate of each ray's first diffuse surface."""
+    """Return a `Follow`: factor on irradiance / pi, place and fate at a diffuse surface."""
     # As the integrator `lights`, through mirrors and glass.
     mirror_only = mi.BSDFContext()
     mirror_only.type_mask = mi.BSDFFlags.Delta
@@ -349,7 +349,7 @@ def _first_diffuse(scene: Scene, max_depth: int) -> Follow:
 
 
 def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
-    """Return the pixels' means of red, green and blue; with 3 `colours` each has its own samples."""
+    """Return the pixels' means of each colour; 3 `colours` have their own samples."""
 
     def mean(values: Jit) -> Jit:
         return values if samples == 1 else dr.block_reduce(dr.ReduceOp.Add, values, samples) * (1.0 / samples)
@@ -363,7 +363,7 @@ def means_of(colour: Jit, colours: int, samples: int) -> list[Jit]:
 
 
 def why_not_cached(scene: Scene, source: RaySource, integrator: str) -> str | None:
-    """Return in words why the irradiance cache cannot serve a scene; None if it can."""
+    """Return why the irradiance cache cannot serve a scene, or None."""
     if integrator != "lights":
         return f"the integrator {integrator} uses random numbers"
     if has_splats(scene.mitsuba):

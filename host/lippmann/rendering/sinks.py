@@ -51,7 +51,7 @@ class Sink(Protocol):
 
 
 class RenderTimes(NamedTuple):
-    """The cost of a render: wall time without compilation, compilation, numbers of rays and bands."""
+    """The cost of a render: seconds without compilation, seconds of it, rays and bands."""
 
     seconds: float
     prepare_seconds: float
@@ -67,7 +67,7 @@ class RenderTimes(NamedTuple):
 
 
 def render_into(sink: Sink, executor: Executor = render_here, progress: Progress | None = None) -> RenderTimes:
-    """Render the missing bands; return the cost. Raises the errors of the executor and the sink."""
+    """Render the missing bands; return the cost. Raises the executor's and the sink's errors."""
     total = sum(len(band.rows) for band in sink.bands)
     report = RowProgress(progress, total)
     rays, prepare_seconds = 0, 0.0
@@ -130,10 +130,10 @@ class MemorySink:
 
 
 class KeptBands:
-    """A picture whose finished bands are files in a folder, locked for this process until `release`."""
+    """A picture whose bands are files in a folder, locked until `release`."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
-        """Lock the folder. Raises InputError for a locked one or too large bands, NoSpaceError for a full disk."""
+        """Lock the folder. Raises InputError if that fails or bands are too large; NoSpaceError if the disk is full."""
         check_band_memory(plan.display, plan.bands, plan.options.settings)
         self._lock = FolderLock(folder, "choose another place for the picture")
         self.folder, self.plan, self.bands = folder, plan, bands_of_plan(plan)
@@ -184,7 +184,7 @@ class KeptBands:
         return np.empty((0, *self.shape[1:]), np.float32)
 
     def write(self, path: Path) -> None:
-        """Write the picture and remove the bands; if that fails, raise InputError or NoSpaceError, and keep them."""
+        """Write the picture and remove the bands, which stay if that fails (InputError, NoSpaceError)."""
         panel = self.plan.display.panel
         try:
             write_picture(path, self, self.metadata, panel.transfer, panel.bits)
@@ -249,7 +249,7 @@ def render_picture(
     folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> IntegralImage:
-    """Render a plan and return its picture; a folder keeps the finished bands. Errors as `render_into`."""
+    """Render a plan; a folder keeps the finished bands. Errors as `render_into`."""
     if folder == "":
         raise InputError("kept is empty; give the path of a folder for the bands")
     path = None if folder is None else path_of(folder, "a folder for kept bands")
@@ -258,7 +258,7 @@ def render_picture(
 
 
 def _check_disk(folder: Path, plan: Plan) -> None:
-    """Raise NoSpaceError if the disk has no room for the missing bands of a plan."""
+    """Raise NoSpaceError if the disk has no room for the missing bands."""
     there = sum(path.stat().st_size for path in folder.glob(f"{plan.identity}-*.npy"))
     needed = plan.display.panel.width_px * plan.display.panel.height_px * 3 * 4 - there
     free = shutil.disk_usage(folder).free
@@ -273,7 +273,7 @@ def bands_folder(path: Path) -> Path:
 
 
 def log_remaining_bands(path: Path) -> None:
-    """Log that bands of an unfinished render are still beside a picture that was just written."""
+    """Log that an unfinished render's bands are beside a picture just written."""
     folder = bands_folder(path)
     try:
         count = sum(BAND_NAME.fullmatch(one.name) is not None for one in folder.iterdir())

@@ -53,7 +53,7 @@ EVEN = SPHERE | FAN
 
 @dataclass
 class Place:
-    """Places: the lattice's number, coordinates from 0 to 1, and whether it is on the surface's back."""
+    """Places: lattice, coordinates from 0 to 1, and whether on the surface's back."""
 
     lattice: Jit
     u: Jit
@@ -91,7 +91,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
 
 
 def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
-    """Return s along a row, and t from the shortest side to the apex, of a place on a slender triangle."""
+    """Return s along a row, and t towards the apex, of a place on a slender triangle."""
     # u and v are the barycentric coordinates of corners 1 and 2. Places of other kinds are not changed.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     w = 1.0 - u - v
@@ -167,7 +167,7 @@ def place_of(lattices: Lattices, point: Jit) -> Place:
 
 
 def lay_lattices(scene: Jit, spacing: float, max_points: int) -> tuple[Lattices, int]:
-    """Return the lattices of the smallest shapes, of up to `max_points` points, and their points' number."""
+    """Return the lattices of the smallest shapes, and the number of their points."""
     parts: list[dict[str, Jit]] = []
     for shape in scene.shapes():
         text = str(shape.bsdf())
@@ -208,7 +208,7 @@ def _points(steps: Jit, row_steps: Jit, kind: Jit) -> Jit:
 
 
 def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
-    """Return the lattices of a mesh or a sphere, by the names of `Lattices`; None if it cannot have any."""
+    """Return a mesh's or a sphere's lattices, by the names of `Lattices`, or None."""
     if shape.is_mesh():
         points = np.array(shape.vertex_positions_buffer(), np.float64).reshape(-1, 3)
         faces = np.array(shape.faces_buffer()).reshape(-1, 3)

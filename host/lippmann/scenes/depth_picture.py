@@ -51,7 +51,7 @@ def is_depth_picture(path: Path) -> bool:
 
 
 def write_scene(path: Path, folder: Path, notes: list[str]) -> Path:
-    """Write the scene into an empty folder; return its path. Raises InputError for unusable files."""
+    """Write the scene into an empty folder; return its path. Raises InputError for bad files."""
     form = toml.read(DepthPictureFile, toml.load(path, "depth picture"), str(path)).depth_picture
     for name in ("colour", "depth"):
         file = path.parent / getattr(form, name)

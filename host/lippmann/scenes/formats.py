@@ -40,7 +40,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def usual_rotation(path: Path) -> tuple[float, float, float]:
-    """Return the rotation, degrees, of a scene without a placement: z is up in STL, y down in splats."""
+    """Return the default rotation, degrees: z is up in STL, y down in splats."""
     if kind_of(path) == "splats":
         return (180.0, 0.0, 0.0)
     return (-90.0, 0.0, 0.0) if path.suffix.lower() == ".stl" else (0.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
-    """Yield the path of a file's Mitsuba scene, converted for the block. Raises InputError if that fails."""
+    """Yield the path of a file's Mitsuba scene, converted for the block, or raise InputError."""
     # `scene_from_display` (3, 3) rotates added lights with the display; `notes` get lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":

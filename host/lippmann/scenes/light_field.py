@@ -65,7 +65,7 @@ def register_light_field() -> None:
 
 
 def _view_colour(views: Arr, shape: tuple[int, int], view: Arr, u: Arr, v: Arr, active: Arr) -> Arr:
-    """Return the colour of a view, `shape` pixels (height, width), at u, v: bilinear."""
+    """Return the colour of a view, `shape` pixels, at u, v: bilinear."""
     height, width = shape
     x, y = u * width - 0.5, v * height - 0.5
     x0, y0 = dr.floor(x), dr.floor(y)

@@ -88,7 +88,7 @@ def write_scene(path: Path, folder: Path, scene_from_display: Floats, notes: lis
 
 
 def _instances(path: Path, notes: list[str]) -> Iterator[tuple[str, Trimesh, Floats]]:
-    """Yield the name, trimesh's mesh and the matrix (4, 4) of each instance in a file."""
+    """Yield the name, the mesh and the matrix (4, 4) of each instance in a file."""
     loaded = _load(path, notes)
     nodes = [(str(node), *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
     if not nodes:  # a glTF may leave out its scene
@@ -144,13 +144,13 @@ def _load(path: Path, notes: list[str]) -> trimesh.Scene:
 
 
 def _brief(text: str) -> str:
-    """Return a library's message on one line, shortened, without addresses of Python objects."""
+    """Return a library's message on one line, without addresses of objects."""
     return " ".join(re.sub(r"<(\w+\.)*(\w+) object at 0x\w+>", "its data", text).split())[:200]
 
 
 @contextmanager
 def _recorded_losses() -> Iterator[list[str]]:
-    """Yield a list to which trimesh's log messages on ignored textures and materials are added."""
+    """Yield a list that gets trimesh's messages on ignored textures and materials."""
     losses: list[str] = []
 
     def record_loss(record: logging.LogRecord) -> bool:
@@ -173,7 +173,7 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
-    """Refuse a glTF that requires unknown extensions or is too large; note its ignored extensions."""
+    """Refuse a glTF that is too large or requires unknown extensions; note ignored ones."""
     # Accessors are counted before trimesh expands them: some have no bytes in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
@@ -214,7 +214,7 @@ class _Textures:
         self._written: dict[tuple[int, str, tuple[float, ...]], tuple[str, Image]] = {}
 
     def write(self, picture: Image, part: str, factor: Floats) -> str:
-        """Write a part of a picture ("colour", "alpha", a channel's letter) times a factor; return the file's name."""
+        """Write the colour, the alpha or a channel of a picture times a factor; return the file's name."""
         import PIL.Image
 
         key = id(picture), part, tuple(factor.tolist())
@@ -241,7 +241,7 @@ class _Textures:
 
 
 def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, textures: _Textures, file: Path) -> list[str]:
-    """Add a mesh to a scene, and write its file and textures; return lines on what is not shown."""
+    """Add a mesh to a scene, and write its files; return lines on what is not shown."""
     visual: Visual = mesh.visual
     source = textures.source
     if visual.kind == "face":
@@ -270,7 +270,7 @@ def _add_shape(scene: Element, name: str, mesh: Trimesh, matrix: Floats, texture
 
 
 def _with_faces_apart(mesh: Trimesh, colours: npt.NDArray[np.uint8], source: Path) -> Trimesh:
-    """Return a mesh whose faces share no vertices: each vertex has its face's colour."""
+    """Return a mesh whose faces share no vertices, to have a colour each."""
     import trimesh
 
     if len(colours) != len(mesh.faces):
@@ -302,7 +302,7 @@ def _vertex_colours(mesh: Trimesh, linear: bool) -> Floats | None:
 
 
 def _wide_colours(mesh: Trimesh) -> npt.NDArray[np.number] | None:
-    """Return the colours (N, 3) of a PLY file with more than 8 bits, of which trimesh would keep 8, or None."""
+    """Return a PLY file's colours (N, 3) of more than 8 bits, which trimesh cuts, or None."""
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:
         columns = [np.asarray(raw[name]).ravel() for name in ("red", "green", "blue")]
@@ -339,7 +339,7 @@ def _add_material(shape: Element, material: Material | None, textures: _Textures
     def add(
         parent: Element, parameter: str, texture: str, part: str, factor: Floats | Sequence[float], raw: bool = False
     ) -> None:
-        """Add a parameter: a texture times a factor, or the factor; `raw` if it is not a colour."""
+        """Add a parameter: a texture times a factor, or the factor; `raw` is no colour."""
         image = getattr(material, texture, None) if has_uv else None
         if image is not None:
             bitmap = plugin(parent, "texture", "bitmap", name=parameter)
@@ -407,7 +407,7 @@ MAX_HEADER_BYTES = 1 << 20
 
 
 def check_faces(path: Path) -> None:
-    """Raise InputError for a file that is not PLY, or in which a face names a missing vertex."""
+    """Raise InputError for a file that is not PLY, or whose faces name missing vertices."""
     import plyfile
 
     try:

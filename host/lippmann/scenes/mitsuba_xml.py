@@ -20,7 +20,7 @@ def plugin(parent: Element, tag: str, kind: str, **attributes: str) -> Element:
 
 
 def value(parent: Element, tag: str, name: str, content: npt.ArrayLike) -> None:
-    """Add a parameter: a number, a boolean, a text, or the components of a colour or vector."""
+    """Add a parameter: a number, a boolean, a text, a colour or a vector."""
     if isinstance(content, str):
         text = content
     elif isinstance(content, bool):

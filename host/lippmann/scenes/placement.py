@@ -34,7 +34,7 @@ Depth = Annotated[float | None, key("", default="the scene's bounding box")]
 @documented
 @dataclass(frozen=True)
 class Placement:
-    """A similarity from scene units to the display's frame (mm), and a depth range; rays start at `near_mm`."""
+    """A similarity from scene units to the display's frame (mm), and a depth range."""
 
     scale: Annotated[Scale, key("mm for each scene unit")] = 1.0
     rotation_deg: Annotated[Triple, key("rotation about x, then y, then z, after the scaling")] = ORIGIN
@@ -43,7 +43,7 @@ class Placement:
     far_mm: Annotated[Depth, key("depth z of the farthest object of interest")] = None
 
     def __post_init__(self) -> None:
-        """Refuse values that a file may not have, and a near depth that is not in front of the far one."""
+        """Refuse values out of range, and depths in the wrong order."""
         if isinstance(self.scale, Real) and not SCALE_RANGE[0] <= self.scale <= SCALE_RANGE[1]:
             raise InputError(
                 f"placement: scale {self.scale:g} is out of range; give mm per scene unit, "
@@ -83,7 +83,7 @@ class Placement:
         return np.asarray(np.linalg.inv(self.display_from_scene), np.float64)
 
     def keeping_depths(self, before: Placement) -> Placement:
-        """Return this placement with its missing depths from an earlier one, moved with the scene."""
+        """Return this placement with an earlier one's depths, moved with the scene."""
         # Not if the scene is tilted in between: then the bounding box tells the depths.
         step = self.display_from_scene @ before.scene_from_display
         if np.abs(step[2, :2]).max() > 1e-9 * step[2, 2]:
@@ -101,7 +101,7 @@ class Placement:
 
     @classmethod
     def of(cls, matrix: Matrix, scale: float) -> Placement:
-        """Return the placement, without depths, of a (4, 4) matrix of this scale."""
+        """Return the placement of a (4, 4) matrix of this scale, without depths."""
         rotation = matrix[:3, :3] / scale
         # rotation = Rz Ry Rx.
         level = math.hypot(rotation[0, 0], rotation[1, 0])
@@ -123,18 +123,18 @@ class PlacementFile:
 
 
 def load_placement(path: Path) -> Placement:
-    """Read the table `[placement]` of a TOML file; InputError names file, key and remedy."""
+    """Read `[placement]` of a TOML file; InputError names file, key and remedy."""
     return toml.read(PlacementFile, toml.load(path, "placement"), str(path)).placement
 
 
 def placement_beside(path: Path) -> Placement:
-    """Return the placement in NAME.toml beside a scene; without it, 1 mm per unit and `usual_rotation`."""
+    """Return the placement in NAME.toml beside a scene, or 1 mm per unit and `usual_rotation`."""
     file = _placement_file(path)
     return Placement(rotation_deg=usual_rotation(path)) if file is None else load_placement(file)
 
 
 def usual_arrange(path: Path) -> Arrange | None:
-    """Return the arrangement of another tool's scene without a placement; None for all other scenes."""
+    """Return the arrangement of another tool's scene without a placement, or None."""
     usual: dict[Kind | None, Arrange] = {"quilt": "fill", "views": "fill", "mesh": "fit", "splats": "fit"}
     usual["depth picture"] = "camera"
     return usual.get(kind_of(path)) if _placement_file(path) is None else None
@@ -148,7 +148,7 @@ def warn_if_unplaced(path: Path) -> None:
 
 
 def _placement_file(path: Path) -> Path | None:
-    """Return NAME.toml beside a scene, unless it lacks `[placement]` and is a film, a display or a depth picture."""
+    """Return NAME.toml beside a scene, unless it is a film, a display or a depth picture only."""
     file = path.with_suffix(".toml")
     keys = toml.load(file, "placement").keys() if file.exists() else {"panel"}
     return None if "placement" not in keys and {"depth_picture", "frames", "panel"} & keys else file

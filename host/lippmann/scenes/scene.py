@@ -43,7 +43,7 @@ LAMP_NUMBERS = 16
 
 @dataclass(frozen=True)
 class Move:
-    """A similarity (4, 4), in the scene's frame, of the shapes whose id matches a pattern (`*`, `?`)."""
+    """A similarity (4, 4) of the shapes whose id matches a pattern (`*`, `?`)."""
 
     shapes: str
     matrix: Matrix
@@ -51,7 +51,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Part:
-    """The shapes of a scene whose id matches a pattern (`*`, `?`), or all others; and all lights."""
+    """The shapes whose id matches a pattern (`*`, `?`), or all others; and all lights."""
 
     shapes: str
     matching: bool = True
@@ -79,7 +79,7 @@ class Scene:
 
     @property
     def width_mm(self) -> float:
-        """Largest side of the placed scene's bounding box, mm; 0 without a surface."""
+        """Largest side of the placed bounding box, mm; 0 without a surface."""
         low, high = self.bounds
         return float(self.placement.scale * (high - low).max()) if np.isfinite(high - low).all() else 0.0
 
@@ -96,7 +96,7 @@ class Scene:
         return placed_box(self.bounds, placement)
 
     def placed(self, placement: Placement) -> Scene:
-        """Return the scene with another placement; missing depths are those of its box, or an InputError."""
+        """Return the scene with another placement; its missing depths are the box's. Raises InputError."""
         near, far = placement.near_mm, placement.far_mm
         if near is None or far is None:
             low, high = self.box(placement)
@@ -109,7 +109,7 @@ class Scene:
 
 
 def check_scene_file(path: str | Path) -> Path:
-    """Return the path of a scene file; raise InputError if it is missing or of an unknown format."""
+    """Return the path of a scene file, or raise InputError."""
     path = path_of(path, "a scene")
     if not path.exists():
         raise input_error(path, "no such scene", likely_file(path, SUFFIXES) or FORMATS)
@@ -159,7 +159,7 @@ def parsed(
 
 
 def without_places(error: Exception) -> str:
-    """Return Mitsuba's error message on one line, without positions in its source."""
+    """Return Mitsuba's error message on one line, without places in its source."""
     return re.sub(r"\[\w+\.cpp:\d+\] *", "", " ".join(str(error).split())) or type(error).__name__
 
 
@@ -199,7 +199,7 @@ def load_scene(
 
 
 def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None = None) -> Scene:
-    """Return the scene of a `mitsuba.Scene` or of its dictionary; raise InputError if Mitsuba refuses it."""
+    """Return the scene of a `mitsuba.Scene` or its dictionary, or raise InputError."""
     if isinstance(scene, dict):
         try:
             scene = mi.load_dict(scene)
@@ -214,7 +214,7 @@ def scene_of(scene: mts.Scene | dict[str, object], placement: Placement | None =
 
 
 def _check_lamps(scene: mts.Scene, where: str) -> None:
-    """Raise InputError for a lamp with a number that is not finite: all would be black."""
+    """Raise InputError for a lamp with a number that is not finite."""
     for lamp in scene.emitters():
         for name, value in mi.traverse(lamp):
             numbers = value if dr.is_array_v(value) else getattr(value, "matrix", None)
@@ -239,7 +239,7 @@ def _keep(part: Part, state: mts.parser.ParserState, path: Path) -> None:
 
 
 def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> list[mts.Properties]:
-    """Return the shapes whose id matches a pattern; raise InputError, which lists the ids, without any."""
+    """Return the shapes whose id matches a pattern, or raise InputError with all ids."""
     matches = [props for props in shapes if fnmatch.fnmatchcase(props.id(), pattern)]
     if not matches:
         ids = [props.id() for props in shapes if props.id()]
@@ -251,7 +251,7 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 
 def digest_of(path: str | Path) -> str:
-    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from. InputError as `load_scene`."""
+    """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from."""
     # The file after conversion, its includes, each file that a property names, and the spectra read from files.
     path = check_scene_file(path)
     digest = hashlib.sha256()
@@ -288,7 +288,7 @@ def _boxes(scene: mts.Scene) -> list[Box]:
 
 
 def _box_of_most_splats(shape: mts.Shape, lowest: Matrix, highest: Matrix) -> Box:
-    """Return the box of most splats: a capture has stray ones, far from the subject."""
+    """Return the box of most splats: a capture has stray ones."""
     data = np.array(mi.traverse(shape)["data"], np.float64).reshape(-1, 10)
     centres, reach = data[:, :3], SIGMAS * data[:, 3:6].max(axis=1, keepdims=True)
     low = np.percentile(centres - reach, STRAY_PERCENT[0], axis=0)
@@ -305,7 +305,7 @@ def _union(boxes: Sequence[Box]) -> Box:
 
 
 def bounds_of(scene: mts.Scene) -> Box:
-    """Return the bounding box of a `mitsuba.Scene`, scene units, without its surroundings."""
+    """Return a `mitsuba.Scene`'s bounding box, scene units, without its surroundings."""
     # Rays from outside of a studio or a sky, a closed shape around all others, would see nothing else.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
@@ -318,7 +318,7 @@ def bounds_of(scene: mts.Scene) -> Box:
 
 
 def _closed(scene: mts.Scene, low: Matrix, high: Matrix) -> bool:
-    """Tell whether the rays outwards from all six faces of a box hit something."""
+    """Tell whether rays outwards from all six faces of a box hit something."""
     middle, half = (low + high) / 2, (high - low) / 2
     outwards = np.concatenate([np.eye(3), -np.eye(3)])
     starts = middle + (half + 1e-3 * half.max()) * outwards
@@ -337,12 +337,12 @@ def placed_box(bounds: Box, placement: Placement) -> Box:
 
 
 def front_of(low: Matrix, high: Matrix) -> float:
-    """Return a depth z just in front of a box (corners (3,)), so that rays do not start on a surface."""
+    """Return a depth z just in front of a box, for rays to start."""
     return float(high[2] + 1e-3 * max(1.0, high[2] - low[2]))
 
 
 def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
-    """Return a scene placed for a display. Raises InputError if the scene or its camera does not allow it."""
+    """Return a scene placed for a display, or raise InputError if it cannot be."""
     if arrange not in get_args(Arrange):
         raise input_error("arrange", f"'{arrange}' is unknown", f"choose from {', '.join(get_args(Arrange))}")
     if arrange == "camera":
@@ -357,7 +357,7 @@ def arranged(scene: Scene, display: Display, arrange: Arrange) -> Scene:
 
 
 def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
-    """Return the placement that fits a box (corners (3,), mm) into a display's depth range and view."""
+    """Return the placement that fits a box (corners (3,), mm) into a display's depth range."""
     # An eye in front of the panel's centre sees the whole front of the box.
     panel, eye = display.panel, viewing_distance(display)
     far, near = display_properties(display).depth_range_mm
@@ -375,7 +375,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
 
 
 def _filling(scene: Scene, display: Display) -> Placement:
-    """Return the placement of a flat scene that fills the panel, with the display's depth range."""
+    """Return the placement of a flat scene that fills the panel."""
     low, high = scene.box(Placement())
     panel, (far, near) = display.panel, display_properties(display).depth_range_mm
     width, height = (float(side) for side in (high - low)[:2])
@@ -385,7 +385,7 @@ def _filling(scene: Scene, display: Display) -> Placement:
 
 
 def _by_camera(scene: Scene, display: Display) -> Placement:
-    """Return the placement with the eye at the camera, and the panel as wide as the camera's picture."""
+    """Return the placement with the eye at the scene's camera, and the panel as wide as its picture."""
     sensor = scene.mitsuba.sensors()[0] if scene.has_camera else None
     parameters = {} if sensor is None else mi.traverse(sensor)
     if sensor is None or "x_fov" not in parameters:

@@ -29,7 +29,7 @@ REMEDY = "export it again from the trainer or an editor of splats"
 
 
 def write_scene(path: Path, folder: Path) -> Path:
-    """Write the scene of a file of splats into an empty folder; return its path. InputError for unusable files."""
+    """Write the splats' scene into an empty folder; return its path. InputError for bad files."""
     table = _read(path)
     file = folder / "splats.ply"
     write_table(file, table)

@@ -40,7 +40,7 @@ FORM = '{"window_mm": [64, 48], "views": [{"file": "view_0000.png", "eye_mm": [-
 
 @dataclass(frozen=True)
 class Views:
-    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid before its centre."""
+    """Pictures (rows, columns, height, width, 3), linear, of a window (mm), from eyes on a grid."""
 
     pictures: npt.NDArray[np.float16]
     x_mm: Sequence[float]
@@ -49,7 +49,7 @@ class Views:
     size_mm: tuple[float, float]
 
     def show_on(self, shape: Element, folder: Path) -> None:
-        """Give a shape of the scene in a folder the emitter `light_field` with the views, and no reflection."""
+        """Give a shape the emitter `light_field` with the views, and no reflection."""
         np.savez(
             folder / "views.npz",
             views=self.pictures,
@@ -71,13 +71,13 @@ class Views:
 
 
 def eyes_text(size_mm: Sequence[float], names: Sequence[str], eyes: Sequence[Sequence[float]], **more: object) -> str:
-    """Return the text of `EYES` for files of views (`names`) of a window (mm), from eyes (mm)."""
+    """Return the text of `EYES` for files of views of a window, from eyes (mm)."""
     views = [{"file": name, "eye_mm": list(eye)} for name, eye in zip(names, eyes, strict=True)]
     return json.dumps({"window_mm": list(size_mm), **more, "views": views}, indent=1) + "\n"
 
 
 def read_folder(folder: Path) -> Views:
-    """Read a folder of views and eyes. Raises InputError for unusable files, and for eyes off a row or grid."""
+    """Read a folder of views. Raises InputError for bad files, and eyes off a row or grid."""
     path = folder / EYES
     try:
         keys = json.loads(read_limited(path, MAX_BYTES, "write it again"))
@@ -114,7 +114,7 @@ def read_folder(folder: Path) -> Views:
 
 
 def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp]]:
-    """Return the places of a grid's lines, in rising order, and the index of each eye's line."""
+    """Return a grid's lines, in rising order, and the index of each eye's line."""
     rising = np.sort(places)
     gaps = np.diff(rising)
     # Steps may differ; eyes nearer to each other than an eighth of a typical step are in one line.
@@ -136,7 +136,7 @@ def _check_size(path: Path, pixels: int) -> None:
 
 
 def read_light(path: Path, count: int = 1) -> tuple[Radiance, dict[str, str]]:
-    """Return a picture's light (height, width, 3) and metadata. InputError if `count` of them are too large."""
+    """Return a picture's light (height, width, 3) and metadata. InputError if `count` are too large."""
     # The size is checked before memory is taken for the pixels.
     if path.suffix.lower() in (".png", *LINEAR_SUFFIXES):
         with StoredRows(path) as rows:
@@ -168,7 +168,7 @@ EYES_KEY = "eyes"
 
 
 def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
-    """Return the path of a quilt with its tiling in the name; raise InputError if the name has another tiling."""
+    """Return a quilt's path with its tiling, or raise InputError for another one."""
     ending = f"_qs{columns}x{rows}a{f'{aspect:.5f}'.rstrip('0').rstrip('.')}"
     tiling = TILING.search(path.stem)
     if tiling is None:
@@ -179,7 +179,7 @@ def quilt_path(path: Path, columns: int, rows: int, aspect: float) -> Path:
 
 
 def tiled(views: Iterable[Radiance], columns: int, rows: int) -> Radiance:
-    """Return the quilt of views, (height, width, 3) each, in the order of the eyes from left to right."""
+    """Return the quilt of views (height, width, 3), from left to right."""
     quilt: Radiance | None = None
     for number, view in enumerate(views):
         if quilt is None:
@@ -196,7 +196,7 @@ def eyes_note(size_mm: Sequence[float], eyes: Sequence[Sequence[float]]) -> dict
 
 
 def read_quilt(path: Path) -> Views:
-    """Read a quilt; Looking Glass' eyes are the default. Raises InputError for an unusable picture."""
+    """Read a quilt; Looking Glass' eyes are the default. Raises InputError for a bad picture."""
     tiling = TILING.search(path.stem)
     assert tiling is not None
     columns, rows, aspect = int(tiling[1]), int(tiling[2]), float(tiling[3])
