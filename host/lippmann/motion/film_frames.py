@@ -81,7 +81,7 @@ def _bounds_at_rest(path: Path, digest: str) -> Box:
 
 def plan_film(film: Film, display: Display, options: RenderOptions, scale: float | None = 1.0) -> list[FramePlan]:
     """Return the plans of a film's frames. Raises InputError if the scene cannot be read or fitted."""
-    # The film is scaled about the display's centre; `scale` of None fits it into the depth range.
+    # Scaled about the display's centre; None fits the film into the depth range.
     digest, at_rest = digest_of(film.scene), placement_beside(film.scene)
     film_placement = None if scale == 1.0 else Placement(scale or 1.0)
     if scale is None:
@@ -112,7 +112,7 @@ def _fitting(film: Film, at_rest: Placement, display: Display) -> Placement:
 
 def choose_shading(plans: list[FramePlan]) -> list[FramePlan]:
     """Return plans without "auto": with the cache if trials at all key frames allow it."""
-    # Shaded in one way, pixels at rest do not change from frame to frame. The trial's result goes to the log.
+    # Shaded in one way, pixels at rest do not change from frame to frame.
     options, film = plans[0].options, plans[0].film
     if options.settings.shading != "auto":
         return plans

@@ -30,7 +30,7 @@ from lippmann.rendering.sampling import RaySource, Window, display_source
 from lippmann.scenes.placement import Matrix, Placement
 from lippmann.scenes.scene import Scene
 
-#: Bits of the float32 numbers 0 and 1; as integers, the bits of floats between them are in the same order.
+#: Bits of float32 0 and 1; as integers, the bits between are in the floats' order.
 ZERO, ONE = 0, 0x3F800000
 
 
@@ -72,7 +72,7 @@ class Encoder:
         return np.asarray(values).reshape(self._shape)
 
 
-#: Maximum seconds of a picture of a moving scene; if it takes longer, blocks of pixels of up to this side get one ray.
+#: Maximum seconds of a moving picture; if it takes longer, blocks of pixels get one ray.
 QUICK_S = 0.06
 #: Pictures that are timed; another program may disturb one.
 TRIALS = 3
@@ -169,7 +169,7 @@ class LivePicture:
 
     def _compile(self, samples: int) -> None:
         renderer = self._renderer(samples)
-        # A placement without rotation has another program than one with: both are compiled before the first move.
+        # A placement without rotation has another program than one with rotation.
         for turn_deg in (0.0, 1.0):
             renderer.move(replace(self._scene.placement, rotation_deg=(0.0, turn_deg, 0.0)))
             renderer.prepare()
@@ -265,7 +265,7 @@ class LiveShow:
     _drawn: Moment | None = None
     #: Pictures of a film's frames, as long as the hand does not move.
     _cache: dict[Moment, list[Pixels]] = field(default_factory=dict)
-    #: Time of the first picture (time.perf_counter), number of further ones, and their durations, s.
+    #: Time of the first picture (time.perf_counter), number of further ones, and their seconds.
     _first: float = 0.0
     _frames: int = 0
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=1000))

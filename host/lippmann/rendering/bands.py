@@ -14,19 +14,19 @@ from lippmann.rendering.options import Settings, Shading
 from lippmann.rendering.pixel_filter import BYTES_A_PIXEL, is_filter_allowed
 from lippmann.rendering.sampling import TILE_PX, colours_of
 
-#: Samples traced at once, by device. A GPU is idle between chunks, so its chunks are larger.
+#: Samples of a chunk, by device. A GPU is idle between chunks.
 CHUNK_SAMPLES = {"llvm": 1 << 22, "cuda": 1 << 25}
 #: Pixels of a band, about, by device.
 BAND_PIXELS = {"llvm": 1 << 20, "cuda": 1 << 25}
 #: Rays of a band, about, where a pixel has many: ten seconds of work.
 BAND_RAYS = {"llvm": 1 << 26, "cuda": 1 << 31}
-#: The command keeps the bands of a picture of more pixels than these, or of more rays.
+#: The command keeps the bands of a picture with more pixels or rays.
 KEPT_PIXELS, KEPT_RAYS = 1 << 25, 1 << 27
-#: Memory of the irradiance cache, and of the larger samples that use it, MB.
+#: Memory of the irradiance cache and its larger samples, MB.
 CACHE_MEMORY_MB = 250.0
 #: Memory of the libraries and one chunk, MB (measured; the output is added).
 BASE_MEMORY_MB = 500.0
-#: Memory of each further ray of a chunk that is one tile of many samples, bytes (measured).
+#: Memory of each further ray of a chunk of one tile, bytes (measured).
 RAY_BYTES = 80.0
 
 
@@ -40,7 +40,7 @@ def bands_of(width_px: int, height_px: int, rays: int, device: str | None = None
 
 def memory_mb(width_px: int, height_px: int, shading: Shading, samples: int, colours: int) -> float:
     """Return the memory, MB, of an image or a band; `samples` is for each colour of a pixel."""
-    # Radiance in float32 three times: as planes, as an image, and as the rotated image of a capture. Files take bands.
+    # Radiance in float32 three times: as planes, as an image, and rotated for a capture.
     pixels = width_px * height_px
     needed = BASE_MEMORY_MB + 3.0 * pixels * 3 * 4 / 1e6
     if is_filter_allowed(samples, colours):

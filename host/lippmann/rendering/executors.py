@@ -173,7 +173,7 @@ def _distribute(client: Client, device: str, bands: Sequence[Band], where: str, 
 
 def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, float]], where: str) -> None:
     """Remove workers without a heartbeat for `STOPPED_WORKER_S`."""
-    # Of each worker: its last heartbeat by the scheduler's clock, and the heartbeat's arrival by this machine's.
+    # The last heartbeat by the scheduler's clock, and its arrival by this machine's.
     now = time.monotonic()
     for address, state in client.scheduler_info(n_workers=-1)["workers"].items():
         last, since = heartbeats.get(address, (None, now))
@@ -182,7 +182,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
         elif now - since > STOPPED_WORKER_S:
 
             async def remove(dask_scheduler: Scheduler | None = None, address: str = address) -> None:
-                # A local function travels as code: the scheduler's environment may lack Lippmann.
+                # A local function is sent as code: the scheduler may lack Lippmann.
                 assert dask_scheduler is not None
                 await dask_scheduler.remove_worker(address, stimulus_id="lippmann-stopped-worker")
 
@@ -195,7 +195,7 @@ def _give_up_stopped_workers(client: Client, heartbeats: dict[str, tuple[float, 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[tuple[str, Security]]:
     """Start workers on this machine; yield their scheduler's address and `Security`."""
-    # Dask runs any program that it is sent, so they listen on loopback, by TLS with a key of these processes.
+    # Dask runs any program that it is sent: so on loopback, by TLS with a key of these processes.
     try:
         import dask
         from distributed import LocalCluster, Security

@@ -16,7 +16,7 @@ def coherence_hint(depth: Jit) -> Jit:
     return depth == 0 if has_avx512() else False
 
 
-#: Splats that a ray may pass; it ends there, or where they leave a hundredth of the light.
+#: Maximum splats along a ray, which ends where they leave a hundredth of the light.
 MAX_SPLATS = 256
 
 
@@ -27,7 +27,7 @@ def has_splats(scene: Jit) -> bool:
 
 def needs_chance(scene: Jit) -> bool:
     """Tell whether `lights` may use random numbers for a scene, and so have noise."""
-    # Not under points, spots and directions, if each surface either scatters light or mirrors all of it.
+    # Not with points, spots and directions, if each surface only scatters or only mirrors.
     if not all(mi.has_flag(lamp.flags(), mi.EmitterFlags.Delta) for lamp in scene.emitters()):
         return True
     for surface in scene.shapes():

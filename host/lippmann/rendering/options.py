@@ -19,21 +19,21 @@ MAX_SAMPLES = 65536
 class Settings:
     """How to render."""
 
-    #: Samples for each pixel, or for each sub-pixel. One goes through the centre; more are spread over the area.
+    #: Samples for each pixel or sub-pixel. One is at the centre; more are spread over the area.
     samples: int = 1
     #: "chief": rays through the lenslet's centre; "full": spread over its cell.
     aperture: Aperture = "chief"
-    #: "lights" (ours), the name of a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
+    #: "lights" (ours), a Mitsuba integrator ("direct", "path", ...), or "scene": the file's own.
     integrator: str = "lights"
     #: Surfaces that a ray may meet.
     max_depth: int = 4
-    #: The same seed gives the same pixels, bit for bit, on the same machine with the same versions.
+    #: The same seed gives the same pixels on the same machine with the same versions.
     seed: int = 0
     #: Memory limit, MB. None means 80 % of the free memory.
     memory_mb: float | None = None
-    #: "shared": diffuse surfaces take their light from an irradiance cache; "each": from each ray; "auto": the faster.
+    #: "shared": diffuse light from an irradiance cache; "each": from each ray; "auto": what is faster.
     shading: Shading = "auto"
-    #: Maximum points of the irradiance cache. None: its capacity, and with "auto" also fewer than rays.
+    #: Maximum points of the cache. None: its capacity, and with "auto" fewer than rays.
     light_points: int | None = None
 
     def __post_init__(self) -> None:

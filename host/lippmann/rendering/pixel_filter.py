@@ -15,13 +15,13 @@ from lippmann.optics.backend import DrJitBackend
 from lippmann.optics.sample_points import points_in_pixel
 from lippmann.rendering.sampling import RaySource, Seeds
 
-#: Maximum samples of a pixel that is filtered: with more, the plain mean is as good where detail is finest.
+#: Maximum samples of a filtered pixel: with more, the plain mean is as good.
 MAX_SAMPLES = 4
-#: The weights begin to fall at half the samples' distance from a pixel's edge, for the least noise of straight edges.
+#: Weights fall from half the samples' distance to a pixel's edge: the least noise of straight edges.
 SOFTNESS = 0.5
 #: The four neighbours: columns to the right, and rows down.
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
-#: Memory for each pixel of a band: sums of four numbers for itself and each neighbour, and its owner.
+#: Bytes for each pixel of a band: four numbers for itself and each neighbour, and its owner.
 BYTES_A_PIXEL = 4 * 4 * (1 + len(SIDES)) + 4
 
 
@@ -37,7 +37,7 @@ def is_filter_allowed(samples: int, colours: int) -> bool:
 
 def noise_fraction(samples: int, colours: int) -> float:
     """Return the fraction of independent samples' noise that the filter leaves, about."""
-    # The root of the weights' mean square, 1 - 2 s / 3 along each axis; more is left at a lenslet's border.
+    # The root of the weights' mean square, 1 - 2 s / 3 along each axis.
     return 1.0 - 2.0 * softness(samples) / 3.0 if is_filter_allowed(samples, colours) else 1.0
 
 
@@ -94,7 +94,7 @@ class PixelFilter:
         column = mi.Int32(pixel) - row * width
         total = dr.gather(mi.Vector4f, self._sums[0], pixel)
         for plane, (dx, dy) in zip(self._sums[1:], SIDES, strict=True):
-            # The neighbour on the opposite side has summed for this pixel, but not across multiples of `BAND_ROWS`.
+            # The opposite neighbour has summed for this pixel, but not across multiples of `BAND_ROWS`.
             x, y = column - dx, row - dy
             there = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (y // BAND_ROWS == row // BAND_ROWS)
             neighbour = mi.UInt32(y * width + x)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 logger = logging.getLogger("lippmann")
-#: A scene: its path, what `lippmann.load_scene` returned, a `mitsuba.Scene`, or a dictionary of `mitsuba.load_dict`.
+#: A path, a result of `lippmann.load_scene`, a `mitsuba.Scene`, or a dictionary for `mitsuba.load_dict`.
 SceneSource: TypeAlias = "str | Path | Scene | dict[str, Any] | mi.Scene"
 
 
@@ -59,7 +59,7 @@ class Plan(ABC):
 
     display: Display
     options: RenderOptions
-    #: The rows of each band, chosen once: a worker with another device would choose others.
+    #: The rows of each band, the same on every worker's device.
     bands: tuple[range, ...]
 
     @property
@@ -100,7 +100,7 @@ class ScenePlan(Plan):
     #: `digest_of` the scene; "" if no other process renders it and no band is kept.
     digest: str
     placement: Placement
-    #: The renderer that was made for planning; the next `start` in this process returns it.
+    #: The renderer of the planning, for the next `start` in this process.
     planned_by: list[Renderer] = field(default_factory=list, init=False)
 
     @property
@@ -241,7 +241,7 @@ def place_scene(scene: Scene, display: Display, arrange: Arrange | None = None) 
 
 def choose_model(scene: Scene, display: Display, options: RenderOptions) -> Model:
     """Warn of what a scene's picture will lack; choose and log the lens model."""
-    # The trial view takes time, so it is made only for a log that takes INFO. Errors as `resolve_model`.
+    # The trial view takes time, so it is made only for a log that takes INFO.
     warn_of_unused_parts(scene, options.settings)
     if logger.isEnabledFor(logging.INFO):
         warn_of_view(scene, display, options.settings, options.engine)
@@ -259,12 +259,12 @@ class Job:
 
     def plan(self, portable: bool = False) -> ScenePlan:
         """Decide all "auto". A `portable` plan needs a scene with a file. Raises InputError as `arranged`."""
-        # A portable plan, for other processes or for bands that are kept, identifies the scene by its files.
+        # For other processes, and bands that are kept, the scene's files identify it.
         scene = place_scene(self.scene, self.display, self.arrange)
         path = scene.path.absolute()  # workers have other current folders; links stay: their neighbours are read
         if portable and not path.exists():
             raise InputError("a scene in memory can neither be shared with workers nor be kept; give its file")
-        # With the model chosen, the tolerance has no effect: it must not change the identity.
+        # The tolerance has no more effect, and must not change the identity.
         options = replace(self.options, model=choose_model(scene, self.display, self.options), tolerance=TOLERANCE)
         panel = self.display.panel
         rays = options.settings.samples * colours_of(panel)

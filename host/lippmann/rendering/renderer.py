@@ -37,11 +37,11 @@ from lippmann.scenes.scene import Scene, without_places
 logger = logging.getLogger("lippmann")
 #: The chunks of a band grow by up to this fraction, to save a small last one.
 CHUNK_SLACK = 0.1
-#: With the irradiance cache a sample needs more memory: its chunks are smaller by this factor.
+#: A sample with the irradiance cache needs more memory: its chunks are smaller.
 CACHE_CHUNK_DIVISOR = 2
-#: Minimum PSNR of a picture by the irradiance cache, and minimum rays for each of its points, for "auto" to use it.
+#: For "auto": minimum PSNR by the irradiance cache, and minimum rays for each of its points.
 CACHE_DB, RAYS_A_POINT = 45.0, 4
-#: One lamp's shadow rays take little more time than the trial (stages.csv and shading.csv in docs/generated).
+#: One lamp's shadow rays take as long as the trial (stages.csv, shading.csv in docs/generated).
 MIN_LAMPS = 2
 #: The trial: parts of the image each way, rays of a colour in all parts, and maximum samples of a pixel. Not 2^18 rays:
 #: with a texture of as many values they would be another recording.
@@ -60,7 +60,7 @@ class Rendered:
 
     #: (height, width, 3) float32, linear RGB.
     radiance: Radiance
-    #: Wall time of the render, and processor time of all threads, without compilation.
+    #: Wall time and processor time (all threads), without compilation.
     seconds: float
     cpu_seconds: float
     prepare_seconds: float
@@ -98,7 +98,7 @@ def make_integrator(scene: Scene, settings: Settings) -> Jit:
                 raise InputError(
                     f"integrator '{settings.integrator}' does not load ({reason}); choose lights, direct, path or scene"
                 ) from None
-    # Mitsuba's differentiable integrators (prb, ...) derive from SamplingIntegrator but need more than a ray.
+    # Differentiable integrators (prb, ...) are SamplingIntegrators, but need more than a ray.
     differentiable = ".ad." in type(integrator).__module__
     if differentiable or not isinstance(integrator, mi.SamplingIntegrator):
         raise InputError(
@@ -132,7 +132,7 @@ class Renderer:
         self.bands = bands or bands_of(self._width, self._height, self.rays)
         rows = self._height if in_memory else max(len(rows) for rows in self.bands)
         started = time.perf_counter()
-        #: The settings without "auto". By these every process shades alike, with the same shapes in the cache.
+        #: The settings without "auto", by which every process has the same shapes in the cache.
         self.settings = replace(settings, shading="each", light_points=None)
         #: A line for the log on the irradiance cache.
         self.cache_report: str | None = None
@@ -140,7 +140,7 @@ class Renderer:
             self.cache_report = self._choose_cache(scene, settings, rows, integrator)
         #: Seconds of the choice above, and of all calls of `prepare`.
         self.prepare_seconds = time.perf_counter() - started
-        #: "shared" with the irradiance cache, else "each"; and all decisions on what was "auto", as metadata.
+        #: "shared" or "each"; and all decisions on "auto", as metadata.
         self.shading = self.settings.shading
         self.choices: dict[str, str] = {"shading": self.shading}
 
@@ -156,7 +156,7 @@ class Renderer:
         why, is_reported = why_not_cached(scene, source, settings.integrator), not is_auto
         rays = self._width * self._height * self.rays
         if why is None and is_auto:
-            # A GPU traces a ray in less time than it needs for a look into the cache.
+            # A GPU traces a ray faster than it looks into the cache.
             if len(scene.mitsuba.emitters()) < MIN_LAMPS or current_device() == "cuda" or rays < MIN_RAYS:
                 return None
             needed = memory_mb(self._width, rows, "shared", self._samples, self._colours)
@@ -220,13 +220,13 @@ class Renderer:
         # The least of the `TRIAL_PARTS` x `TRIAL_PARTS` parts of the image.
         tiles = self._trial_tiles()
         side, rays, samples = math.isqrt(len(tiles)), TILE_PX * TILE_PX * self.rays, min(self._samples, TRIAL_SAMPLES)
-        # All at once if the samples' indices fit 31 bits (the programs need the 32nd bit to be 0), else tile by tile.
+        # All at once if the samples' indices have 31 bits, as the programs need, else tile by tile.
         together = (tiles.max() + 1) * rays < 1 << 31
-        # Two variables, as in `_run`: with a shared one Dr.Jit would make another recording.
+        # Two variables, as in `_run`: one would be another recording.
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         trials = []
         for first, chunk in [(0, tiles)] if together else [(tile, np.zeros(1, np.int64)) for tile in tiles]:
-            # Not from numpy: its memory is aligned otherwise, which would be another recording.
+            # Numpy's memory has another alignment, which would be another recording.
             lane = dr.arange(mi.UInt32, len(chunk) * TILE_PX * TILE_PX * self._colours * samples)
             # Of each colour of a pixel so many of its samples, far apart.
             group = lane // samples
@@ -260,7 +260,7 @@ class Renderer:
         filtered = self._filtered and self._pass == 0
         sums = PixelFilter(self._source, self._samples, rows) if filtered else None
         lost = []
-        # Chunks of equal size: each has a fixed cost, because Dr.Jit visits all shapes.
+        # Equal chunks: each has a fixed cost, for Dr.Jit visits all shapes.
         chunks = max(1, math.ceil(tiles / self._chunk - CHUNK_SLACK))
         size = -(-tiles // chunks)
         for first in range(0, tiles, size):
@@ -280,7 +280,7 @@ class Renderer:
         """Render tiles into `sums`, or else into the planes; return the lost samples."""
         pixels = count * TILE_PX * TILE_PX
         index = dr.arange(mi.UInt32, pixels * self.rays)
-        # Opaque, as all values that change from chunk to chunk: literals would be compiled into the program.
+        # Opaque, as all that changes from chunk to chunk: literals would be compiled.
         first = dr.opaque(mi.UInt32, rows.start // TILE_PX * self._across + first_tile)
         seeds = Seeds(*(dr.opaque(mi.UInt32, value) for value in (self._seed, self._pass)))
         dr.make_opaque(index)
@@ -298,7 +298,7 @@ class Renderer:
 
 def radiance_of(planes: list[Jit], width: int) -> Radiance:
     """Return planes of colours as an image (rows, width, 3), perhaps Dr.Jit's memory."""
-    # Copy it for other threads: one that frees it waits for Dr.Jit, which may wait for Python in another thread.
+    # Copy it for other threads: freeing it waits for Dr.Jit, which may wait for Python.
     return np.asarray(dr.ravel(mi.Color3f(planes))).reshape(-1, width, 3)
 
 

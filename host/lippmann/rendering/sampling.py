@@ -58,8 +58,8 @@ class RaySource:
     recordable: bool = True
     #: Finest visible detail, mm: the lenslets' pitch; None without lenslets.
     detail_mm: float | None = None
-    #: Returns a number (UInt32) for the lenslet that owns each point, by the first three arguments of `lines`.
-    #: Neighbouring pixels with the same owner share samples (`PixelFilter`); with None, no pixels do.
+    #: Returns a number (UInt32) of the lenslet at each point; arguments as the first three of `lines`.
+    #: Neighbours with the same owner share samples (`PixelFilter`); with None, none do.
     owner: Callable[[DrJitBackend, Jit, Jit], Jit] | None = None
 
     @property
@@ -277,7 +277,7 @@ def first_depths(scene: Scene, eye_mm: tuple[float, float, float], window: Windo
 
 def sampler_of(seeds: Seeds, pixel: Jit, sample: Jit) -> Jit:
     """Return a sampler for integrators, by the indices (UInt32) of pixels and samples."""
-    # Its numbers do not depend on chunks, bands and workers, and are the same for a pixel's colours.
+    # Its numbers depend neither on chunks, bands and workers nor on the colour.
     sampler = _sampler_class(mi.variant())(mi.Properties())
     first, second = mi.sample_tea_32(pixel, seeds.image + seeds.number, HASH_ROUNDS)
     state, stream = mi.sample_tea_32(first ^ sample, second, HASH_ROUNDS)

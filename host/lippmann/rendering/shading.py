@@ -51,7 +51,7 @@ class Recorded:
 
         frozen: Jit = dr.freeze(call, state_fn=lambda *_: references.scene.mitsuba)
         self._function, self._frozen = function, frozen
-        # Python objects made during the first recording would make the second call another recording.
+        # Made now: objects made in the first call would make the second another recording.
         self._parts = lamps, _ = scene.mitsuba.emitters(), scene.mitsuba.shapes()
         self._recordable = current_device() != "cuda" or not any(PICTURE_LAMP.search(str(lamp)) for lamp in lamps)
         weakref.finalize(self, references.release, frozen)
@@ -74,7 +74,7 @@ class Recorded:
 class _References:
     """The function and the scene of a frozen function, which must not refer to them."""
 
-    # Dr.Jit's object waits for the garbage collector. But a scene must be freed at once, or programs contain it.
+    # Dr.Jit's object waits for the garbage collector; a scene must not, or programs contain it.
 
     def __init__(self, function: Callable[..., Jit], scene: Scene) -> None:
         self.function, self.scene = function, scene
@@ -88,7 +88,7 @@ class _References:
 @contextlib.contextmanager
 def garbage_kept() -> Iterator[None]:
     """Stop garbage collection: Dr.Jit crashes if a scene is freed while it records."""
-    # With several threads it deadlocks if one frees a value of Dr.Jit's while another runs in Dr.Jit.
+    # It deadlocks if one thread frees a value of Dr.Jit's while another is in Dr.Jit.
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -98,7 +98,7 @@ def garbage_kept() -> Iterator[None]:
             gc.enable()
 
 
-#: Bit of a point's lamp mask that says that its irradiance is computed; each other bit says that it sees a lamp.
+#: Bit of a lamp mask for "irradiance is computed"; each other bit means that the point sees a lamp.
 COMPUTED = 1 << 31
 MAX_LAMPS = 31
 #: A spot's picture, in Mitsuba's text; a spot without one has a uniform spectrum there.
@@ -115,7 +115,7 @@ class IrradianceCache:
         self.lattices, self.points = lay_lattices(scene.mitsuba, spacing, max_points)
         # Of each point: red, green, blue, and the lamp mask; written before it is read.
         self._light = dr.empty(mi.Float, 4 * 2 * self.points)
-        # The lamp masks again, 0 where the irradiance is not computed; and marks of the points to compute.
+        # The lamp masks again, 0 if not computed; and marks of the points to compute.
         self._lamps, self._marks = dr.zeros(mi.UInt32, 2 * self.points), dr.zeros(mi.UInt8, 2 * self.points)
         emitters = list(scene.mitsuba.emitters())
 
@@ -180,7 +180,7 @@ def _light_at(
     scene: Jit, emitters: list[Jit], place: Place, tested: Jit, visible: Jit, lattices: Lattices
 ) -> tuple[Jit, Jit]:
     """Return the irradiance / pi at places, and their lamp masks."""
-    # The mask `visible` is known for the lamps in the mask `tested`; the others get a shadow ray each.
+    # `visible` holds for the lamps in `tested`; each other lamp gets a shadow ray.
     lattice, u, v = place.lattice, place.u, place.v
     outward = from_octahedron(u, v)
     centre, radius = dr.gather(mi.Point3f, lattices.centre, lattice), dr.gather(mi.Float, lattices.radius, lattice)
@@ -205,7 +205,7 @@ def _light_at(
     return light * (1.0 / math.pi), lamps
 
 
-#: Follows rays. Arguments: the samples' indices, a sampler, the rays, which of them exist, and the program's others.
+#: Follows rays. Arguments: samples' indices, a sampler, rays, which of them exist, and others.
 Follow = Callable[..., tuple[Jit, ...]]
 #: The fate of a sample: black, in the irradiance cache, or left to the integrator.
 BLACK, CACHED, UNCACHED = 0, 1, 2
@@ -250,7 +250,7 @@ class CachedProgram(Program):
 
     def trial(self, index: Jit, first: Jit, seeds: Seeds, pose: Pose, samples: int) -> tuple[Radiance, Radiance, float]:
         """Return the radiance (pixels, 3) with and without the cache, and the uncached fraction."""
-        # Uncached samples are black in both. There are so many `samples` for each colour of a pixel.
+        # Uncached samples are black in both. `samples` is for each colour of a pixel.
         weight, place, fate, *_ = self._met(index, first, seeds, pose, self._parts, self.cache.lattices)
         cached = fate == CACHED
         radiances = []
@@ -284,7 +284,7 @@ def _of_samples(scene: Scene, source: RaySource, samples: int, follow: Follow) -
 def _colour_of_each(scene: Scene, source: RaySource, samples: int, integrator: Jit) -> Callable[..., Jit]:
     def follow(index: Jit, sampler: Jit, ray: Jit, active: Jit) -> tuple[Jit, ...]:
         radiance, _, _ = integrator.sample(scene.mitsuba, sampler, ray, None, active)
-        # Not 0.0: where all is black, the recording would keep one tile's black for a picture of any size.
+        # Not 0.0: the recording of a black tile would keep its size.
         return (dr.select(active, mi.Color3f(radiance), mi.Float(index >> 31)),)
 
     return _of_samples(scene, source, samples, follow)

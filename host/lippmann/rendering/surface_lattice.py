@@ -15,7 +15,7 @@ import numpy as np
 
 from lippmann.base.variant import Jit, dr, mi
 
-#: Diffuse surfaces, in Mitsuba's text for their BSDFs: one-sided, or diffuse on both sides.
+#: Diffuse BSDFs in Mitsuba's text: one-sided, or diffuse on both sides.
 ONE_SIDED = re.compile(r"SmoothDiffuse\[")
 TWO_SIDED = re.compile(r"TwoSided\[\s*brdf\[0\] = SmoothDiffuse\[.*?brdf\[1\] = SmoothDiffuse\[", re.DOTALL)
 #: The number of a shape without a lattice.
@@ -31,9 +31,9 @@ MAX_POINTS = 1 << 22
 class Lattices:
     """The lattices of all triangles and spheres, numbered in order: Dr.Jit arrays."""
 
-    #: The first lattice of each shape, by the number of the shape's pointer, or NONE.
+    #: The first lattice of each shape, by its pointer's number, or NONE.
     of_shape: Jit
-    #: Of each lattice: its first point, steps along a row and from row to row, shape, triangle, and kind (bits).
+    #: Of each lattice: first point, steps along a row and between rows, shape, triangle, kind (bits).
     first: Jit
     steps: Jit
     row_steps: Jit
@@ -92,7 +92,7 @@ def corners(lattices: Lattices, place: Place) -> tuple[list[Jit], list[Jit]]:
 
 def _on_fan(kind: Jit, u: Jit, v: Jit) -> tuple[Jit, Jit]:
     """Return s along a row, and t towards the apex, of a place on a slender triangle."""
-    # u and v are the barycentric coordinates of corners 1 and 2. Places of other kinds are not changed.
+    # u and v are barycentric, of corners 1 and 2. Places of other kinds stay.
     apex_1, apex_2 = (kind & APEX_1) != 0, (kind & APEX_2) != 0
     w = 1.0 - u - v
     to_apex, one, other = (
@@ -222,7 +222,7 @@ def _of_shape(shape: Jit, spacing: float) -> dict[str, Jit] | None:
             np.maximum(np.ceil(length / spacing), MIN_STEPS).astype(np.int64)
             for length in (sides.max(axis=1), sides.min(axis=1))
         )
-        # Not where it saves little: the cells of a slender triangle may be oblique.
+        # Not if it saves little: slender triangles may have oblique cells.
         fan = 2 * _points(short, long, FAN) <= _points(long, long, 0)
         apex = np.array([0, APEX_1, APEX_2])[sides.argmin(axis=1)]
         count = len(faces)

@@ -49,7 +49,7 @@ def usual_rotation(path: Path) -> tuple[float, float, float]:
 @contextmanager
 def as_mitsuba(path: Path, scene_from_display: Floats, notes: list[str]) -> Iterator[Path]:
     """Yield the path of a file's Mitsuba scene, converted for the block, or raise InputError."""
-    # `scene_from_display` (3, 3) rotates added lights with the display; `notes` get lines for the user.
+    # `scene_from_display` (3, 3) rotates added lights; `notes` get lines for the user.
     kind = kind_of(path)
     if kind == "mitsuba":
         yield path

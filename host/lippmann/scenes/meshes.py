@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
     from trimesh.visual.material import Material
 
-#: trimesh's `visual` of a mesh: colours of vertices or faces, or a texture. These types have no common interface.
+#: trimesh's `visual` of a mesh (colours or a texture), which has no common interface.
 Visual = Any
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-#: Maximum size of a file, bytes, and maximum corners of its faces, counted for each instance.
+#: Maximum bytes of a file, and maximum corners of its instances' faces.
 MAX_BYTES, MAX_CORNERS = 1 << 30, 100_000_000
 #: Maximum pixels of a texture; rows of it whose colours are multiplied at once.
 MAX_PIXELS, PART_ROWS = 1 << 25, 256
@@ -44,7 +44,7 @@ MAX_PIXELS, PART_ROWS = 1 << 25, 256
 PLAIN = (0.6, 0.6, 0.6)
 #: glTF's default of metallic and roughness.
 DEFAULT_FACTOR = 1.0
-#: glTF's number of float32; prefix of the material extensions, which change only the look; ignored extensions.
+#: glTF's number of float32; prefix of material extensions (looks only); ignored extensions.
 FLOAT32, MATERIALS = 5126, "KHR_materials_"
 LEFT_OUT = (
     "KHR_texture_transform",
@@ -174,7 +174,7 @@ def _recorded_losses() -> Iterator[list[str]]:
 
 def _check_gltf(path: Path, kind: str, data: bytes, notes: list[str]) -> None:
     """Refuse a glTF that is too large or requires unknown extensions; note ignored ones."""
-    # Accessors are counted before trimesh expands them: some have no bytes in the file.
+    # Before trimesh expands accessors, some of which have no bytes in the file.
     try:
         head = data if kind == ".gltf" else data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
         header = json.loads(head)
@@ -386,7 +386,7 @@ def write_surface(
     colours: Floats | None = None,
 ) -> None:
     """Write points (N, 3), faces (M, 3), and points' normals (N, 3), texture coordinates (N, 2), colours (N, 3)."""
-    # The first row of a texture is at v = 0; colours are linear, and become Mitsuba's `vertex_color`.
+    # A texture's first row is at v = 0; linear colours become Mitsuba's `vertex_color`.
     mesh = mi.Mesh(
         "mesh", len(points), len(faces), has_vertex_normals=normals is not None, has_vertex_texcoords=uv is not None
     )

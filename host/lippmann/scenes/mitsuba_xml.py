@@ -42,7 +42,7 @@ def add_lights(scene: Element, scene_from_display: Floats) -> None:
         towards = np.array(direction) / np.linalg.norm(direction)
         light = plugin(scene, "emitter", "directional")
         value(light, "vector", "direction", -scene_from_display @ towards)
-        # Lambert: radiance = albedo / pi * irradiance * cosine, here for a surface that faces the viewer.
+        # Lambert: radiance = albedo / pi * irradiance * cosine.
         value(light, "rgb", "irradiance", [np.pi * fraction / towards[2]] * 3)
 
 

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 #: The lowest and the highest corner (3,).
 Box = tuple[Matrix, Matrix]
-#: A shape that is larger than all others by this factor, in each direction, counts as their surroundings.
+#: A shape so many times larger than all others, in each direction, is their surroundings.
 SURROUNDS = 3.0
-#: Percentiles of the splats, the margin around them in parts of their distance, and a splat's extent in sigmas.
+#: Percentiles of splats, a margin in parts of their distance, and a splat's extent in sigmas.
 STRAY_PERCENT, STRAY_REACH, SIGMAS = (5.0, 95.0), 0.25, 3.0
 LISTED_IDS = 8
 #: Maximum numbers of a lamp's property; larger ones are pictures.
@@ -64,7 +64,7 @@ class Scene:
     path: Path
     mitsuba: mts.Scene
     placement: Placement
-    #: The type of the file's integrator, and whether the file has a camera: Mitsuba adds both if they are missing.
+    #: The file's integrator, and whether it has a camera: Mitsuba adds what is missing.
     integrator: str | None = None
     has_camera: bool = False
     #: The arrangement for a display, if the scene has no placement (`usual_arrange`).
@@ -252,7 +252,7 @@ def _matching(shapes: Sequence[mts.Properties], pattern: str, path: Path) -> lis
 
 def digest_of(path: str | Path) -> str:
     """Return a hash, 64 hexadecimal digits, of all that a scene is loaded from."""
-    # The file after conversion, its includes, each file that a property names, and the spectra read from files.
+    # The converted file, its includes, each file that a property names, and spectra.
     path = check_scene_file(path)
     digest = hashlib.sha256()
     with parsed(path) as (configuration, state):
@@ -306,7 +306,7 @@ def _union(boxes: Sequence[Box]) -> Box:
 
 def bounds_of(scene: mts.Scene) -> Box:
     """Return a `mitsuba.Scene`'s bounding box, scene units, without its surroundings."""
-    # Rays from outside of a studio or a sky, a closed shape around all others, would see nothing else.
+    # Rays from outside of a studio or a sky would see nothing else.
     boxes = sorted(_boxes(scene), key=lambda box: float(np.prod(box[1] - box[0])))
     while len(boxes) > 1:
         (low, high), (outer_low, outer_high) = _union(boxes[:-1]), boxes[-1]
@@ -363,7 +363,7 @@ def fitting(low: Matrix, high: Matrix, display: Display) -> Placement:
     far, near = display_properties(display).depth_range_mm
     middle = 0.5 * (far + near)
     x, y, z = (float(side) for side in high - low)
-    # The box's front, at the depth middle + scale z / 2, must lie in the pyramid from the eye to the panel's sides.
+    # The box's front, at z = middle + scale z / 2, must be in the pyramid from the eye to the panel.
     widths = ((side, panel_side) for side, panel_side in ((x, panel.width_mm), (y, panel.height_mm)))
     scales = [full * (1.0 - middle / eye) / (side + 0.5 * full * z / eye) for side, full in widths if side + z > 0.0]
     scale = min([*scales, (near - far) / z] if z > 0.0 else scales)
@@ -396,7 +396,7 @@ def _by_camera(scene: Scene, display: Display) -> Placement:
     x_fov = math.radians(float(np.array(parameters["x_fov"]).ravel()[0]))
     matrix = np.array(sensor.world_transform().matrix, np.float64).reshape(4, 4)
     origin, ahead, up = matrix[:3, 3], *(matrix[:3, k] / np.linalg.norm(matrix[:3, k]) for k in (2, 1))
-    # The panel is at the first surface on the camera's axis; without one, at the depth of the scene's centre.
+    # The panel is at the first surface on the camera's axis, or at the scene's centre.
     hit = scene.mitsuba.ray_intersect(mi.Ray3f(mi.Point3f(origin), mi.Vector3f(ahead)))
     distance = float(np.array(hit.t).ravel()[0])
     if not math.isfinite(distance):

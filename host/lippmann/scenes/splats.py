@@ -20,7 +20,7 @@ PLACE = ("x", "y", "z")
 NORMAL = ("nx", "ny", "nz")
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 SHAPE = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
-#: Logit of the minimum opacity: Mitsuba computes a splat's extent from it, and gets none below 1 %.
+#: Logit of the minimum opacity: below 1 %, Mitsuba gets no extent of a splat.
 MIN_LOGIT = float(np.log(0.0101 / (1.0 - 0.0101)))
 #: Maximum absolute logarithm of a size.
 MAX_LOG = 30.0

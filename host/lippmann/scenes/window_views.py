@@ -117,7 +117,7 @@ def _steps(path: Path, places: Floats) -> tuple[list[float], npt.NDArray[np.intp
     """Return a grid's lines, in rising order, and the index of each eye's line."""
     rising = np.sort(places)
     gaps = np.diff(rising)
-    # Steps may differ; eyes nearer to each other than an eighth of a typical step are in one line.
+    # Eyes nearer to each other than an eighth of a typical step are in one line.
     steps = gaps[gaps > 1e-6 * max(1.0, float(np.abs(places).max()))]
     wide = gaps > (0.125 * float(np.quantile(steps, 0.75)) if len(steps) else math.inf)
     groups = np.split(rising, np.flatnonzero(wide) + 1)
@@ -162,7 +162,7 @@ def _read_by_pillow(path: Path, count: int) -> Radiance:
 
 #: The tiling in a quilt's name: columns, rows, aspect of a view.
 TILING = re.compile(r"_qs([1-9][0-9]{0,2})x([1-9][0-9]{0,2})a([0-9]{1,4}(?:\.[0-9]{1,9})?)$")
-#: Looking Glass' cameras, for other tools' quilts: the cone of the eyes, and the height of the window, degrees.
+#: Looking Glass' cameras: the cone of the eyes, and the height of the window, degrees.
 CONE_DEG, FIELD_DEG = 40.0, 14.0
 EYES_KEY = "eyes"
 
