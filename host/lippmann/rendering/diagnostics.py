@@ -37,9 +37,11 @@ def warn_of_unused_parts(scene: Scene, settings: Settings) -> None:
         if scene.integrator not in (None, settings.integrator):
             unused.append(f"the file's integrator {scene.integrator} (integrator scene uses it)")
         media = sum(bool(shape.is_medium_transition()) for shape in scene.mitsuba.shapes())
-        if media and not settings.integrator.startswith("volpath"):
+        ignores_media = media > 0 and not settings.integrator.startswith("volpath")
+        if ignores_media:
             unused.append(f"the media of {media} shapes (integrator volpath renders them)")
-        if unused:
+        # Most files name an integrator: no warning of that alone without a log.
+        if ignores_media or (unused and logger.isEnabledFor(logging.INFO)):
             warn_user(f"{settings.integrator} ignores {' and '.join(unused)}")
     for line in scene.notes:
         logger.info("%s", line)
