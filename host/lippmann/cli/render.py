@@ -91,7 +91,7 @@ def _summary(path: Path, display: Display, metadata: dict[str, str], measured: d
     cached = measured.get("bands_kept")
     before = f", after {cached} of {measured['bands']} bands of before" if cached else ""
     what = f"{display.panel.width_px} x {display.panel.height_px}, model {metadata['model']}"
-    light = ", shared light" if metadata.get("shading") == "shared" else ""
+    light = ", irradiance cache" if metadata.get("shading") == "shared" else ""
     speed = f"{measured['seconds']:.2f} s ({measured['samples_per_second'] / 1e6:.2f} M samples/s{before})"
     return f"{path}: {what}{light}, {speed}, peak memory {peak_memory_mb():.0f} MB"
 
